@@ -22,7 +22,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
-        (f'share/{NAME}/config', sorted(glob('config/*.yaml'))),
+        (f'share/{NAME}/config', sorted([*glob('config/*.yaml'), 'config/scenes.tsv'])),
         (f'share/{NAME}/config/sweeps', sorted(glob('config/sweeps/*.yaml'))),
         (f'share/{NAME}/msg', sorted(glob('msg/*.msg'))),
     ],

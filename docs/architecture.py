@@ -28,6 +28,7 @@ WORDS = {
     'messages': 'message classes, events',
     'recording': 'MCAP read and write',
     'results': 'runs, quantities by name, cycles, measures',
+    'derivatives': 'by numbers of scenes',
     'scene': 'YAML to machine, kinds of joints, sensors, loads',
     'sensing': 'instruments',
     'linkages': 'gaps, slots',

@@ -16,7 +16,6 @@ FILE = Path(ms.__file__).with_suffix('.pyi')
 HEAD = '''\
 """Public names for editors and type checkers, written by `python docs/signatures.py`."""
 
-# ruff: noqa
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias
 

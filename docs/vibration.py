@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from mechanism_sim.report import figures
 from mechanism_sim.vibration.shafts import shaft_rigidity
-from mechanism_sim.vibration.single import Oscillator
 
 sys.path.insert(0, str(Path(__file__).parent / 'books'))
+from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients
 
 FOLDER = Path(__file__).parent / 'pictures'

@@ -20,14 +20,16 @@ _ROOMS = {
     'analysis.open_run': ('open_run',),
     'catalogue': ('scene_names',),
     'pages.notebook': ('explore', 'play'),
-    'report.shown': ('animate', 'draw'),
+    'report.shown': ('animate', 'draw', 'plot'),
     'report.typeset': ('equations',),
     'results.cycle': ('cycle',),
     'results.measures': ('measure',),
     'results.simulate': ('simulate', 'stream'),
     'scene.load': ('load_scene',),
     'scene.schema': ('DrivePart', 'JointPart', 'LinkPart', 'Scene', 'SensorPart'),
+    'studies.basins': ('basins',),
     'studies.bifurcation': ('bifurcation',),
+    'studies.ensemble': ('ensemble',),
     'studies.find': ('find',),
     'studies.sweep': ('sweep',),
 }
@@ -40,9 +42,11 @@ __all__ = [
     'Scene',
     'SensorPart',
     'animate',
+    'basins',
     'bifurcation',
     'cycle',
     'draw',
+    'ensemble',
     'equations',
     'explore',
     'find',
@@ -50,6 +54,7 @@ __all__ = [
     'measure',
     'open_run',
     'play',
+    'plot',
     'report',
     'scene_names',
     'simulate',
@@ -70,6 +75,12 @@ def _html() -> _Any:
     return html
 
 
+def _progress() -> _Any:
+    from mechanism_sim.report.progress import in_notebook  # noqa: PLC0415
+
+    return in_notebook
+
+
 def _report() -> _Any:
     from mechanism_sim.pages.writing import report  # noqa: PLC0415
 
@@ -81,7 +92,7 @@ def __dir__() -> list[str]:
     return sorted([*__all__, '__version__'])
 
 
-_plotting.register(plot=_plot, html=_html, report=_report)
+_plotting.register(plot=_plot, html=_html, report=_report, progress=_progress)
 _postpone_sympy()
 
 

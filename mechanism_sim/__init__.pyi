@@ -1,15 +1,16 @@
 """Public names for editors and type checkers, written by `python docs/signatures.py`."""
 
-# ruff: noqa
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Protocol, TypeAlias
 
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene import schema as _schema
 from mechanism_sim.report.shown import animate as animate
+from mechanism_sim.studies.basins import basins as basins
 from mechanism_sim.studies.bifurcation import bifurcation as bifurcation
 from mechanism_sim.results.cycle import cycle as cycle
 from mechanism_sim.report.shown import draw as draw
+from mechanism_sim.studies.ensemble import ensemble as ensemble
 from mechanism_sim.report.typeset import equations as equations
 from mechanism_sim.pages.notebook import explore as explore
 from mechanism_sim.studies.find import find as find
@@ -17,6 +18,7 @@ from mechanism_sim.scene.load import load_scene as load_scene
 from mechanism_sim.results.measures import measure as measure
 from mechanism_sim.analysis.open_run import open_run as open_run
 from mechanism_sim.pages.notebook import play as play
+from mechanism_sim.report.shown import plot as plot
 from mechanism_sim.pages.writing import report as report
 from mechanism_sim.catalogue import scene_names as scene_names
 from mechanism_sim.results.simulate import simulate as simulate

@@ -10,6 +10,8 @@ from pathlib import Path
 
 TABLE_FOLDERS = 'MECHANISM_SIM_TABLES'
 """Environment variable: folders, apart by `os.pathsep`, below which tables may lie."""
+SCENE_TABLE = 'scenes.tsv'
+"""Names, titles and levels of the scenes, as `docs/scene_table.py` writes them."""
 
 
 def config_folder() -> Path:
@@ -40,6 +42,12 @@ def scene_names() -> list[str]:
     ['adjustable_stroke_drive', 'andrews_squeezer']
     """
     return sorted(path.stem for path in config_folder().glob('*.yaml'))
+
+
+def scene_rows() -> list[dict[str, str]]:
+    """Name, title and level of the scenes that come with the package; no machine is built."""
+    lines = (config_folder() / SCENE_TABLE).read_text(encoding='utf-8').splitlines()
+    return [dict(zip(('name', 'title', 'level'), x.split('\t'), strict=True)) for x in lines]
 
 
 def sweep_names() -> list[str]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class Table(dict[str, NDArray[Any]]):
         self.units = dict(units or {})
 
     @classmethod
-    def of(cls, columns: Sequence[Column]) -> Table:
+    def of(cls, columns: Sequence[Column]) -> Self:
         """Columns as arrays: of numbers, NaN where there is none, or of texts."""
         found = {}
         for c in columns:

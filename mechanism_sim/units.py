@@ -318,6 +318,16 @@ def typeset(unit: str) -> str:
 
 _FOR_PEOPLE = {'rad': ('deg', math.degrees(1.0)), 'm': ('mm', 1e3)}
 
+_LARGE = {
+    'N': (1e4, 'kN', 1e-3), 'N m': (1e4, 'kN m', 1e-3), 'J': (1e4, 'kJ', 1e-3),
+    'W': (1e4, 'kW', 1e-3), 'Pa': (1e5, 'MPa', 1e-6), 'm': (10.0, 'm', 1.0),
+}  # fmt: skip
+_SMALL = {
+    'N s': (1.0, 'mN s'), 'N m s': (1.0, 'mN m s'), 's': (0.1, 'ms'), 'J': (0.1, 'mJ'),
+    'N': (0.1, 'mN'), 'N m': (0.1, 'mN m'), 'W': (0.1, 'mW'),
+}  # fmt: skip
+_TINY = 1e-3  # of the size below which a prefix is m: below it is µ
+
 
 def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
     """The unit in which people read a quantity, and by what its SI value is multiplied.
@@ -325,15 +335,52 @@ def for_people(unit: str, size: float = 0.0) -> tuple[str, float]:
     Parameters
     ----------
     size : largest of the values that are read together, in the SI unit; large forces are in kN,
-        large stresses in MPa, small impulses in mN s
+        large stresses in MPa, small impulses in mN s, short times in ms; 0 if it is not known
     """
-    if unit == 'N' and size >= 1e4:
-        return 'kN', 1e-3
-    if unit == 'Pa' and size >= 1e5:
-        return 'MPa', 1e-6
-    if unit == 'N s' and 0.0 < size < 1.0:
-        return 'mN s', 1e3
+    least, large, factor = _LARGE.get(unit, (math.inf, '', 1.0))
+    if least <= size < math.inf:
+        return large, factor
+    below, small = _SMALL.get(unit, (0.0, ''))
+    if _TINY**2 * below <= size < below:
+        return (small, 1e3) if size >= _TINY * below else (f'µ{small[1:]}', 1e6)
     return _FOR_PEOPLE.get(unit, (unit, 1.0))
+
+
+def number(value: float, digits: int = 4, sign: str = '') -> str:
+    """A number as it is printed: without a power of ten unless it is far from 1."""
+    text = f'{value:{sign}.{digits}g}'
+    if 'e' not in text:
+        return text
+    mantissa, power = text.split('e')
+    return f'{Decimal(text):{sign}f}' if abs(int(power)) < 6 else f'{mantissa}e{int(power)}'
+
+
+_USUAL = {
+    'm': ('mm', 'm', 'um'), 'rad/s': ('rpm', 'rad/s'), 'rad': ('deg', 'rad'), 'kg': ('kg', 'g'),
+    's': ('s', 'ms', 'us'), 'N': ('N', 'kN'), 'N/m': ('N/m', 'N/mm', 'kN/mm'),
+    'Pa': ('MPa', 'GPa', 'Pa'), 'kg m^2': ('kg m^2', 'kg mm^2'),
+}  # fmt: skip
+"""Units in which values of a scene are given, by that in SI."""
+
+
+def given(text: str) -> str:
+    """A quantity in SI units as people give it: 0.000254 m as 0.254 mm."""
+    try:
+        value, unit = to_si_text(text)
+    except ValueError:
+        return text
+    for usual in _USUAL.get(unit, ()):
+        size = value / to_si(f'1 {usual}', unit)
+        shown = f'{size:.6g} {usual}'
+        if 1e-3 <= abs(size) < 1e4 and math.isclose(to_si(shown, unit), value, rel_tol=1e-12):
+            return shown
+    return text
+
+
+def written(value: float, unit: str, digits: int = 4) -> str:
+    """A quantity as people read it: 12.9 kN, 3.1 µs."""
+    shown, scale = for_people(unit, abs(value))
+    return f'{number(scale * value, digits)} {shown}'.rstrip()
 
 
 def to_si(value: object, unit: str) -> float:

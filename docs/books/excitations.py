@@ -2,14 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from oscillator import FreeResponse, Oscillator
 
+from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.vibration.excitation import FourierSeries
-from mechanism_sim.vibration.single import FreeResponse, Oscillator
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+_PARTS = 128  # of a period, in each of which a function is looked at 16 times
+
+
+def series_of(
+    function: Callable[[Array], Array],
+    period: float,
+    harmonics: int,
+    breaks: Sequence[float] = (),
+) -> FourierSeries:
+    """A periodic function as a series, [V] eqs. 6.121, 6.122; see `numerics.fourier`.
+
+    Parameters
+    ----------
+    function : of times (N,) [s]; smooth but for the breaks, no feature shorter than a
+        thousandth of the period between them
+    period : [s]
+    harmonics : so many
+    breaks : times inside the period at which the function jumps or bends [s]
+    """
+    if not period > 0.0 or harmonics < 0 or any(not 0.0 < b < period for b in breaks):
+        raise InputError('a Fourier series needs a period, and breaks inside of it')
+    edges = np.union1d(np.linspace(0.0, period, _PARTS + 1), np.asarray(breaks, float))
+    found = spectrum(lambda t: np.asarray(function(t))[None], edges, harmonics)
+    return FourierSeries(
+        2.0 * np.pi / period,
+        float(found.mean[0]),
+        found.amplitudes[0],
+        float(found.error[0]),
+        float(found.rest[0]),
+    )
 
 
 def relative_transmissibility(oscillator: Oscillator, frequency: ArrayLike) -> ComplexArray:

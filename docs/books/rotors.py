@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from masses import MassSystem
 from numpy.typing import ArrayLike, NDArray
 from orbits import Orbit
+from oscillator import Oscillator
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import LinearSystem
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -108,9 +108,9 @@ class DiskRotor:
     damping: Array  #: (n, n) [N s/m]
 
     @cached_property
-    def system(self) -> LinearSystem:
+    def system(self) -> MassSystem:
         """The same in one plane through the axis."""
-        return LinearSystem(np.diag(self.masses), self.damping, self.stiffness)
+        return MassSystem(np.diag(self.masses), self.damping, self.stiffness)
 
     @property
     def critical_speeds(self) -> Array:

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from masses import MassSystem, chain
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.systems import LinearSystem, chain
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -37,7 +37,7 @@ class TwoMasses:
             raise InputError('two masses on springs need positive masses and stiffnesses')
 
     @property
-    def system(self) -> LinearSystem:
+    def system(self) -> MassSystem:
         """The same as matrices, [V] eq. 6.184."""
         return chain([self.m1, self.m2], [self.k1, self.k2], [self.c1, self.c2])
 

@@ -1,11 +1,12 @@
-"""Differences of two runs: impacts, peaks, energy, what sensors read; ideal beside worn."""
+"""Differences of runs: keys of their scenes, impacts, peaks, energy, signals of sensors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -14,56 +15,59 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.results.ranges import LoadPeaks
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.written import as_written
 from mechanism_sim.sensing.indicators import indicators
 from mechanism_sim.sensing.spectra import power
 from mechanism_sim.strict_json import plain
+from mechanism_sim.units import for_people, given, number
 
 SEVERITY = 10.0, 1000.0
 """[Hz] Band of the severity of vibration: rms of the velocity, ISO 20816-1:2016, 4.3."""
 
+_BRIEF = 48  # letters of the name of a run
 _OCTAVES = 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000  # [Hz] IEC 61260-1, nominal
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A figure of both runs, in SI units; nan in the run that has no such thing."""
+    """A figure of all runs, in SI units; nan in a run that has no such thing."""
 
     subject: str
     name: str
     unit: str
-    first: float
-    second: float
+    values: tuple[float, ...]
 
     @property
     def change(self) -> float:
         """Second less first."""
-        return self.second - self.first
+        return self.values[1] - self.values[0]
 
     @property
     def ratio(self) -> float:
         """Second over first; not a number where the first is 0."""
-        return self.second / self.first if self.first else math.nan
+        return self.values[1] / self.values[0] if self.values[0] else math.nan
 
 
-def compare(first: Record, second: Record) -> list[Difference]:
-    """Differences of two runs, each all over its own length."""
-    one, two = _figures(first), _figures(second)
-    if not any(key in two for key in one if key[1]):
-        raise InputError(
-            f'{first.machine.name} and {second.machine.name} have no joint, drive or sensor of '
-            'the same name: there is nothing to compare'
-        )
-    impacts = bool(first.piece.impacts or second.piece.impacts)
+def compare(*records: Record) -> list[Difference]:
+    """Differences of runs, each all over its own length."""
+    figures = [_figures(record) for record in records]
+    for record, own in zip(records[1:], figures[1:], strict=True):
+        if not any(key in own for key in figures[0] if key[1]):
+            raise InputError(
+                f'{records[0].machine.name} and {record.machine.name} have no joint, drive or '
+                'sensor of the same name: there is nothing to compare'
+            )
+    impacts = any(record.piece.impacts for record in records)
     found = []
-    for key in {**one, **two}:
+    for key in dict.fromkeys(key for own in figures for key in own):
         subject, _, _, unit = key
         # a machine without play, or in which nothing strikes, has none, rather than unknown ones
         missing = 0.0 if subject == 'impacts' else math.nan
         if subject != 'impacts' or impacts:
             name = ' '.join(x for x in key[1:3] if x)
-            found.append(
-                Difference(subject, name, unit, one.get(key, missing), two.get(key, missing))
-            )
+            values = tuple(own.get(key, missing) for own in figures)
+            found.append(Difference(subject, name, unit, values))
     order = list(dict.fromkeys(d.subject for d in found))
     return sorted(found, key=lambda d: order.index(d.subject))
 
@@ -155,18 +159,64 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
 
 
 def to_json(found: list[Difference]) -> list[dict[str, object]]:
-    """SI units; what is not known is null."""
-    return [plain(d) | plain({'change': d.change, 'ratio': d.ratio}) for d in found]
+    """SI units; what is not known is null. Of two runs with change and ratio."""
+    rows = []
+    for d in found:
+        row = {'subject': d.subject, 'name': d.name, 'unit': d.unit}
+        if len(d.values) == 2:
+            pair = {'first': d.values[0], 'second': d.values[1]}
+            rows.append(plain({**row, **pair, 'change': d.change, 'ratio': d.ratio}))
+        else:
+            rows.append(plain({**row, 'values': d.values}))
+    return rows
 
 
-def render(found: list[Difference], names: tuple[str, str]) -> str:
+def render(found: list[Difference], names: Sequence[str]) -> str:
     """For people: a row for each figure."""
-    rows = [['', '', 'unit', *names, 'change', 'ratio']]
-    rows += [[d.subject, d.name, d.unit, *texts(d)] for d in found]
+    rows = [['', '', 'unit', *names, *(['change', 'ratio'] if len(names) == 2 else [])]]
+    rows += [[d.subject, d.name, *texts(d)] for d in found]
     return '\n'.join(text_table.lines(rows, left=3, indent=''))
 
 
 def texts(d: Difference) -> Iterator[str]:
-    """First, second, change and ratio as they are printed."""
-    for x, sign in ((d.first, ''), (d.second, ''), (d.change, '+'), (d.ratio, '')):
-        yield f'{x:{sign}.4g}' if math.isfinite(x) else '–'
+    """Unit, values, and of two change and ratio, as they are printed."""
+    known = [abs(x) for x in d.values if math.isfinite(x)]
+    unit, scale = for_people(d.unit, max(known, default=0.0))
+    yield unit
+    pair = [(d.change, scale, '+'), (d.ratio, 1.0, '')] if len(d.values) == 2 else []
+    for x, by, sign in (*((x, scale, '') for x in d.values), *pair):
+        yield number(by * x, 4, sign) if math.isfinite(x) else '–'
+
+
+def scene_differences(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
+    """Keys that are not the same in all scenes: their values as people write them, by path."""
+    leaves = [dict(_leaves(as_written(scene))) for scene in scenes]
+    found = {}
+    for path in dict.fromkeys(path for own in leaves for path in own):
+        values = tuple(own.get(path, '–') for own in leaves)
+        if len(set(values)) > 1 and path not in ('title', 'description'):
+            found[path] = values
+    return found
+
+
+def run_names(found: Mapping[str, tuple[str, ...]], sources: Sequence[str]) -> tuple[str, ...]:
+    """Names of runs by what differs in their scenes; by their sources where that is much."""
+    brief = [', '.join(f'{_last(path)} {values[k]}' for path, values in found.items())
+             for k in range(len(sources))]  # fmt: skip
+    if found and len(set(brief)) == len(brief) and max(map(len, brief)) <= _BRIEF:
+        return tuple(brief)
+    if len(set(sources)) == len(sources) and max(map(len, sources)) <= _BRIEF:
+        return tuple(sources)
+    return tuple(f'run {k + 1}' for k in range(len(sources)))
+
+
+def _last(path: str) -> str:
+    return path.rpartition('.')[2].replace('_', ' ')
+
+
+def _leaves(value: Any, path: str = '') -> Iterator[tuple[str, str]]:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _leaves(item, f'{path}.{key}' if path else str(key))
+        return
+    yield path, given(value) if isinstance(value, str) else str(value)

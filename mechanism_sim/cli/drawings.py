@@ -22,6 +22,8 @@ from mechanism_sim.cli.options import (
     read_measures,
     refuse_options,
     scene_options,
+    several,
+    time_option,
 )
 from mechanism_sim.errors import InputError
 
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 
 FORMATS = {
     '.urdf': 'urdf', '.xml': 'mjcf', '.sdf': 'sdf', '.dxf': 'dxf', '.stl': 'stl',
-    '.json': 'foxglove', '.rviz': 'rviz',
+    '.json': 'foxglove', '.rviz': 'rviz', '.html': 'html',
 }  # fmt: skip
 """Formats of `export` by the endings of files."""
 
@@ -46,7 +48,7 @@ def add(command: Command) -> None:
         "all quantities at a position of the drive, as '30 deg' or '60 mm'; a turn begins there",
     )  # fmt: skip
     option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
-    option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
+    time_option(sub, '--duration', 'length, for a drive without a constant speed')
     sub.add_argument(
         '--points', nargs='+', action='extend', default=[], metavar='LINK.POINT',
         help='points whose paths are wanted',
@@ -67,7 +69,7 @@ def add(command: Command) -> None:
     )
     option(sub, '--positions', 'K', 'how many positions, all but one of them faint', 1)
     look_options(sub, 'all')
-    option(sub, '--duration', 'S', 'seconds, for a drive without a constant speed', float)
+    time_option(sub, '--duration', 'length, for a drive without a constant speed')
     option(sub, '--magnify', 'N', 'how much more elastic links bend; visibly if not given', 0.0)
     more = sub.add_argument_group('for the workshop')
     option(
@@ -85,15 +87,17 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--format', choices=(*dict.fromkeys(FORMATS.values()),),
         help='if --output does not say it: a description of the machine, its links as a drawing '
-        'or plates, or what a viewer shows of its run',
+        'or plates, what a viewer shows of its run, or a page of its ideal motion',
     )  # fmt: skip
     option(
         sub, '-o --output', 'FILE',
-        'a .urdf, .sdf, .dxf, .stl, .rviz file, .xml of MuJoCo, .json of Foxglove; standard '
-        'output if not given',
+        'a .urdf, .sdf, .dxf, .stl, .rviz, .html file, .xml of MuJoCo, .json of Foxglove; '
+        'standard output if not given',
     )  # fmt: skip
     option(sub, '--frame-prefix', 'TEXT', 'before names of frames, in a URDF and for viewers', '')
     option(sub, '--namespace', 'NS', 'namespace of the nodes, for viewers', '')
+    text = 'of a page: a length or coordinate with a slider; several times'
+    several(sub, '--slider', 'PATH=LOW:HIGH', text)
 
 
 def _cycle(options: argparse.Namespace) -> int:
@@ -219,6 +223,8 @@ def _export(options: argparse.Namespace) -> int:
         refuse_options(options, ['namespace'], f'is for --format {" and ".join(viewers)}')
         if options.format != 'urdf':
             refuse_options(options, ['frame-prefix'], 'is for --format urdf, foxglove and rviz')
+    if options.format != 'html':
+        refuse_options(options, ['slider'], 'is for --format html')
     machine = read_machine(options)
     with progress.busy('export', options.json):
         text, missing = _exported(options, machine)
@@ -243,6 +249,13 @@ def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[
 
         to = to_foxglove if options.format == 'foxglove' else to_rviz
         return to(preview(machine), options.namespace, options.frame_prefix), []
+    if options.format == 'html':
+        from mechanism_sim.pages import ideal  # noqa: PLC0415
+        from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
+
+        limits = ranges(options.slider, '--slider').items()
+        sliders = {path: (str(low), str(high)) for path, (low, high) in limits}
+        return ideal.page(machine, sliders, options.scene)
     from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
 
     if options.format in ('dxf', 'stl'):

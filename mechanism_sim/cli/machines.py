@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 
+from mechanism_sim.catalogue import scene_rows
 from mechanism_sim.cli.options import (
     Command,
     flag,
@@ -36,21 +37,12 @@ def add(command: Command) -> None:
 
 
 def _scenes(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.scene import load_scene, scene_names  # noqa: PLC0415
-
     if options.schema:
         from mechanism_sim.scene.new_scene import json_schema  # noqa: PLC0415
 
         print_json(json_schema())
         return 0
-    names, rows = scene_names(), []
-    with progress.count('scenes', len(names), quiet=options.json) as show:
-        for name in names:
-            machine = load_scene(name)
-            level = machine.level.value
-            rows.append({'name': name, 'title': machine.scene.title, 'level': level})
-            show(len(rows), 0)
+    rows = scene_rows()
     if options.json:
         print_json(rows)
     else:

@@ -49,6 +49,26 @@ def option(parser: Options, flags: str, metavar: str, text: str, default: object
     parser.add_argument(*flags.split(), metavar=metavar, type=kind, default=value, help=text)
 
 
+def time_option(parser: Options, flag: str, text: str, dest: str | None = None) -> None:
+    """Add an option for a time: in seconds, or with a unit."""
+    own: dict[str, Any] = {'dest': dest} if dest else {}
+    said = f"{text}, in seconds or as '20 ms'"
+    parser.add_argument(flag, metavar='S', type=_seconds, help=said, **own)
+
+
+def _seconds(text: str) -> float:
+    from mechanism_sim.units import to_si  # noqa: PLC0415
+
+    try:
+        return float(text)
+    except ValueError:
+        pass
+    try:
+        return to_si(text, 's')
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' {error}") from error
+
+
 def several(parser: Options, flags: str, metavar: str, text: str, dest: str | None = None) -> None:
     """Add an option that may be given several times."""
     own: dict[str, Any] = {'dest': dest} if dest else {}
@@ -97,7 +117,7 @@ def tables_option(sub: argparse.ArgumentParser) -> None:
 
 def length_options(sub: argparse.ArgumentParser, usual: str = '') -> None:
     """Add the options for the length of a run; `usual` says what it is without them."""
-    option(sub, '--duration', 'S', 'length of the run in seconds', float)
+    time_option(sub, '--duration', 'length of the run')
     turns = 'length of the run in turns of the drive'
     option(sub, '--revolutions', 'N', f'{turns}; {usual}' if usual else turns, float)
 

@@ -30,6 +30,7 @@ VERBS = {
 """Commands that consist of others, as `thesis starts`."""
 
 RENAMED: dict[str, str] = {
+    'basins': 'mechanism-sim bifurcation --vary A=... --vary B=...',
     'bench': 'python -m benchmarks',
     'completion': 'mechanism-sim --completion',
     'equations': 'mechanism-sim check --equations',

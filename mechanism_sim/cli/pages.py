@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from mechanism_sim import output
@@ -22,6 +23,7 @@ from mechanism_sim.cli.options import (
     scene_options,
     several,
     tables_option,
+    time_option,
 )
 from mechanism_sim.cli.source import is_bag, run_of, source_options
 from mechanism_sim.errors import InputError
@@ -34,21 +36,23 @@ def add(command: Command) -> None:
     sub = command(
         'report',
         _report,
-        'a page that plays a run and charts it, or compares two; one HTML file',
+        'a page that plays a run and charts it, or compares several; one HTML file',
     )
     source_options(sub)
     measure_option(sub)
     sub.add_argument(
-        'other', metavar='BAG|SCENE', nargs='?',
-        help='a second run, which the first is compared with; --set is for scenes among both',
+        'beside', metavar='BAG|SCENE', nargs='*',
+        help='further runs, which the first is compared with; --set is for all scenes among them',
     )  # fmt: skip
-    text = 'change a value of the second scene, which is the first one if not given'
+    text = 'change a value of the last scene, which is the first one again if it is alone'
     several(sub, '--set-other', 'PATH=VALUE', text, 'others')
+    text = 'a run of the scene for each of these values, as drive.speed=300rpm,400rpm'
+    option(sub, '--compare', 'PATH=VALUES', text)
     option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
     scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
-    option(sub, '--duration', 'S', 'seconds to run; 1 h if none is known', float)
+    time_option(sub, '--duration', 'length of the run; 1 h if none is known')
     option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
         sub, '--realtime-factor', 'F',
@@ -73,7 +77,7 @@ def add(command: Command) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    if options.other or options.others:
+    if options.beside or options.others or options.compare:
         return _compare(options)
     from mechanism_sim.pages.writing import write_page  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
@@ -103,37 +107,54 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    """The page of two runs; for people the table of their differences too."""
-    refuse_options(options, ['measure'], 'does not apply to a comparison of two runs')
+    """The page of several runs; for people the table of their differences too."""
+    refuse_options(options, ['measure'], 'does not apply to a comparison of runs')
     from mechanism_sim.analysis import comparison  # noqa: PLC0415
     from mechanism_sim.pages.writing import write_comparison  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    sources = options.scene, options.other or options.scene
-    stems = [Path(source).stem for source in sources]
-    default = f'{stems[0]}_variant' if stems[0] == stems[1] else '_'.join(stems)
+    asked = _compared(options)
+    stems = list(dict.fromkeys(Path(source).stem for source, _ in asked))
+    default = '_'.join(stems) if len(stems) > 1 else f'{stems[0]}_variant'
     file = output.check_path('--output', options.output or f'{default}.html', '.html', '.htm')
-    both_bags = all(map(is_bag, sources))
-    records = []
-    for source, more in zip(sources, ([], options.others), strict=True):
-        asked = argparse.Namespace(**{**vars(options), 'scene': source})
+    only_bags = all(is_bag(source) for source, _ in asked)
+    records, names = [], []
+    for source, more in asked:
+        run = argparse.Namespace(**{**vars(options), 'scene': source})
         own = {path_of(text) for text in more}
-        asked.overrides = [*(x for x in options.overrides if path_of(x) not in own), *more]
-        if is_bag(source) and not both_bags:  # the others are for the scene
-            asked.overrides, asked.rtol, asked.atol = more, None, None
-        record, start, end = run_of(asked)
+        run.overrides = [*(x for x in options.overrides if path_of(x) not in own), *more]
+        if is_bag(source) and not only_bags:  # the others are for the scenes
+            run.overrides, run.rtol, run.atol = list(more), None, None
+        record, start, end = run_of(run)
         records.append(record.between(start, end))
-    names = Path(sources[0]).name, Path(sources[1]).name
-    if options.others and not options.other:
-        names = names[0], f'{names[1]} with {", ".join(options.others)}'
+        names.append(f'{Path(source).name}{" with " if more else ""}{", ".join(more)}')
     with progress.busy('drawing charts', quiet=options.json):
-        found = write_comparison((records[0], records[1]), names, file)
+        page = write_comparison(records, names, file)
     if options.json:
-        print_json({'file': str(file), 'runs': names, 'differences': comparison.to_json(found)})
+        scenes = [{'path': path, 'values': values} for path, values in page.scenes.items()]
+        found = comparison.to_json(page.differences)
+        print_json({'file': str(file), 'runs': names, 'scenes': scenes, 'differences': found})
     else:
-        print(comparison.render(found, ('A', 'B')))
+        print(comparison.render(page.differences, page.names))
         print(file)
     return 0
+
+
+def _compared(options: argparse.Namespace) -> list[tuple[str, Sequence[str]]]:
+    """The runs that are compared: their sources, and what is changed in each."""
+    sources = [options.scene, *options.beside]
+    if options.compare:
+        refuse_options(options, ['set-other'], 'does not go with --compare')
+        path, _, values = options.compare.partition('=')
+        if options.beside or not values.strip():
+            raise InputError(
+                f"--compare '{options.compare}': one scene, a key and its values, for example "
+                'report slider_crank --compare drive.speed=300rpm,400rpm'
+            )
+        return [(options.scene, [f'{path}={value.strip()}']) for value in values.split(',')]
+    if options.others and len(sources) == 1:
+        sources.append(options.scene)
+    return [*((source, ()) for source in sources[:-1]), (sources[-1], options.others)]
 
 
 def _view(options: argparse.Namespace) -> int:

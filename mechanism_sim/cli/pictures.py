@@ -129,7 +129,9 @@ def _sound(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, sound  # noqa: PLC0415
     from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
 
-    refuse_options(options, ['from', 'to'], 'does not apply to a sound: it is of the whole run')
+    refuse_options(
+        options, ['from', 'to', 'skip'], 'does not apply to a sound: it is of the whole run'
+    )
     listener = Listener(
         quantity('--distance', options.distance, 'm')[0],
         quantity('--direction', options.direction or '0 deg', 'rad')[0],
@@ -167,7 +169,9 @@ def _plot(options: argparse.Namespace) -> int:
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
     for file in numbers:
         tables.check_output(file)
-    pictures = [figures.check_picture('--output', f) for f in files if f not in numbers]
+    pictures = [
+        figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
+    ]
     if not pictures:
         refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
     if options.ideal and options.against not in ('time', 'angle'):
@@ -175,7 +179,9 @@ def _plot(options: argparse.Namespace) -> int:
                          f'a {options.against} of its own')  # fmt: skip
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
-    if not in_bag or options.duration is not None or options.revolutions is not None:
+    if not in_bag or any(
+        x is not None for x in (options.duration, options.revolutions, options.skip)
+    ):
         record, start, end = run_of(options, partial(_check_names, options))
     else:
         refuse_overrides(options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mechanism_sim import tables
 from mechanism_sim.cli.options import (
@@ -14,11 +15,15 @@ from mechanism_sim.cli.options import (
     print_result,
     read_machine,
     read_workers,
+    refuse_options,
     scene_options,
     several,
     workers_options,
 )
 from mechanism_sim.errors import InputError
+
+if TYPE_CHECKING:
+    from mechanism_sim.report.charts.chart import Chart
 
 
 def add(command: Command) -> None:
@@ -27,7 +32,14 @@ def add(command: Command) -> None:
         'bifurcation', _bifurcation, 'periods and sections of the motion over a parameter'
     )
     scene_options(sub)
-    several(sub, '--vary', 'PATH=LOW:HIGH:N', 'a key, its limits and the number of values', 'vary')
+    several(
+        sub,
+        '--vary',
+        'PATH=LOW:HIGH:N',
+        'a key, its limits and the number of '
+        'values; two of them: which response each pair leads to',
+        'vary',
+    )
     text = "quantities of the section, as velocity.rocker; of impacts 'approach_speed'"
     several(sub, '--of', 'NAME', f'{text}; several times', 'of')
     option(sub, '--at-impacts', 'JOINT', 'sections at impacts in this joint, not once a turn')
@@ -43,37 +55,57 @@ def add(command: Command) -> None:
 def _bifurcation(options: argparse.Namespace) -> int:
     from mechanism_sim.report import bifurcation as report  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.studies.basins import basins  # noqa: PLC0415
     from mechanism_sim.studies.bifurcation import bifurcation  # noqa: PLC0415
 
-    if len(options.vary) > 1:
-        raise InputError('--vary: bifurcation varies one key; sweep takes several')
-    path, low, high, count = _varied((options.vary or [None])[0])
-    picture = figures.check_picture('--plot', options.plot) if options.plot else None
+    vary = dict(map(_varied, options.vary or ['']))
+    if len(vary) != max(1, len(options.vary)) or len(vary) > 2:
+        raise InputError('--vary: give one key, or two different ones; sweep takes more')
+    two = len(vary) == 2
+    if two:
+        refuse_options(options, ['of', 'starts'], 'does not apply to two keys')
+    if options.plot:
+        figures.check_picture('--plot', options.plot)
     if options.output:
         tables.check_file('--output', Path(options.output))
-    workers = read_workers(options)
-    machine = read_machine(options)
-    total = 2 + count * options.starts
+    workers, machine = read_workers(options), read_machine(options)
+    counts = [count for *_, count in vary.values()]
+    total = counts[0] if two else 2 + counts[0] * options.starts
+    how = {'transient': options.transient, 'keep': options.keep, 'longest': options.longest}
     with progress.count('bifurcation', total, options.json) as show:
-        found = bifurcation(
-            machine, {path: (low, high, count)}, options.of, at_impacts=options.at_impacts,
-            starts=options.starts, workers=workers, show=show, transient=options.transient,
-            keep=options.keep, longest=options.longest,
-        )  # fmt: skip
-    if options.output:
-        tables.write(Path(options.output), found.columns())
-    if picture:
-        figures.save(figures.paint(report.chart(found, machine.scene.title)), picture)
+        if two:
+            map_ = basins(
+                machine, vary, at_impacts=options.at_impacts, workers=workers, show=show, **how
+            )
+            _write(options, map_.columns(), report.basins_chart(map_, machine.scene.title))
+        else:
+            found = bifurcation(
+                machine, vary, options.of, at_impacts=options.at_impacts, starts=options.starts,
+                workers=workers, show=show, **how,
+            )  # fmt: skip
+            _write(options, found.columns(), report.chart(found, machine.scene.title))
+    if two:
+        return print_result(options, map_, report.basins_json, report.basins_text)
     return print_result(options, found, report.to_json, report.render)
 
 
-def _varied(text: str | None) -> tuple[str, str, str, int]:
-    """Path, limits and number of values of ``PATH=LOW:HIGH:N``."""
-    path, _, rest = (text or '').partition('=')
+def _write(options: argparse.Namespace, columns: list[tables.Column], chart: Chart) -> None:
+    """Write the table and the picture that are asked for."""
+    from mechanism_sim.report import figures  # noqa: PLC0415
+
+    if options.output:
+        tables.write(Path(options.output), columns)
+    if options.plot:
+        figures.save(figures.paint(chart), Path(options.plot))
+
+
+def _varied(text: str) -> tuple[str, tuple[str, str, int]]:
+    """Path, and limits and number of values, of ``PATH=LOW:HIGH:N``."""
+    path, _, rest = text.partition('=')
     low, high, count = [*(part.strip() for part in rest.split(':')), '', '', ''][:3]
     if not (path and low and high and count.isdecimal() and rest.count(':') == 2):
         given = f" '{text}'" if text else ''
         raise InputError(
             f"--vary{given}: write PATH=LOW:HIGH:N, as 'drive.speed=100 rpm:600 rpm:51'"
         )
-    return path.strip(), low, high, int(count)
+    return path.strip(), (low, high, int(count))

@@ -30,6 +30,7 @@ from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
+    from mechanism_sim.results.solution import Piece
 
 
 def add(command: Command) -> None:
@@ -38,6 +39,13 @@ def add(command: Command) -> None:
     scene_options(sub)
     length_options(sub)
     measure_option(sub)
+    option(
+        sub,
+        '--derivatives',
+        'PATHS',
+        'by numbers of the scene, as drive.speed,links.coupler.mass: of the final state, impacts '
+        'and measures',
+    )
     option(sub, '--sample-rate', 'HZ', 'samples a second, for --output', float)
     option(sub, '-o --output', 'FILE', f'write samples of everything: {TABLES}')
     flag(sub, '--no-events', 'with --json: counts of events instead of their lists')
@@ -77,11 +85,12 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
-    from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
+    from mechanism_sim.report import derivatives, measured, progress, summary  # noqa: PLC0415
     from mechanism_sim.report.sections import text  # noqa: PLC0415
+    from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
     from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
-    from mechanism_sim.results.simulate import stream  # noqa: PLC0415
+    from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.no_events and not options.json:
@@ -92,13 +101,18 @@ def _solve(options: argparse.Namespace) -> int:
     end = run_length(machine, options.revolutions, options.duration)
     taken = Measurement(machine, read_measures(options, machine))
     snapshot = Snapshot.load(options.resume) if options.resume else None
+    paths = [p.strip() for p in options.derivatives.split(',')] if options.derivatives else []
+    asked = AskedDerivatives(machine, paths, end, snapshot) if paths else None
     digest, turns = MotionDigest(), ImpactTally(machine)
+    pieces: list[Piece] = []
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
     with _samples(options) as table, progress.bar('solve', end, quiet=options.json) as show:
         observers = [taken.add, turns.add, *([table.add] if table else [])]
         run = stream(machine, None, end, show, snapshot, observers)
         for piece in run:
+            if asked:
+                pieces.append(piece)
             if options.json:
                 digest.add(piece.motion, piece.impacts)
                 if not options.no_events:
@@ -106,14 +120,18 @@ def _solve(options: argparse.Namespace) -> int:
                     modes += piece.modes
     if options.save:
         run.snapshot.save(options.save)
+    found = taken.found()
+    by = asked.along(whole(run, pieces)) if asked else {}
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(
             summary.to_json(run, digest.hexdigest(), turns, *events)
-            | measured.to_json(taken.found())
+            | measured.to_json(found)
+            | derivatives.to_json(by, [m.text for m in found])
         )
     else:
-        echo(text([*summary.sections(run, turns), *measured.section(taken.found())]))
+        told = derivatives.sections(by, found)
+        echo(text([*summary.sections(run, turns), *measured.section(found), *told]))
     return 0
 
 

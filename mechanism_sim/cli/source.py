@@ -14,6 +14,9 @@ from mechanism_sim.cli.options import (
     overrides_of,
     read_machine,
     scene_options,
+    skip_option,
+    skipped_turns,
+    time_option,
 )
 from mechanism_sim.errors import InputError
 from mechanism_sim.recording.runs import BAG_ENDINGS
@@ -27,9 +30,10 @@ if TYPE_CHECKING:
 def source_options(sub: argparse.ArgumentParser) -> None:
     """Add the options that choose a run and a part of it."""
     scene_options(sub, 'a bag (.mcap, .db3, a folder) or a scene, which is simulated', 'BAG|SCENE')
-    sub.add_argument('--from', type=float, metavar='S', dest='start', help='begin at this time')
-    sub.add_argument('--to', type=float, metavar='S', dest='end', help='end at this time')
+    time_option(sub, '--from', 'begin at this time', 'start')
+    time_option(sub, '--to', 'end at this time', 'end')
     length_options(sub)
+    skip_option(sub)
     namespace_option(sub)
 
 
@@ -111,15 +115,20 @@ def run_of(
     check : of a scene, as for `simulate_run`
     """
     asked = options.end, options.duration, options.revolutions
+    skip = skipped_turns(options)
     if sum(x is not None for x in asked) > 1:
         raise InputError('give only one of --to, --duration and --revolutions')
+    if skip and options.start is not None:
+        raise InputError('give either --from or --skip, not both')
     if not is_bag(options.scene):
         start = options.start or 0.0
         record = simulate_run(options, start, options.end, check)
-        return record, start, record.end if options.end is None else options.end
-    record = read_run(options)
-    start = record.start if options.start is None else options.start
-    return record, start, _end(options, record, start)
+        end = record.end if options.end is None else options.end
+    else:
+        record = read_run(options)
+        start = record.start if options.start is None else options.start
+        end = _end(options, record, start)
+    return record, record.begin(skip) if skip else start, end
 
 
 def _end(options: argparse.Namespace, record: Record, start: float) -> float:

@@ -25,6 +25,7 @@ from mechanism_sim.cli.options import (
     skip_option,
     skipped_turns,
     tables_option,
+    time_option,
     turns_of,
     workers_options,
 )
@@ -50,9 +51,7 @@ def add(command: Command) -> None:
     text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
     several(sub, '--subject-to', 'GOAL', text, 'subject_to')
     option(sub, '--values', 'N', 'values at which the curve is computed, or that are tried', 17)
-    option(
-        sub, '--duration', 'S', 'length of a cycle; a turn of a steady drive if not given', float
-    )
+    time_option(sub, '--duration', 'length of a cycle; a turn of a steady drive if not given')
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     text = 'global: between all limits, by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
@@ -87,8 +86,12 @@ def add(command: Command) -> None:
     option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
     flag(sub, '--restart', 'forget what is computed already')
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
-    option(sub, '--over', 'PATH', 'with --plot: over this swept value')
+    option(sub, '--over', 'PATH', 'with --plot and --plots: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
+    option(sub, '--plots', 'PLACE', 'draw all charts: these, tornados and response surfaces; to a '
+           'folder, a .pdf, or NAME.svg for NAME_*.svg')  # fmt: skip
+    option(sub, '--pareto', 'A,B', 'with --plots: runs that are best in two measures, the least '
+           'of each, or as -A the greatest')  # fmt: skip
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -295,16 +298,22 @@ def _teeth(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
+    from mechanism_sim.report.sweep_charts import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.studies.sweep import SweepInterrupted, run_plan  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
-    if options.effects:
-        figures.check_picture('--effects', options.effects)
     with progress.busy('checking', options.json) as say:
         plan = read_plan(options.file, options.measures, say)
     table = Path(options.output or f'{plan.name}{default_ending()}')
-    asked = report.chart_of(plan, options.plot, options.over)
+    if options.over and not (options.plot or options.plots):
+        raise InputError('--over needs --plot FILE or --plots PLACE')
+    for name in ('plot', 'effects', 'plots'):
+        file = getattr(options, name)
+        report.check_charts(plan, file, None if name == 'effects' else options.over, f'--{name}')
+    pareto = [x for x in (options.pareto or '').split(',') if x]
+    if pareto and (len(pareto) != 2 or not options.plots):
+        raise InputError("--pareto 'A,B' are two measures, with --plots PLACE")
     try:
         with progress.count('sweep', plan.size, quiet=options.json) as show:
             summary, rows = run_plan(
@@ -313,11 +322,14 @@ def _sweep(options: argparse.Namespace) -> int:
             )  # fmt: skip
     except SweepInterrupted as interrupted:
         return ending.report_signal(str(interrupted))
-    if asked:
-        figures.save(figures.paint(report.sweep_chart(asked, plan, rows)), asked.file)
-    if options.effects:
-        found = figures.paint(report.effects_chart(plan, rows))
-        figures.save(found, Path(options.effects))
+    if options.plot or options.effects or options.plots:
+        drawn = SweepCharts(plan, rows)
+        if options.plot:
+            figures.save(figures.paint(drawn.over(options.over)), Path(options.plot))
+        if options.effects:
+            figures.save(figures.paint(drawn.effects()), Path(options.effects))
+        if options.plots:
+            figures.save_all(drawn.charts(options.over, pareto), Path(options.plots))
     if options.json:
         print_json(report.to_json(summary, plan, rows))
     else:

@@ -21,6 +21,7 @@ from mechanism_sim.numerics.complementarity import (
     FrictionalProblem,
     Grip,
     Indices,
+    determinant,
     largest,
     rates,
     solve_contacts,
@@ -301,9 +302,8 @@ def shock(
     ]
 
 
-def _slides(
-    friction: Sequence[float], slip: Sequence[int]
-) -> tuple[NDArray[np.float64], list[int]]:
+@kernel
+def _slides(friction: Array, slip: Indices) -> tuple[Array, Indices]:
     """Impulses that m closed contacts may push with, and the rows that they keep at zero.
 
     Parameters
@@ -316,26 +316,37 @@ def _slides(
     (2m, k) columns of impulses: a normal one with the friction of its slip for every contact, and
     a tangential one for every contact that sticks; and the k rows
     """
-    m = len(friction)
-    stuck = [i for i in range(m) if friction[i] and not slip[i]]
-    basis = np.zeros((2 * m, m + len(stuck)))
+    m = k = len(friction)
+    basis, rows = np.zeros((2 * m, 2 * m)), np.arange(2 * m)
     for i in range(m):
-        basis[[i, m + i], i] = 1.0, -friction[i] * slip[i]
-    for k, i in enumerate(stuck, start=m):
-        basis[m + i, k] = 1.0
-    return basis, [*range(m), *(m + i for i in stuck)]
+        basis[i, i] = 1.0
+        if slip[i] != 0:
+            basis[m + i, i] = -friction[i] * slip[i]
+        elif friction[i] != 0.0:
+            basis[m + i, k], rows[k] = 1.0, m + i
+            k += 1
+    return basis[:, :k].copy(), rows[:k]
 
 
-def jam_margin(A: ArrayLike, friction: Sequence[float], slip: Sequence[int]) -> float:
+@kernel
+def jam_margin(A: Array, friction: Array, slip: Indices) -> float:
     """Determinant of the equations of closed contacts over that without friction of what slides.
 
     Where it is 0 or less, forces do not settle: the friction of sliding contacts jams them.
     """
-    matrix = np.array(A)
+    m, margin = len(friction), 1.0
     basis, rows = _slides(friction, slip)
-    smooth = basis.copy()
-    smooth[len(friction) :, : len(friction)] = 0.0
-    return float(np.linalg.det((matrix @ basis)[rows]) / np.linalg.det((matrix @ smooth)[rows]))
+    kept = np.empty((len(rows), len(rows)))
+    for smooth in (False, True):
+        if smooth:
+            basis[m:, :m] = 0.0
+        for i in range(len(rows)):
+            for k in range(len(rows)):
+                kept[i, k] = 0.0
+                for r in range(2 * m):
+                    kept[i, k] += A[rows[i], r] * basis[r, k]
+        margin = margin / determinant(kept) if smooth else determinant(kept)
+    return margin
 
 
 def stop_slide(
@@ -364,7 +375,7 @@ def stop_slide(
     """
     m = len(friction)
     matrix, before = np.array(A, dtype=float), np.array(rate, dtype=float)
-    basis, rows = _slides(friction, slip)
+    basis, rows = _slides(np.array(friction, dtype=float), np.array(slip, dtype=np.int64))
     path = basis @ np.linalg.svd((matrix @ basis)[rows])[2][-1]
     normals = path[:m] * math.copysign(1.0, path[:m].sum())
     if normals.min() < -_IMPACTS.pull * normals.max():
@@ -380,7 +391,7 @@ def stop_slide(
     first = min(stops)[1]
     pulls = np.zeros((2 * m, 1))
     pulls[m + first] = 1.0
-    basis, rows = np.hstack([basis, pulls]), [*rows, m + first]
+    basis, rows = np.hstack([basis, pulls]), np.append(rows, m + first)
     impulses = (
         basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=_IMPACTS.jam_rank)[0]
     )

@@ -27,12 +27,10 @@ from mechanism_sim.editor.background import Background
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.recovery import UnsavedEdits
 from mechanism_sim.editor.worker import Worker
-from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import contents_of, embedded
-from mechanism_sim.pages.server import HOST, Server
+from mechanism_sim.pages.server import PORT, Server
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
-PORT = 8080
 
 PAUSE = 0.1
 """[s] without an edit after which the document is checked and run, as it is dragged."""
@@ -60,15 +58,11 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     server = Server(
         contents_of('edit', MODULES, __package__, scenes=scene_names(),
                     tools=embedded(palette.to_json())),
-        PORT if port is None else port, lambda: desk.greeting, desk.put,
+        None if port == PORT else port, lambda: desk.greeting, desk.put,
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
         name='edit',
     )  # fmt: skip
     try:
-        if port and server.port != port:
-            raise InputError(
-                f'edit: port {port} of {HOST} is taken: choose another; 0 is any free'
-            )
         opened(f'{server.address}?key={key}')
         if browse:
             webbrowser.open(f'{server.address}?key={key}')

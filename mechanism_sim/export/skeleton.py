@@ -67,6 +67,7 @@ class Skeleton:
     springs : the ends of each, painted before all shapes as `shapes.coil`
     strings : straight lines between links, painted likewise
     links : that move, in the order of poses
+    corners : points that each of them reaches to [m]
     mounts : the frames on springs
     sways : of those that are known to sway, how many times as far they are drawn
     bendings : of the elastic links
@@ -106,7 +107,7 @@ class Skeleton:
         self.size = size or widest or 1.0
         self.symbol = self.size / 60.0
         self.bendings = bendings(mechanism, q, self.size, magnified)
-        self._corners: dict[str, list[Vector2]] = {link: [] for link in self.links}
+        self.corners: dict[str, list[Vector2]] = {link: [] for link in self.links}
         self._rails: list[tuple[str, Vector2, Vector2]] = []
         self._bodied: set[str] = set()
         self._drawn: set[str] = set()
@@ -300,7 +301,7 @@ class Skeleton:
         """Its link reaches to a point."""
         link, at = place
         if link != GROUND:
-            self._corners[link].append(at)
+            self.corners[link].append(at)
 
     def rail(
         self, kind: Kind, place: LinkPoint, axis: float, runner: Array, half: float = 0.0,
@@ -345,7 +346,7 @@ class Skeleton:
 
         The first curve has the corners of a plate, or the ends of a bar; a second one the rest.
         """
-        corners = self._corners[link]
+        corners = [*self.corners[link]]
         for owner, start, end in self._rails:
             if owner == link:
                 corners.append(_nearest(start, end, corners))

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.contact import respond
 from mechanism_sim.contact.chatter import ChatterRule
 from mechanism_sim.contact.impact import Hypothesis
 from mechanism_sim.contact.problem import (
-    FLIES,
-    RECOVERS,
-    SLIDES_BACKWARD,
-    SLIDES_FORWARD,
-    STICKS,
     ContactArrays,
     ContactProblem,
     Limits,
@@ -25,12 +22,11 @@ from mechanism_sim.contact.problem import (
     problem_of,
     slip_of,
 )
-from mechanism_sim.hybrid.dense_output import Status
-from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeChange
-from mechanism_sim.hybrid.present_state import PresentState
+from mechanism_sim.hybrid.dense_output import Status, floats
+from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeLog
+from mechanism_sim.hybrid.present_state import PresentState, rate_of
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
-from mechanism_sim.numerics.kernels import kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
@@ -39,15 +35,6 @@ _GUARDS = TOLERANCES.guards
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
-
-
-class Marks(NamedTuple):
-    """Gaps (m,) that the kernels mark: what they return beside their scalars."""
-
-    touching: Mask
-    resting: Mask
-    begins: Mask
-    drawn: Mask
 
 
 class ContactState:
@@ -63,12 +50,11 @@ class ContactState:
     Attributes
     ----------
     modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
-    flying : whether any gap is open
-    flies_free : whether all are, and no friction or compliance takes part in an impact
+    run : the arrays of all that follows, by which `contact.respond` resolves events
     problem, arrays : as of the last `refresh`, except for what is closed
-    impacts, mode_changes : the events so far
+    impacts, changes : the events so far
+    taken, fallen : the last stage of an event, and the guard that it is about
     floors : of every guard, what it may be below zero by rounding
-    horizon : [s] longest next step: a root much nearer to its start than to its end gets lost
     """
 
     def __init__(
@@ -77,26 +63,23 @@ class ContactState:
         system, gaps = present.system, present.system.gaps
         self.present, self.rule = present, rule
         m = len(gaps)
-        self.names = [gap.name for gap in gaps]
-        self.impacts = ImpactLog(self.names)
-        self.mode_changes: list[ModeChange] = []
-        self.horizon = float('inf')
+        names = [gap.name for gap in gaps]
+        self.impacts, self.changes = ImpactLog(names), ModeLog(names)
+        self.limits = _limits(present, rule, rtol, speed)
+        self._known, self.run = self._arrays()
+        reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
+        self._reals = floats(reals)
+        laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
         self.arrays = ContactArrays(
-            np.zeros(system.contact_layout.size),
+            self.run.terms,
             system.contact_layout,
-            np.array([[g.restitution for g in gaps], [g.friction for g in gaps]], dtype=float),
-            np.zeros(m, dtype=np.bool_),
-            np.array([Hypothesis(gap.hypothesis).code for gap in gaps], dtype=np.int64),
+            laws,
+            marks[respond.SHUT],
+            whole[respond.HYPOTHESIS],
         )
         self.problem = problem_of(self.arrays)
-        self.mode_array = np.zeros(m, dtype=np.int64)
-        self.marks = Marks(*np.zeros((4, m), dtype=np.bool_))
-        self._flag_index = _flag_index(system)
-        self.limits = _limits(present, rule, rtol, speed)
-        least = max(
-            _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
-        )
-        self.floors = [-least if guard.friction else 0.0 for guard in system.guards]
+        floor = float(reals[respond.FLOOR])
+        self.floors = [floor if guard.friction else 0.0 for guard in system.guards]
         self.slowest = (
             _CONTACTS.slowest_touch * speed
         )  # [m/s] to which the damping of a touch may refer
@@ -104,8 +87,97 @@ class ContactState:
             present.pars[system.parameters.margin] = self.limits.bare
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
+        self.taken = self.fallen = respond.DONE
         self._holding = [*system.set_valued.holding]
+        self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
+
+    def _arrays(self) -> tuple[tuple[Any, ...], respond.EventArrays]:
+        """The arrays by which events are responded to, but for the logs, and what they hold."""
+        system, present = self.present.system, self.present
+        gaps, m, size = system.gaps, len(system.gaps), system.contact_layout.size
+        least = max(
+            _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
+        )
+        reals = [
+            0.0, math.inf, -least, present.rounding, *self.limits,
+            *(0.0 for _ in system.prescribed), *(g.restitution for g in gaps),
+            *(g.friction for g in gaps),
+        ]  # fmt: skip
+        rubs = system.dynamics.contacts.frictional
+        whole = np.full(respond.COUNTERS + 10 * m, -1)
+        values, marks = np.zeros(size + present.seen), np.zeros((6, m), dtype=np.bool_)
+        whole[: respond.SIZE] = 0
+        whole[respond.SIZE], whole[respond.LAYOUT : respond.COUNTERS] = size, system.contact_layout
+        known = present.x, present.parameters, values, np.array(reals), whole, marks
+        run = respond.run_of(*known, self.impacts.rows, self.changes.rows)
+        run.counters[respond.GUARDS] = len(system.guards)
+        own = [guard.gap >= 0 for guard in system.guards]
+        run.counters[respond.WATCHED] = all(own) and not system.compliant
+        smooth = not (rubs or any(system.rated) or system.dynamics.rubs)
+        run.counters[respond.SMOOTH] = smooth
+        run.counters[respond.RELATIONS] = bool(system.relations)
+        run.gaps[respond.CLOSED : respond.PRESS + 1] = _flag_index(system)
+        run.gaps[respond.HYPOTHESIS] = [Hypothesis(gap.hypothesis).code for gap in gaps]
+        run.gaps[respond.GIVEN], run.gaps[respond.RATED] = 0, system.rated
+        run.gaps[respond.RUBS, : len(rubs)] = rubs
+        return known, run
+
+    @property
+    def horizon(self) -> float:
+        """Longest next step [s]: a root much nearer to its start than to its end gets lost."""
+        return self._reals[respond.HORIZON]
+
+    @horizon.setter
+    def horizon(self, longest: float) -> None:
+        self._reals[respond.HORIZON] = longest
+
+    def begin_event(self, t: float) -> None:
+        """Tell the arrays when an event happens [s], and how fast the drives are then."""
+        self._reals[respond.TIME] = t
+        self.run.counters[respond.ROUNDS] = 0
+        laws, tau = self.present.base.laws, self.present.integrator.time
+        for k, law in enumerate(laws, start=respond.DRIVES):
+            self._reals[k] = rate_of(law, tau)
+
+    def go_on(self, stage: int, guard: int) -> int:
+        """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
+        counters, impacts, changes = self.run.counters, self.impacts, self.changes
+        impacts.reserve(len(self.modes))
+        changes.reserve(2 * len(self.modes))
+        counters[:4] = stage, guard, impacts.count, changes.count
+        after: int = respond.STAGES[stage](*self._known, impacts.rows, changes.rows)
+        _, self.fallen, impacts.count, count = counters[:4].tolist()
+        if count > changes.count:
+            changes.count = count
+            self.adopt_modes()
+        self.taken = stage
+        return after
+
+    @property
+    def flying(self) -> bool:
+        """True if any gap is open."""
+        return int(Mode.FREE_FLIGHT) in self.modes
+
+    @property
+    def touching(self) -> Mask:
+        """The gaps (m,) that take part in an event, to be changed in place."""
+        return self.run.marks[respond.TOUCHING]
+
+    @property
+    def resting(self) -> Mask:
+        """Those of them that are at rest."""
+        return self.run.marks[respond.RESTING]
+
+    @property
+    def mode_array(self) -> Indices:
+        """The modes (m,), to be changed in place."""
+        return self.run.gaps[respond.MODE]
+
+    @property
+    def drive_rates(self) -> Array:
+        """Rates (p,) [rad/s] of the drives at the present event."""
+        return self.run.reals[respond.DRIVES :][: self.arrays.layout.drives]
 
     @cached_property
     def rated(self) -> Mask:
@@ -115,13 +187,17 @@ class ContactState:
     @property
     def status(self) -> Status:
         """Contacts and switches that a step is taken with; the same object until it changes."""
+        known = self._status
+        if not self._acts and known.modes is self.modes and known.approach is self.approach:
+            return known
         rows, pars = self.present.rows, self.present.pars
         sides = self.present.system.parameters.sides
         acting = tuple([rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in sides])
         now = Status(self.modes, self.approach, acting)
-        if now != self._status:
-            self._status = now
-        return self._status
+        if now != known:
+            self._status = known = now
+        self.modes, self.approach = known.modes, known.approach
+        return known
 
     def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
         """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
@@ -140,36 +216,30 @@ class ContactState:
     def adopt_modes(self) -> None:
         """Make the modes in the array, of which the equations know, those that hold."""
         self.modes = tuple(self.mode_array.tolist())
-        self.flying = int(Mode.FREE_FLIGHT) in self.modes
-        known = self.present.system
-        smooth = not (known.frictional or known.compliant or known.dynamics.rubs)
-        smooth = smooth and not self.rated.any()
-        self.flies_free = smooth and not self.problem.closed.any()
 
-    def write_flags(self, modes: Indices, sticking: Mask | None = None) -> None:
-        """Tell the equations some modes; of gaps in `sticking`, that they stick."""
-        none = self.problem.closed[:0]
-        write_flags(
-            modes, none if sticking is None else sticking, self._flag_index,
-            self.present.parameters,
-        )  # fmt: skip
-
-    def scale_slip(self, gap: int, factor: float) -> None:
-        """Change the flag of a slip: friction acts with a part of its bound."""
-        self.present.pars[self._flag_index[2, gap]] *= factor
+    def write_flags(self, modes: Indices) -> None:
+        """Tell the equations some modes."""
+        places = self.run.gaps[respond.CLOSED : respond.PRESS + 1]
+        respond.write_flags(modes, self.problem.closed[:0], places, self.present.parameters)
 
     def record_modes(self, before: tuple[int, ...]) -> None:
         """Enter the changes from other modes to those that hold."""
-        for name, old, new in zip(self.names, before, self.modes, strict=True):
+        for gap, (old, new) in enumerate(zip(before, self.modes, strict=True)):
             if old != new:
-                change = ModeChange(self.present.time, name, Mode(new), Mode(old))
-                self.mode_changes.append(change)
+                self.changes.enter(self.present.time, gap, new, old)
 
     def refresh(self) -> None:
         """Evaluate the terms of the contact problem at the present state."""
         self.present.evaluate(
             self.present.system.functions.contact_function, out=self.arrays.terms
         )
+
+    def see(self, stage: int) -> None:
+        """Evaluate what a stage of `contact.respond` needs at the present state."""
+        name, present = respond.NEEDS[stage], self.present
+        function = getattr(present.system.functions, name)
+        out = self.run.terms if stage < respond.PROJECTED else self.run.seen[: function.nouts]
+        present.evaluate(function, out=out)
 
     def terms(self) -> ContactProblem:
         """The contact problem at the present state, until asked again."""
@@ -221,24 +291,3 @@ def _flag_index(system: System) -> NDArray[np.int64]:
     found[2, system.dynamics.contacts.frictional] = system.parameters.slips
     found[3, : len(system.parameters.presses)] = system.parameters.presses
     return found
-
-
-@kernel
-def write_flags(
-    modes: Indices, sticking: Mask, places: NDArray[np.int64], parameters: Array
-) -> None:
-    """The flags closed, sticks, slips and presses of modes, in their places (4, m) if not -1.
-
-    Those set in `sticking` (m,), or of none (0,), count as if they stuck.
-    """
-    for i in range(len(modes)):
-        mode = STICKS if len(sticking) and sticking[i] else modes[i]
-        slip = 1.0 if mode == SLIDES_FORWARD else -1.0 if mode == SLIDES_BACKWARD else 0.0
-        for k in range(4):
-            if places[k, i] >= 0:
-                parameters[places[k, i]] = (
-                    (1.0 if mode > FLIES else 0.0) if k == 0
-                    else (1.0 if mode == STICKS else 0.0) if k == 1
-                    else slip if k == 2
-                    else (1.0 if FLIES < mode < RECOVERS else 0.0)
-                )  # fmt: skip

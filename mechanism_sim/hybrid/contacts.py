@@ -4,8 +4,9 @@ One set of equations with a flag for each gap serves every pattern of contact: t
 by parameters, and nothing is compiled at an event. Compliant contacts run by the same flags: with
 an event at the touch all pieces are smooth, where friction smoothed over a slip would be stiff.
 
-An event goes `handle` -> `_respond` -> `_resolve`, and from there to an impact (`_collide`), to
-contacts without normal speed (`resting_contacts.rest`), or to a change of one mode.
+An event of gaps that are rigid is resolved by `contact.respond`, which asks for functions of the
+state as it goes; `_go_on` evaluates them. Switches, friction in ideal joints and compliant
+contacts are resolved here.
 """
 
 from __future__ import annotations
@@ -13,26 +14,35 @@ from __future__ import annotations
 from collections.abc import Sequence
 from time import perf_counter
 
-import numpy as np
-
-from mechanism_sim.contact.chatter import remaining_time
-from mechanism_sim.contact.problem import LOSS, horizon_of, impact_now
+from mechanism_sim.contact.problem import LOSS
+from mechanism_sim.contact.respond import (
+    DONE,
+    FELL,
+    GIVEN,
+    JAMMED,
+    RESTS,
+    SHOCK,
+    SLIPS,
+    STRIKES,
+    UNSOLVED,
+    WATCHED,
+)
 from mechanism_sim.hybrid.compliant_events import initialise_rates, is_leaving, touch_or_part
 from mechanism_sim.hybrid.contact_state import SLIDING, ContactState, chosen
-from mechanism_sim.hybrid.events import Mode, ModeChange
-from mechanism_sim.hybrid.frictional_shocks import is_jammed, stop_jammed_slide
+from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.hybrid.frictional_shocks import stop_jammed_slide, unjam
 from mechanism_sim.hybrid.guards import Guard
-from mechanism_sim.hybrid.present_state import rate_of
-from mechanism_sim.hybrid.resting_contacts import rest, separate
-from mechanism_sim.hybrid.rubbing_contacts import add_joint_friction
+from mechanism_sim.hybrid.rubbing_contacts import (
+    add_joint_friction,
+    iterate_friction_modes,
+    set_trial_modes,
+)
 from mechanism_sim.hybrid.switching import Switching
 from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
-_IMPACTS = TOLERANCES.impacts
-_ROUNDING = TOLERANCES.rounding
 
 
 class Contacts:
@@ -47,6 +57,8 @@ class Contacts:
         self.state, self.present = state, state.present
         self.switching = Switching(state.present, state.problem)
         self._system = state.present.system
+        #: whether all that can happen is resolved by `contact.respond`
+        self._resolves_all = bool(state.run.counters[WATCHED])
 
     def change_restitution(self, joint: str, restitution: float) -> None:
         """Let impacts in all gaps of a joint have another coefficient.
@@ -91,10 +103,9 @@ class Contacts:
         self.settle()
         if state.modes and slipping:
             self._begin_to_rub()
-        state.mode_changes = [
-            ModeChange(self.present.time, name, Mode(mode), Mode.UNKNOWN)
-            for name, mode in zip(state.names, state.modes, strict=True)
-        ]
+        state.changes.count = 0
+        for gap, mode in enumerate(state.modes):
+            state.changes.enter(self.present.time, gap, mode, Mode.UNKNOWN)
 
     def _begin_to_rub(self) -> None:
         """Note what presses on ideal joints that rub, and what holds there."""
@@ -117,73 +128,95 @@ class Contacts:
             # as good as resting is what would rise no farther than rounding reaches
             stays = rate <= 0.0 or state.rule.ends(rate, terms.acceleration[i], 1.0, -value)
             if state.closed(i) or (value <= state.limits.touching and stays):
-                self._collide(i)
+                state.begin_event(self.present.time)
+                self._go_on(STRIKES, i)
                 return
 
     # --- events -------------------------------------------------------------------------------
 
-    def handle(self, guard: int) -> None:
-        """A guard fell through zero."""
-        found, count = self._system.guards[guard], len(self._system.guards)
-        if self.state.flies_free and found.gap >= 0 and self._bounce(found.gap):
-            if self._system.set_valued.holding:
-                self.switching.release()
-            if count == len(self.state.modes):
-                return
-        else:
-            began = perf_counter()
-            self._respond(found)
-            charge(perf_counter() - began)
-        if count > 1:
+    def handle(self, guard: int, t: float) -> None:
+        """A guard fell through zero at a time [s]."""
+        found = self._system.guards[guard]
+        began = perf_counter()
+        self.state.begin_event(t)
+        self._respond(found, guard)
+        if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
+        charge(perf_counter() - began)
 
     def _respond_to_missed(self) -> None:
+        self.state.begin_event(self.present.time)
         for _ in self._system.guards:
             guard = self.missed_event()
             if guard is None:
                 break
-            self._respond(self._system.guards[guard])
+            self._respond(self._system.guards[guard], guard)
 
-    def _respond(self, guard: Guard) -> None:
+    def _respond(self, guard: Guard, index: int) -> None:
         """Resolve an event while switches that hold act with the parts they have now."""
+        if self._resolves_all:
+            self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
+            return
         rows = self.switching.rows
         held = [k for k in self._system.set_valued.holding if rows[k] == HOLDS]
         if held:
             self.switching.freeze(held)
-        self._resolve(guard)
+        self._resolve(guard, index)
         if held and guard.switch is None:
             self.switching.release()
 
-    def _resolve(self, guard: Guard) -> None:
+    def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""
-        state, gap = self.state, guard.gap
         if guard == Guard(-1, 0):
             raise self.switching.jammed_joints()
         if guard.pin is not None:
             self.switching.update_pin_direction(guard.pin)
         elif guard.side is not None:
-            index = self._system.parameters.sides[guard.side]
-            self.present.pars[index] = -self.present.pars[index]
+            side = self._system.parameters.sides[guard.side]
+            self.present.pars[side] = -self.present.pars[side]
         elif guard.switch is not None:
             self._turn_over(guard.switch)
         elif self._system.compliant:
             self._change_compliant(guard)
-        elif guard.friction:
-            self._change_friction(guard)
-        elif state.closed(gap):
-            self._lift_off(gap)
-        elif state.rated[gap]:  # no impact: its rate is zero
-            at = state.problem.closed | state.mask([gap])
-            rest(state, self.switching, at, at)
         else:
-            self._collide(gap)
+            self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
 
-    def _lift_off(self, gap: int) -> None:
-        """A closed contact opens."""
-        before = self.state.modes
-        self.state.change(gap, Mode.FREE_FLIGHT)
-        separate(self.state, [gap])
-        self.state.record_modes(before)
+    def _go_on(self, stage: int, guard: int) -> None:
+        """Let an event of a gap be resolved from a stage on."""
+        state, jams = self.state, _CONTACTS.jams
+        rubs = bool(self._system.dynamics.rubs)
+        while stage != DONE:
+            if stage == JAMMED:
+                stage, jams = unjam(state, jams), jams - 1
+            elif stage == SHOCK:
+                gap = self._system.guards[guard].gap
+                closed = chosen(state.problem.closed)
+                state.resting[:] = state.mask(stop_jammed_slide(state, closed, gap))
+                stage = RESTS
+            elif stage == UNSOLVED:
+                raise ArithmeticError('no impulses satisfy all contacts of this instant')
+            else:
+                if not (stage == STRIKES and state.taken == FELL):  # of the same state
+                    state.see(stage)
+                stage = self._beside_joints(stage, guard) if rubs else state.go_on(stage, guard)
+                guard = state.fallen
+
+    def _beside_joints(self, stage: int, guard: int) -> int:
+        """`ContactState.go_on` where ideal joints rub by the forces of the contacts."""
+        state, log, switching = self.state, self.state.impacts, self.switching
+        if stage == STRIKES:
+            first, lost = log.count, add_joint_friction(state, switching, guard)
+            stage = state.go_on(stage, guard)
+            if lost and log.count > first:
+                log.rows[first, LOSS] += lost
+            return stage
+        if stage == RESTS and not iterate_friction_modes(
+            state, switching, state.resting, state.touching, state.run.gaps[GIVEN]
+        ):
+            set_trial_modes(state, switching, state.mode_array)
+            given, state.run.gaps[GIVEN] = state.run.gaps[GIVEN].any(), 0
+            return RESTS if given else JAMMED
+        return state.go_on(stage, guard)
 
     def _turn_over(self, switch: int) -> None:
         """A switch passes to its next row: contacts may be off zero from now on."""
@@ -219,42 +252,6 @@ class Contacts:
             self.present.project()
         state.record_modes(before)
 
-    def _change_friction(self, guard: Guard) -> None:
-        """Sticking gives way, or sliding ends or jams."""
-        state, gap, before = self.state, guard.gap, self.state.modes
-        at = state.problem.closed.copy()
-        closed = chosen(at)
-        if before[gap] == Mode.STICKING:
-            state.change(gap, SLIDING[-guard.friction])
-            if is_jammed(state, closed):
-                state.set_modes(before)
-                rest(state, self.switching, at, at, given={gap: -guard.friction})
-            else:
-                state.record_modes(before)
-        elif guard.friction < 0:
-            state.refresh()
-            if state.slip(gap):
-                stopped = state.mask(stop_jammed_slide(state, closed, gap))
-                rest(state, self.switching, stopped, at)
-            else:  # nothing to be stopped
-                self._lift_off(gap)
-        else:
-            rest(state, self.switching, at, at)
-            if state.modes == before:
-                self._hold_slip(gap)
-
-    def _hold_slip(self, gap: int) -> None:
-        """Let a slip count as none that has ended and goes nowhere, for other contacts hold it.
-
-        Where two corners of a block rest on one line, the friction of one may be at its bound
-        while the other sticks: then its slip is zero but for rounding, which would fall through
-        zero for ever. A hair within the bound, friction has no slip to watch.
-        """
-        c, m = self.state.problem, len(self.state.modes)
-        least = _ROUNDING.acceleration * float(np.abs(c.free_acceleration).max(initial=0.0))
-        if abs(c.acceleration[m + gap]) <= least:
-            self.state.scale_slip(gap, 1.0 - _CONTACTS.held_slip)
-
     def missed_event(self, seen_now: int | None = None) -> int | None:
         """A guard which is past zero already: the integrator would never see it fall.
 
@@ -289,70 +286,3 @@ class Contacts:
             if beyond and i != seen_now and not self.switching.leads_back(system.guards[i].switch):
                 return i
         return None
-
-    # --- impacts ------------------------------------------------------------------------------
-
-    def _collide(self, gap: int) -> None:
-        """Impact in `gap` and in all others that touch; then those at rest are sorted out."""
-        state, log, present = self.state, self.state.impacts, self.present
-        log.reserve(len(state.modes))
-        state.refresh()
-        rubs = self._system.dynamics.rubs
-        rubbed = add_joint_friction(state, self.switching, gap) if rubs else 0.0
-        first, marks = log.count, state.marks
-        done = impact_now(
-            state.arrays,
-            state.limits,
-            gap,
-            present.instant(),
-            log.rows,
-            log.count,
-            marks.touching,
-            marks.resting,
-        )
-        if not done.found:
-            raise ArithmeticError('no impulses satisfy all contacts of this instant')
-        log.count = done.entered
-        if rubbed and log.count > first:
-            log.rows[first, LOSS] += rubbed
-        state.horizon = min(state.horizon, done.horizon)
-        if done.rests:
-            rest(state, self.switching, marks.resting, marks.touching)
-
-    def _bounce(self, i: int) -> bool:
-        """Impact of a gap without friction while all fly: `_collide` without its bookkeeping.
-
-        False, and nothing is done, if another gap might touch at the same instant.
-        """
-        state, present, limits = self.state, self.present, self.state.limits
-        f, m, e = present.free, len(state.modes), float(state.problem.restitution[i])
-        terms = present.evaluate(self._system.functions.contact_function).tolist()
-        if m > 1 and any(x <= limits.tie and k != i for k, x in enumerate(terms[:m])):
-            return False
-        # as `problem_of` tells them apart
-        value, rate, acceleration = terms[i], min(terms[m + i], 0.0), terms[3 * m + i]
-        response = 4 * m + i * f
-        compliance = 4 * m + m * f + i * (m + 1)
-        drive, driven = 4 * m + m * (f + m), len(present.base.laws)
-        stop = state.rule.ends(-e * rate, acceleration, e, -value)
-        after = 0.0 if stop else -e * rate
-        p = (after - rate) / terms[compliance]
-        if p > 0.0:
-            for k in range(f):
-                present.state[f + k] += terms[response + k] * p
-            impulse = work = 0.0
-            for k, law in enumerate(present.base.laws):
-                x = terms[drive + i * driven + k] * p
-                impulse += x
-                work += x * rate_of(law, present.integrator.time)
-            left = remaining_time(-e * rate, acceleration, e) if stop else 0.0
-            angle = terms[drive + m * driven + i]
-            loss = -0.5 * (rate + after) * p
-            state.impacts.enter(
-                (present.time, i, angle, -rate, after, p, 0.0, loss, impulse, work, stop, left)
-            )
-        state.horizon = min(state.horizon, horizon_of(after, acceleration))
-        if after <= -_IMPACTS.rebound * rate:
-            only = state.mask([i])
-            rest(state, self.switching, only, only)
-        return True

@@ -77,7 +77,7 @@ class EventLoop:
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
-        self._ta = system.integrator(rtol, _STEPS.rate * fastest, compact)
+        self._ta = system.integrator(rtol, _STEPS.rate * fastest, compact, self)
         width = system.width
         self._state, self._pars = self._ta.state[:width], floats(self._ta.pars)
         self._state[:] = [*state.q, *state.v, *state.states]
@@ -231,8 +231,7 @@ class EventLoop:
                 output.grow()
         if step.guard is not None:
             self._ta.time = end
-            self._count_event(end)
-            self._contacts.handle(step.guard)
+            self._contacts.handle(step.guard, self._count_event(end))
             self._ta.reset_cooldowns()
             if self._gaps.status is not self._marked:
                 self._mark()
@@ -282,13 +281,15 @@ class EventLoop:
         self._marked = self._gaps.status
         self._output.mark(self._present.base, self._marked)
 
-    def _count_event(self, tau: float) -> None:
+    def _count_event(self, tau: float) -> float:
+        """Time [s] of an event at a local time."""
         self.events += 1
         t = self._present.base.at(tau)
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
         self._last_event = t
         if self._simultaneous > _STEPS.simultaneous:
             raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
+        return t
 
     # --- pauses -------------------------------------------------------------------------------
 
@@ -372,7 +373,7 @@ class EventLoop:
         if self._touches:
             self._touches.present = tuple(OngoingTouch(*touch) for touch in s.touches)
         self._gaps.horizon = s.horizon
-        self._gaps.impacts.count, self._gaps.mode_changes = 0, []
+        self._gaps.impacts.count = self._gaps.changes.count = 0
         self._pending = None
         laws.next_base = s.next_base
         self._last_event = s.last_event
@@ -387,8 +388,7 @@ class EventLoop:
 
     def drain(self) -> tuple[Motion, list[Impact], list[ModeChange]]:
         """Motion and events since the last call."""
-        impacts = self._gaps.impacts.drain()
-        changes, self._gaps.mode_changes = self._gaps.mode_changes, []
+        impacts, changes = self._gaps.impacts.drain(), self._gaps.changes.drain()
         motion = self._output.drain()
         if self._touches:
             impacts += self._touches.add(motion)

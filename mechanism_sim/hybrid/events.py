@@ -69,45 +69,6 @@ class Impact(NamedTuple):
         return 0.0 if self.duration else self.energy_loss
 
 
-class ImpactLog:
-    """Impacts in the order in which they happen, as rows of numbers.
-
-    Attributes
-    ----------
-    rows : (n, 12) columns as `contact.problem` names them; the first `count` are filled
-    """
-
-    def __init__(self, joints: Sequence[str]) -> None:
-        self._joints = joints
-        self.rows = np.empty((64, 12))
-        self.count = 0
-
-    def reserve(self, more: int) -> None:
-        """Make room for some more rows."""
-        if self.count + more > len(self.rows):
-            self.rows = np.concatenate([self.rows, np.empty((len(self.rows) + more, 12))])
-
-    def enter(self, row: Sequence[float]) -> None:
-        """Enter an impact."""
-        self.reserve(1)
-        self.rows[self.count] = row
-        self.count += 1
-
-    @property
-    def last_time(self) -> float:
-        """When the last impact happened [s]."""
-        return float(self.rows[self.count - 1, 0])
-
-    def drain(self) -> list[Impact]:
-        """The impacts since the last call."""
-        t, gaps, *others, ends, left = self.rows[: self.count].T.tolist()
-        names, none = [self._joints[int(gap)] for gap in gaps], [0.0] * len(gaps)
-        columns = zip(t, names, *others, map(bool, ends), left, none, none, strict=True)
-        found = [*map(Impact._make, columns)]
-        self.count = 0
-        return found
-
-
 class ModeChange(NamedTuple):
     """A joint enters a mode of contact."""
 
@@ -115,6 +76,65 @@ class ModeChange(NamedTuple):
     joint: str
     mode: Mode
     previous: Mode
+
+
+class EventLog:
+    """Events in the order in which they happen, as rows of numbers.
+
+    Attributes
+    ----------
+    rows : (n, width); the first `count` are filled
+    """
+
+    def __init__(self, joints: Sequence[str], width: int) -> None:
+        self._joints = joints
+        self.rows = np.empty((64, width))
+        self.count = 0
+
+    def reserve(self, more: int) -> None:
+        """Make room for some more rows."""
+        if self.count + more > len(self.rows):
+            more += len(self.rows)
+            self.rows = np.concatenate([self.rows, np.empty((more, self.rows.shape[1]))])
+
+    def _taken(self) -> tuple[list[float], list[str], Iterable[list[float]]]:
+        """Times, names of joints and other columns of the events since the last call."""
+        t, gaps, *others = self.rows[: self.count].T.tolist()
+        self.count = 0
+        return t, [self._joints[int(gap)] for gap in gaps], others
+
+
+class ImpactLog(EventLog):
+    """Impacts; columns as `contact.problem` names them."""
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        super().__init__(joints, 12)
+
+    def drain(self) -> list[Impact]:
+        """The impacts since the last call."""
+        t, names, (*others, ends, left) = self._taken()
+        none = [0.0] * len(t)
+        columns = zip(t, names, *others, map(bool, ends), left, none, none, strict=True)
+        return [*map(Impact._make, columns)]
+
+
+class ModeLog(EventLog):
+    """Changes of mode: time, index of the gap, mode, and that before."""
+
+    def __init__(self, joints: Sequence[str]) -> None:
+        super().__init__(joints, 4)
+
+    def enter(self, t: float, gap: int, mode: int, previous: int) -> None:
+        """Enter a change."""
+        self.reserve(1)
+        self.rows[self.count] = t, gap, mode, previous
+        self.count += 1
+
+    def drain(self) -> list[ModeChange]:
+        """The changes since the last call."""
+        t, names, (modes, previous) = self._taken()
+        known = zip(t, names, map(Mode, modes), map(Mode, previous), strict=True)
+        return [*map(ModeChange._make, known)]
 
 
 def gains(impacts: Iterable[Impact]) -> list[float]:

@@ -9,12 +9,13 @@ from contextlib import suppress
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.contact.impact import ContactImpulse, jam_margin, shock, stop_slide
+from mechanism_sim.contact.impact import ContactImpulse, shock, stop_slide
 from mechanism_sim.contact.problem import enter, push
-from mechanism_sim.hybrid.contact_state import SLIDING, ContactState
+from mechanism_sim.contact.respond import RESTS
+from mechanism_sim.errors import RunError
+from mechanism_sim.hybrid.contact_state import SLIDING, ContactState, chosen
 from mechanism_sim.tolerances import TOLERANCES
 
-_GUARDS = TOLERANCES.guards
 _IMPACTS = TOLERANCES.impacts
 
 _SIGNS = {int(mode): sign for sign, mode in SLIDING.items()}
@@ -25,11 +26,28 @@ def slips_of(state: ContactState, gaps: Sequence[int]) -> list[int]:
     return [_SIGNS.get(state.modes[i], 0) for i in gaps]
 
 
-def is_jammed(state: ContactState, closed: Sequence[int]) -> bool:
-    """True if closed contacts could not slide as their modes say."""
-    state.refresh()
-    _, A, friction = _coupling(state, closed)
-    return jam_margin(A, friction, slips_of(state, closed)) <= _GUARDS.jammed
+def unjam(state: ContactState, jams: int) -> int:
+    """End a slide that no force can keep by an impact without collision, `jams` times at most.
+
+    Returns
+    -------
+    The stage of `contact.respond` after it.
+    """
+    terms, resting, present = state.problem, state.resting, state.present
+    names = [present.system.gaps[i].name for i in chosen(resting)]
+    near = state.touching | (np.abs(terms.value) <= state.limits.touching)
+    try:
+        if not jams:
+            raise ArithmeticError('friction jams again and again')
+        after = shock_contacts(state, chosen(near), chosen(resting))
+    except ArithmeticError as error:
+        raise RunError(
+            f'friction jams {", ".join(names)} at t = {present.time:.12g} s{present.where}: '
+            'neither forces nor finite impulses within the cones of friction keep the contacts; '
+            'use less friction'
+        ) from error
+    state.resting[:], state.touching[:] = state.mask(after), near
+    return RESTS
 
 
 def shock_contacts(

@@ -221,6 +221,8 @@ class Observer:
                 'friction in ideal joints does not follow from their forces: it nearly jams; '
                 'a smaller coefficient or radius runs'
             )
+        with np.errstate(over='ignore'):  # of numbers near the largest
+            drive_power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)
         return Observation(
             at.q,
             at.v,
@@ -232,7 +234,7 @@ class Observer:
             reaction.reshape(-1, 2, at.q.shape[1]),
             moment,
             drive_torque,
-            (drive_torque * at.v[self.system.driven_index]).sum(axis=0),
+            drive_power,
             energy[0],
             energy[1],
         )

@@ -147,7 +147,7 @@ class DynamicPhysics:
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Observation:
         """Observation without whole turns; near singular positions with the limits of forces."""
-        seen = self.observer.observe(self._state(motion, segments, dt))
+        seen = self.observer.observe(self.inputs(motion, segments, dt))
         crossings = self._crossings(motion, segments)
         if not crossings or not crossings.segments.size:
             return seen
@@ -155,7 +155,7 @@ class DynamicPhysics:
         near = np.flatnonzero(crossings.near(each, since))
         if near.size:
             found = crossings.limits(each[near], since[near], lambda k, t: _stacked(
-                self.observer.observe(self._state(motion, k, t))
+                self.observer.observe(self.inputs(motion, k, t))
             ))  # fmt: skip
             sizes = [np.size(x[..., 0]) for x in _limited(seen)]
             for field, rows in zip(
@@ -180,7 +180,7 @@ class DynamicPhysics:
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance."""
-        return self.observer.account(self._state(motion, segments, dt))
+        return self.observer.account(self.inputs(motion, segments, dt))
 
     @property
     def takes_power(self) -> bool:
@@ -199,13 +199,13 @@ class DynamicPhysics:
 
     def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Power (N,) [W] that springs, dampers, films and loads take."""
-        return self.observer.load_power(self._state(motion, segments, dt))
+        return self.observer.load_power(self.inputs(motion, segments, dt))
 
     def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
         """Compliant contacts then."""
-        return self.observer.touch(self._state(motion, segments, dt))
+        return self.observer.touch(self.inputs(motion, segments, dt))
 
-    def _state(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
+    def inputs(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
         """Instants as `Observer.observe` takes them, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
         if isinstance(dt, Nodes):
@@ -272,7 +272,7 @@ class DynamicPhysics:
         names = [*self.system.equations.frames.switches]
         if not self.system.set_valued.holding:
             return {}
-        parts = self.observer.parts(self._state(motion, segments, dt))
+        parts = self.observer.parts(self.inputs(motion, segments, dt))
         return dict(zip([names[k] for k in self.system.set_valued.holding], parts, strict=True))
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:

@@ -6,6 +6,7 @@ and notebooks ask objects themselves how to show them.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +20,7 @@ def register(**finders: Callable[[], Plot]) -> None:
 
     Parameters
     ----------
-    finders : by ``plot``, ``html``, ``report``
+    finders : by ``plot``, ``html``, ``report``, ``progress``
     """
     _finders.update(finders)
 
@@ -32,6 +33,12 @@ def plot(run: Any, *names: str, **how: Any) -> Any:
 def report(*sources: Any, **how: Any) -> Any:
     """Write the page of a run; see `mechanism_sim.pages.writing.report`."""
     return _finders['report']()(*sources, **how)
+
+
+def progress(label: str, total: float) -> Callable[..., None] | None:
+    """Shows how far long work is, in the cell of a notebook; None elsewhere."""
+    known = 'ipykernel' in sys.modules and 'progress' in _finders
+    return _finders['progress']()(label, total) if known else None
 
 
 class Rich:

@@ -39,6 +39,9 @@ class PresentState:
         self.pars = floats(self.parameters)
         self.rows: tuple[int, ...] = (0,) * len(system.switches)
         self.rounding = 2.0 * float(np.spacing(system.mechanism.reach))
+        watched = len(system.guards) + 2 * len(system.gaps) + len(system.switches)
+        #: numbers that functions give, of those that events ask for
+        self.seen = max(watched, 2 * self.free + len(system.equations.relation_jets))
         self._now = np.empty(system.width + len(self.pars) + 1)
         now = floats(self._now)
         self._now_state, self._now_pars = now[: system.width], now[system.width : -1]

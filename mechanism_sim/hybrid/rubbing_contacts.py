@@ -59,8 +59,8 @@ def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> f
             now._replace(v=now.v.copy()),
             rows,
             0,
-            state.marks.touching,
-            state.marks.resting,
+            state.touching,
+            state.resting,
         )
         x = np.zeros(layout.rows)
         for row in rows[: done.entered]:

@@ -146,7 +146,7 @@ class System:
         parameters[self.parameters.fired] = 0.0
         return guard if guard >= 0 else None
 
-    @property
+    @cached_property
     def lone(self) -> bool:
         """True if there is one gap, and no friction in it: the case that is made fastest."""
         alone = len(self.guards) == len(self.gaps) == 1
@@ -157,18 +157,18 @@ class System:
         """Which gaps (m,) have a rate only, see `Gap.value`."""
         return tuple(jet.value is None for jet in self.dynamics.contacts.normal)
 
-    @property
+    @cached_property
     def compliant(self) -> bool:
         """True if contacts push back by a law of force instead of being kept closed."""
         return self.dynamics.contacts.compliant
 
-    @property
+    @cached_property
     def frictional(self) -> bool:
         """True if any gap has friction."""
         return bool(self.dynamics.contacts.frictional)
 
     def integrator(
-        self, rtol: float, scale: float = 1.0, compact: bool = False
+        self, rtol: float, scale: float = 1.0, compact: bool = False, owner: object = None
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
@@ -187,10 +187,21 @@ class System:
         rtol : wanted error of a step relative to `scale`
         scale : size of the largest rate [rad/s]
         compact : compile slower but smaller code (for many coordinates)
+        owner : that steps with it; this system if not given
         """
         # four orders more: 300 instead of 390 steps in a revolution of the thesis scene
         order = math.ceil(5.0 - 0.5 * math.log(rtol))
         tolerance = math.exp(-2.0 * (order - 1.5))
+        integrator = compiled.integrator(
+            self._taylor, tolerance, compact, self.parameters.fired, owner or self
+        )
+        integrator.state[self.width] = scale * rtol / tolerance
+        integrator.pars[:] = self.parameters.values
+        return integrator
+
+    @cached_property
+    def _taylor(self) -> compiled.TaylorEquations:
+        """Equations and guards of `integrator`, over their variables."""
         constant = hy.make_vars('step_constant')
         frames = self.equations.frames
         a = [dense(x) for x in self.dynamics.stabilised.a]
@@ -220,12 +231,7 @@ class System:
             *watch,
             *directions,
         ]
-        integrator = compiled.integrator(
-            equations, guards, tolerance, compact, self.parameters.fired
-        )
-        integrator.state[len(motion)] = scale * rtol / tolerance
-        integrator.pars[:] = self.parameters.values
-        return integrator
+        return compiled.TaylorEquations(equations, guards)
 
     @cached_property
     def edges(self) -> Edges | None:
@@ -241,7 +247,7 @@ class System:
         angles = [c for c in self.prescribed if c not in self.mechanism.displacements]
         return tuple(angles) if self.degree == 1 and self.lone else ()
 
-    @property
+    @cached_property
     def timed(self) -> bool:
         """True if the integrator's equations contain the time."""
         return (bool(self.prescribed) and not self.turning) or 'time' in self.outside

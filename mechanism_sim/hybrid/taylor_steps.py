@@ -75,8 +75,7 @@ class TaylorSteps:
         self._check: StepCheck | None = None
         if system.steep:
             self._check = StepCheck(system, system.steep, self._ta, defect)
-        quick = (system.lone or not system.guards) and not system.timed
-        self._quick = quick and self._check is None
+        self._quick = self._check is None and not system.compliant
         width, series = self._ta.order + 1, floats(self._ta.tc)
         watch = system.width + 1  # after the state and the constant
         near = watch + len(system.guards)  # then the distance from singular positions
@@ -95,27 +94,35 @@ class TaylorSteps:
         gaps, output, ta, step = self._gaps, self._output, self._ta, self._step
         if self._laws.since >= _STEPS.row:
             self._laws.turn(tau)
-        longest = self.longest
-        if not self._quick or self._laws.coming or gaps.horizon < longest:
+        longest, horizon = self.longest, gaps.horizon
+        if not self._quick or self._laws.coming or horizon < longest:
             if self._system.timed:
                 ta.time = tau
-            h = step(min(longest, gaps.horizon), True)[1]
+            h = step(min(longest, horizon), True)[1]
             return tau, h if self._check is None else self._checked(tau, h, self._check)
         coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
-        slots, lengths, lone = output.slots, output.lengths, self._system.lone
+        slots, lengths, lone, timed = (
+            output.slots,
+            output.lengths,
+            self._system.lone,
+            self._system.timed,
+        )
         enter_tau, enter_length = output.taus.append, lengths.append
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
         stabilisation, quickest = self._stabilisation, self._quickest
+        singular = near is not _UNWATCHED
         count, stop = len(lengths), min(limit, self._laws.next_base)
         row = min(count + _STEPS.row - self._laws.since, last, len(slots) - 1)
         for slot in slots[count:row]:
+            if timed:
+                ta.time = tau
             h = step(longest, True)[1]
             end = tau + h
             if pars[fired] or not tau < end <= stop:
                 break
-            if lone and watch[0] < _NEAR_ROOT:
+            if watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT:
                 break
-            if near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0:
+            if singular and near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0:
                 break
             slot[:] = coefficients
             enter_tau(tau)

@@ -34,7 +34,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
         if len(roots) != 1:
             raise InputError(f'{path.name}: there must be one link that no joint carries')
         robot.joints.append(_fixed('base', WORLD, roots[0]))
-    state = {x.get('joint'): number(x.get('position')) for x in root.findall('state/joint_state')}
+    state = _positions(root)
     known = {WORLD, *roots}
     waiting = root.findall('joint')
     while waiting:
@@ -66,7 +66,24 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
 _Z = np.array([0.0, 0.0, 1.0])
 
 
-def _carry(robot: Robot, joint: Element, state: dict[str | None, float]) -> None:
+def _positions(root: Element) -> dict[str, float]:
+    """Of all joints at the start [rad, m]; one may follow another that follows a third."""
+    state = {x.get('joint'): number(x.get('position')) for x in root.findall('state/joint_state')}
+    joints = {_name(joint): joint for joint in root.findall('joint')}
+
+    def position(name: str, followers: tuple[str, ...] = ()) -> float:
+        if name in followers:
+            raise InputError(f'{name}: joints that mimic each other in a circle have no position')
+        mimic = joints[name].find('mimic') if name in joints else None
+        if mimic is None:
+            return state.get(name, 0.0)
+        leader = position(str(mimic.get('joint')), (*followers, name))
+        return number(mimic.get('multiplier'), 1.0) * leader + number(mimic.get('offset'))
+
+    return {name: position(name) for name in joints}
+
+
+def _carry(robot: Robot, joint: Element, state: dict[str, float]) -> None:
     """A joint, and where the link that it carries is."""
     name, kind = _name(joint), _KINDS.get(joint.get('type', ''))
     parent, child = (robot.bodies[_end(joint, side)] for side in ('parent', 'child'))
@@ -77,10 +94,9 @@ def _carry(robot: Robot, joint: Element, state: dict[str | None, float]) -> None
     turn, at = _origin(joint)
     axis = numbers(_find(joint, 'axis', 'xyz') or '1 0 0', 3)
     axis /= np.linalg.norm(axis) or 1.0
-    mimic, value = joint.find('mimic'), state.get(name, 0.0)
+    mimic, value = joint.find('mimic'), state[name]
     if mimic is not None:
-        factor, offset = number(mimic.get('multiplier'), 1.0), number(mimic.get('offset'))
-        value = factor * state.get(mimic.get('joint'), 0.0) + offset
+        factor = number(mimic.get('multiplier'), 1.0)
         robot.ratios[name] = {name: 1.0, str(mimic.get('joint')): -factor}
     child.turn, child.place = parent.turn @ turn, parent.world(at)
     if kind == 'revolute':

@@ -19,6 +19,7 @@ from functools import lru_cache
 from hashlib import sha256
 from itertools import accumulate
 from typing import Any
+from weakref import finalize
 
 import heyoka as hy
 import numpy as np
@@ -84,6 +85,7 @@ class _KeyedTerms:
         except OverflowError:
             self.large = True
         self._key: object = self._digest() if self.large else self.expressions
+        self._hash = hash(self._key)
 
     def _digest(self) -> bytes:
         # in one expression shared parts are pickled once; a sum alone would forget the order
@@ -91,7 +93,7 @@ class _KeyedTerms:
         return sha256(pickle.dumps(hy.sum(list(terms)))).digest()
 
     def __hash__(self) -> int:
-        return hash(self._key)
+        return self._hash
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _KeyedTerms) and self._key == other._key
@@ -103,6 +105,11 @@ def _function(terms: _KeyedTerms, variables: tuple[hy.expression, ...]) -> hy.cf
     optimisation = 0 if terms.large else 3
     with _counted():
         return compiled(lambda: hy.cfunc(outputs, vars=inputs, opt_level=optimisation))
+
+
+def alike(some: Sequence[hy.expression], others: Sequence[hy.expression]) -> bool:
+    """True if expressions are the same but for values of parameters: so is their code."""
+    return _KeyedTerms(some) == _KeyedTerms(others)
 
 
 def function(
@@ -119,7 +126,9 @@ def _integrator(
     tolerance: float,
     compact: bool,
     flag: int,
-) -> hy.taylor_adaptive_dbl:
+) -> tuple[hy.taylor_adaptive_dbl, list[hy.taylor_adaptive_dbl]]:
+    """An integrator, and copies of it that nobody uses."""
+
     def marking(index: int) -> hy.callback:
         def fell(integrator: hy.taylor_adaptive_dbl, _direction: int) -> bool:
             integrator.pars[flag] = index + 1.0
@@ -148,29 +157,56 @@ def _integrator(
         )
 
     with _counted():
-        return compiled(make)
+        return compiled(make), []
 
 
-def integrator(
-    equations: Sequence[tuple[hy.expression, hy.expression]],
-    guards: Sequence[hy.expression],
-    tolerance: float,
-    compact: bool,
-    flag: int,
-) -> hy.taylor_adaptive_dbl:
-    """A Taylor integrator whose steps end where a guard falls through zero.
+class TaylorEquations:
+    """Equations and guards of an integrator, compared with others once.
 
     Parameters
     ----------
     equations : states and their derivatives
     guards : functions of state, time and parameters
+    """
+
+    def __init__(
+        self,
+        equations: Sequence[tuple[hy.expression, hy.expression]],
+        guards: Sequence[hy.expression],
+    ) -> None:
+        self.states, rates = zip(*equations, strict=True)
+        self.terms = _KeyedTerms([*rates, *guards])
+
+
+def integrator(
+    equations: TaylorEquations, tolerance: float, compact: bool, flag: int, owner: object
+) -> hy.taylor_adaptive_dbl:
+    """A Taylor integrator whose steps end where a guard falls through zero.
+
+    Parameters
+    ----------
     tolerance : heyoka's
     compact : compile slower but smaller code
     flag : the last parameter, which becomes 1 plus the index of the guard that ended a step; some
         equation must name it
+    owner : when it is gone, another may have the integrator: to copy one takes a millisecond
     """
-    states, rates = zip(*equations, strict=True)
-    return copy(_integrator(states, _KeyedTerms([*rates, *guards]), tolerance, compact, flag))
+    first, idle = _integrator(equations.states, equations.terms, tolerance, compact, flag)
+    found = idle.pop() if idle else copy(first)
+    found.time, found.state[:], found.pars[:] = 0.0, 0.0, 0.0
+    if found.with_events:
+        found.reset_cooldowns()
+    finalize(owner, _release, idle, found).atexit = False
+    return found
+
+
+def _release(idle: list[hy.taylor_adaptive_dbl], used: hy.taylor_adaptive_dbl) -> None:
+    if len(idle) < _IDLE:
+        idle.append(used)
+
+
+_IDLE = 4
+"""Integrators of one kind that are kept for the next run."""
 
 
 COLUMNS = 1024

@@ -218,6 +218,27 @@ def solve(A: Array, b: Array) -> tuple[Array, bool]:
 
 
 @kernel
+def determinant(A: Array) -> float:
+    """Determinant of A (n, n)."""
+    T, n, found = A.copy(), len(A), 1.0
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(T[i, k]) > abs(T[best, k]):
+                best = i
+        found *= T[best, k] if best == k else -T[best, k]
+        for i in range(k, n):
+            if i == k and best != k:
+                for j in range(k, n):
+                    T[k, j], T[best, j] = T[best, j], T[k, j]
+            elif i > k and T[k, k] != 0.0:
+                factor = T[i, k] / T[k, k]
+                for j in range(k + 1, n):
+                    T[i, j] -= factor * T[k, j]
+    return found
+
+
+@kernel
 def solve_semidefinite(A: Array, B: Array) -> Array:
     """A solution (n, k) of ``A X = B`` for symmetric positive semidefinite A.
 

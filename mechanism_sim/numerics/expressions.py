@@ -280,7 +280,7 @@ class _ExpressionReader:
                 token.start, 'figure', *args, name=self._figures[name],
                 value=self._count - 1, window=tuple(window),
             )  # fmt: skip
-        if window:
+        if window and name in self._functions:
             raise InputError(f"'{window[0][0]}' in {text} stands in '{name}', which is of no run")
         name = name if name in self._functions else ALIASES.get(name, name)
         return self._node(token.start, 'call', *args, name=name)
@@ -333,18 +333,19 @@ def parse(
         if power and (power.kind != 'number' or power.unit or power.value not in (2.0, 3.0, 4.0)):
             raise InputError(f'the power in {quoted(text)} must be 2, 3 or 4')
         if node.kind == 'call' and functions is not None:
-            _check_call(node, functions, [*dict.fromkeys((figures or {}).values())], text)
+            _check_call(node, functions, figures or {}, text)
     return tree
 
 
 def _check_call(
-    node: ExpressionNode, functions: Mapping[str, int], figures: list[str], text: str
+    node: ExpressionNode, functions: Mapping[str, int], figures: Mapping[str, str], text: str
 ) -> None:
     """Refuse a function that is not known, or not with so many arguments."""
     name, count = node.name, len(node.args)
     if name not in functions:
         hint = nearest(name, [*figures, *functions])
-        within = f'functions: {", ".join(figures)}; in them ' if figures else ''
+        own = ', '.join(dict.fromkeys(figures.values()))
+        within = f'functions: {own}; in them ' if own else ''
         raise InputError(
             f"'{name}' in {quoted(text)} is not a function known here{hint}; {within}known are "
             f'{", ".join(sorted(functions))}'

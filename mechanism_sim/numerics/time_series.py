@@ -111,7 +111,9 @@ class TimeSeries:
         rates = [value, *guards]
         states = [(hy.make_vars(f'integral {k}'), x) for k, x in enumerate(rates)]
         tiny = (hy.make_vars('last'), hy.par[last] * 0.0 + 0.0 * hy.time + hy.par[last])
-        self._series = compiled.integrator([*states, tiny], [], _TOLERANCE, True, last)
+        self._series = compiled.integrator(
+            compiled.TaylorEquations([*states, tiny], []), _TOLERANCE, True, last, self
+        )
         local = hy.make_vars('local')
         values = compiled.function(hy.subs([value], {hy.time: local}), [local])
 

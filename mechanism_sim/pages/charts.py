@@ -111,6 +111,7 @@ class _PlotlyFigure:
             'margin': {**side, 't': heads[0], 'b': _ROUND if round_ else feet[-1]},
             'height': round(inner + heads[0] + (_ROUND if round_ else feet[-1])),
         }
+        self._title = _TITLE / inner  # of the height between the margins
         top = inner
         for i, row in enumerate(rows):
             for j, panel in enumerate(row):
@@ -127,7 +128,7 @@ class _PlotlyFigure:
         lines = int(np.ceil(across / (_WIDTH / self.chart.columns)))
         marked = any(m.text and not m.level for m in panel.marks)
         least = _ROUND if panel.form == 'polar' else _HEAD
-        title = bool(panel.title and not lines)
+        title = bool(panel.title)
         return round(least + _LEGEND * lines + _TITLE * title + 14 * marked)
 
     def _add(self, panel: Panel, k: int, domain: list[float], across: list[float]) -> None:
@@ -196,11 +197,11 @@ class _PlotlyFigure:
         })  # fmt: skip
 
     def _legend(self, panel: Panel, n: str, domain: list[float], across: list[float]) -> None:
-        """Above its panel, where there are no curves; to the right of a title."""
+        """Above its panel and its title, where there are no curves."""
         if panel.entries:
             self.layout['legend' + n] = {
-                'orientation': 'h', 'x': across[bool(panel.title)], 'y': domain[1],
-                'xanchor': 'right' if panel.title else 'left', 'yanchor': 'bottom',
+                'orientation': 'h', 'x': across[0], 'xanchor': 'left', 'yanchor': 'bottom',
+                'y': domain[1] + self._title * bool(panel.title),
                 'bgcolor': _NOTHING, 'font': {'size': 11}, 'itemwidth': 30,
             }  # fmt: skip
 
@@ -273,7 +274,7 @@ def _traces(panel: Panel, curve: ChartCurve) -> Iterator[Json]:
     dash = ','.join(f'{width * part:.2g}px' for part in pattern) if pattern else 'solid'
     same: Json = {
         'type': 'scatterpolar' if round_ else 'scatter', 'name': curve.label or curve.of,
-        **({'legendgroup': curve.of} if curve.of else {}),
+        **({'legendgroup': curve.group or curve.of} if curve.group or curve.of else {}),
     }  # fmt: skip
     line = {'color': curve.shade, 'width': width, 'dash': dash}
     if curve.form == 'area' and curve.low is not None:

@@ -16,8 +16,12 @@ from mechanism_sim.export.stage import packed
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.pages.writing import record_of
+from mechanism_sim.recording import Bag
 from mechanism_sim.report.charts.thinning import SampledLine, thin
+from mechanism_sim.report.shown import is_run
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene
@@ -50,7 +54,7 @@ class Player:
 
 
 def play(
-    scene: Source,
+    scene: Source | Piece | Cycle | Bag,
     run: Piece | None = None,
     *,
     start: float | str | None = None,
@@ -66,19 +70,21 @@ def play(
 
     Parameters
     ----------
-    scene : all that `load_scene` takes
-    run : what it does, such as a solution; the scene's own run if not
+    scene : all that `load_scene` takes, or a solution, a cycle, a bag or its path
+    run : what it does, such as a solution; the scene's own run if not, up to `end` if given
     start, end : part of it [s]
     charts : with all charts of the report, some megabytes; else the machine alone
     height : [pixels]
     """
-    machine = load_scene(scene)
-    record = Record(machine, run or simulate(machine), {})
     start, end = argument('start', start, 's'), argument('end', end, 's')
+    if run is None:
+        record = record_of(scene, None, None, None if is_run(scene) else end)
+    else:
+        record = Record(load_scene(scene), run, {})  # type: ignore[arg-type]
     first = record.start if start is None else start
     record = record.between(first, record.end if end is None else end)
     parts = sections(record) if charts else ()
-    return Player(report.page(recorded(record), parts), height, machine.scene.title)
+    return Player(report.page(recorded(record), parts), height, record.machine.scene.title)
 
 
 def explore(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,22 +43,24 @@ class Family(NamedTuple):
     curves: dict[str, Any]
 
 
-class ComparedRun(NamedTuple):
-    """Another run that a page compares its own with.
+class ComparisonPage(NamedTuple):
+    """Other runs that a page compares its own with.
 
     Attributes
     ----------
-    names : of both runs
+    names : of all runs
+    scenes : keys that differ, and their values in all
     """
 
-    run: Recorded
+    runs: Sequence[Recorded]
     names: tuple[str, ...]
+    scenes: Mapping[str, tuple[str, ...]]
     differences: Sequence[Difference]
 
 
 def page(
     run: Recorded, parts: Sequence[ChartSection] = (), source: str = '', digest: str = '',
-    beside: ComparedRun | None = None, family: Family | None = None, library: str = '',
+    beside: ComparisonPage | None = None, family: Family | None = None, library: str = '',
     back: str = '',
 ) -> str:  # fmt: skip
     """The page of a run as HTML.
@@ -68,19 +70,20 @@ def page(
     parts : the charts, section by section
     source : the file it was recorded in
     digest : of the whole run, where this is a part of one
-    beside : a second run; its machine is a ghost, and `parts` have the lines of both
+    beside : further runs; their machines are dashed, and `parts` have the lines of all
     family : runs of which a slider chooses
     library : address of plotly.js, which pages of a site share; else the page holds it
     back : address of the page from which this one is opened
     """
     record = run.record
     scene = record.machine.scene
-    runs = [run, beside.run] if beside else [run]
+    runs = [run, *beside.runs] if beside else [run]
     loose = [j.name for x in runs for joints in (x.stage.bearings, x.stage.plays) for j in joints]
     bearings = list(dict.fromkeys(loose))
     data = {**run.to_json(), 'turn': turn(run), 'bearings': bearings, 'dark': NIGHT}
     if beside:
-        data['other'] = beside.run.to_json()
+        data['others'] = [other.to_json() for other in beside.runs]
+        data['names'] = beside.names
     if family:
         data['curves'] = family.curves
         data['family'] = [x.to_json() for x in family.runs[1:]]
@@ -91,12 +94,13 @@ def page(
         title=' and '.join(dict.fromkeys(x.record.machine.scene.title for x in runs)),
         scene=record.machine.name,
         description=scene.description.strip(),
-        facts=_facts(run, source, digest),
+        facts=[] if beside else _facts(run, source, digest),
         sections=parts,
         heights={key: drawn['layout']['height'] for key, drawn in charts.items()},
         bearings=[name.replace('_', ' ') for name in bearings],
         names=beside.names if beside else (),
-        differences=_rows(beside.differences) if beside else (),
+        scenes=_scenes(beside) if beside else (),
+        differences=_rows(beside) if beside else (),
         forces=bool(run.stage.joints),
         points=any(s.kind == 'point' and s.number >= 0 for s in run.stage.skeleton.shapes),
         style=styles('stage', 'style'),
@@ -110,12 +114,21 @@ def page(
     )
 
 
-def _rows(differences: Sequence[Difference]) -> list[tuple[str, ...]]:
-    """Of the table: subject, name with its unit, both values, change and ratio."""
-    rows = []
-    for d in differences:
-        unit = f' [{typeset(d.unit)}]' if d.unit else ''
-        rows.append((d.subject, d.name.replace('_', ' ') + unit, *texts(d)))
+def _scenes(beside: ComparisonPage) -> list[tuple[str, ...]]:
+    """Of the table of keys that differ between the scenes."""
+    head = 'key of the scene', *beside.names
+    return [head, *((path, *values) for path, values in beside.scenes.items())]
+
+
+def _rows(beside: ComparisonPage) -> list[tuple[str, ...]]:
+    """Of the table: figure with its unit, its values, and of two their difference and ratio."""
+    rows: list[tuple[str, ...]] = [('figure', *beside.names)]
+    if len(beside.names) == 2:
+        rows[0] += 'difference', 'ratio'
+    for d in beside.differences:
+        unit, *values = texts(d)
+        name = f'{d.subject}: {d.name.replace("_", " ")}'
+        rows.append((f'{name} [{typeset(unit)}]' if unit else name, *values))
     return rows
 
 

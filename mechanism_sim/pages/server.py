@@ -10,6 +10,7 @@ import asyncio
 import errno
 import logging
 import socket
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from hmac import compare_digest
 from http import HTTPStatus
@@ -25,6 +26,7 @@ from websockets.http11 import Request, Response
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
 
+PORT = 8080
 HOST = '127.0.0.1'
 SOCKET = '/live'
 SLOW = 2_000_000
@@ -85,7 +87,7 @@ class Server:
     Parameters
     ----------
     contents : by path
-    port : 0 for any; if it is taken, any other
+    port : 0 for any; None for 8080, or any other if that is taken, which is said
     greet : messages for a page that has just been opened, or their texts
     hear : called, in the server's thread, with every command of a page; whatever it raises, or if
         it gives back False, the page is cut off
@@ -254,8 +256,9 @@ def _silent() -> logging.Logger:
     return logger
 
 
-def _listening(port: int, name: str) -> socket.socket:
-    """A socket on a port of this machine, or on another if that is taken."""
+def _listening(wanted: int | None, name: str) -> socket.socket:
+    """A socket on a port of this machine; None is `PORT`, or another if that is taken."""
+    port = PORT if wanted is None else wanted
     if not 0 <= port <= 65535:
         raise InputError(
             f'{name}: the port must be between 0 and 65535, not {port}; 0 is any free'
@@ -267,4 +270,9 @@ def _listening(port: int, name: str) -> socket.socket:
     except OSError as error:
         if error.errno != errno.EADDRINUSE:
             raise InputError(f'{name}: port {port} of {HOST}: {error.strerror}') from error
+        if wanted is not None:
+            raise InputError(
+                f'{name}: port {port} of {HOST} is taken: choose another; 0 is any free'
+            ) from error
+        print(f'mechanism-sim: port {port} is taken: another was chosen', file=sys.stderr)
         return socket.create_server((HOST, 0))

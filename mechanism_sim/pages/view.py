@@ -24,10 +24,9 @@ from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import Control, controls
 from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
-from mechanism_sim.pages.server import Command, Mailbox, Server
+from mechanism_sim.pages.server import PORT, Command, Mailbox, Server
 
 MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'live'
-PORT = 8080
 
 #: Nobody waits for a page: what it is too slow for is dropped.
 NEWEST = QoSProfile(
@@ -80,10 +79,11 @@ class ViewNode(DescribedNode):
         self.create_subscription(Impact, 'impacts', self._receive_impact, NEWEST)
         self._topic = motion.topic_name
         self.server = Server(
-            contents_of('live', MODULES), port, lambda: self._greeting, self._asked.put
+            contents_of('live', MODULES),
+            None if port == PORT else port,
+            lambda: self._greeting,
+            self._asked.put,
         )
-        if port and self.server.port != port:
-            self.get_logger().info(f'port {port} is taken: another was chosen')
         apart = ReentrantCallbackGroup()  # who waits for an answer keeps nothing else waiting
         self.create_timer(_FRAMES, self._show)
         self.create_timer(_LISTEN, self._obey, callback_group=apart)

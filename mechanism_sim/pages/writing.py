@@ -15,10 +15,10 @@ from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.recording import Bag
-from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
+from mechanism_sim.report.shown import is_run
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement
@@ -32,13 +32,14 @@ def report(
     source: Source | Piece | Cycle | Bag,
     file: str | Path | None = None,
     *,
-    other: Source | Piece | Cycle | Bag | None = None,
+    other: Source | Piece | Cycle | Bag | Sequence[Source | Piece | Cycle | Bag] | None = None,
     measures: Sequence[str] = (),
     start: float | str | None = None,
+    skip: int = 0,
     revolutions: float | None = None,
     duration: float | str | None = None,
 ) -> Path:
-    """Write a page that plays a run and charts it, or compares two: one HTML file.
+    """Write a page that plays a run and charts it, or compares several: one HTML file.
 
     >>> import mechanism_sim as ms
     >>> run = ms.simulate('slider_crank', revolutions=1)
@@ -49,34 +50,37 @@ def report(
     ----------
     source : a solution, a cycle, a bag or its path, or all that `load_scene` takes
     file : an .html file; named after the machine if not given
-    other : a second run, which the first is compared with
-    measures : further figures; not for two runs
+    other : a second run, or a list of runs, which the first is compared with
+    measures : further figures; not for several runs
     start : from when on [s]
+    skip : full turns of the drive that are left out at the beginning, instead
     revolutions, duration : length; without either all of a run, or that of the scene
     """
     if other is not None and measures:
         raise InputError('measures are of one run: leave them out of a comparison')
+    beside = [] if other is None else [*other] if isinstance(other, list | tuple) else [other]
     length = argument('start', start, 's'), revolutions, duration
-    sources = [source] if other is None else [source, other]
-    records = [_record_of(each, *length) for each in sources]
+    sources = [source, *beside]
+    records = [record_of(each, *length) for each in sources]
+    if skip:
+        records = [each.between(each.begin(skip), each.end) for each in records]
     names = [str(x) if isinstance(x, str | Path) and '\n' not in str(x) else r.machine.name
              for x, r in zip(sources, records, strict=True)]  # fmt: skip
     path = output.check_path(
         'file', file or f'{"_".join(Path(name).stem for name in names)}.html', '.html', '.htm'
     )
-    if other is not None:
-        write_comparison((records[0], records[1]), (names[0], names[1]), path)
+    if beside:
+        write_comparison(records, names, path)
     else:
         write_page(records[0], path, measures=measures)
     return path
 
 
-def _record_of(
+def record_of(
     source: Any, start: float | None, revolutions: float | None, duration: float | str | None
 ) -> Record:
     """The run of a source, or that part of it which is asked for."""
-    is_file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
-    if is_file or isinstance(source, Piece | Cycle | Bag):
+    if is_run(source):
         record = open_run(source)
         if not isinstance(record, Record):
             raise InputError(f'{source}: a report needs the machine, and this bag has none')
@@ -116,14 +120,25 @@ def write_page(
     return len(text.encode())
 
 
+_MOST = 6  # runs that can be told apart
+
+
 def write_comparison(
-    records: tuple[Record, Record], names: tuple[str, str], file: Path
-) -> list[comparison.Difference]:
-    """Write the page of two runs; their differences."""
-    one, two = records
-    found = comparison.compare(one, two)
-    runs = together(recorded(one), recorded(two))
-    parts = overlaid(sections(one), sections(two))
-    beside = pages.ComparedRun(runs[1], names, found)
-    output.write_text(file, pages.page(runs[0], parts, beside=beside))
-    return found
+    records: Sequence[Record], sources: Sequence[str], file: Path
+) -> pages.ComparisonPage:
+    """Write the page of several runs, which are named by what differs in their scenes.
+
+    Parameters
+    ----------
+    sources : names of the runs where their scenes do not tell them apart
+    """
+    if len(records) > _MOST:
+        raise InputError(f'{len(records)} runs are more than the {_MOST} that can be told apart')
+    found = comparison.compare(*records)
+    scenes = comparison.scene_differences([record.machine.scene for record in records])
+    names = comparison.run_names(scenes, sources)
+    first, *others = together(*map(recorded, records))
+    parts = overlaid([sections(record) for record in records], names)
+    beside = pages.ComparisonPage(others, names, scenes, found)
+    output.write_text(file, pages.page(first, parts, beside=beside))
+    return beside

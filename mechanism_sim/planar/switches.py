@@ -57,6 +57,11 @@ class Switch(NamedTuple):
         """Value from which the present row follows."""
         return self.inside
 
+    @property
+    def every_row(self) -> Array:
+        """Values of the symbols that depend on numbers of a scene: none."""
+        return np.zeros((0, len(self.symbols)))
+
     def row_at(self, place: float) -> int:
         """1 inside, else 0."""
         return int(place > 0.0)
@@ -162,6 +167,11 @@ class SwitchTable:
     def numbers(self) -> tuple[hy.expression, ...]:
         """Symbols of the numbers of the present row."""
         return self.symbols[: self._rows.shape[1]]
+
+    @property
+    def every_row(self) -> Array:
+        """Values of the symbols in all rows (k, n)."""
+        return self._values
 
     def rows_at(self, places: Array) -> NDArray[np.intp]:
         """The rows (N,) at places (N,) [rad, m]."""

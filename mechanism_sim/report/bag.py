@@ -9,12 +9,13 @@ from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
 from mechanism_sim.analysis.fields import FieldRange
 from mechanism_sim.analysis.impacts import ImpactSummary
-from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
+from mechanism_sim.analysis.loads import LoadSummary
 from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
 from mechanism_sim.analysis.wear import WearMap
+from mechanism_sim.report.loads import load_rows
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows
 from mechanism_sim.results.means import Mean
@@ -131,21 +132,8 @@ def _modes(joints: tuple[JointModes, ...]) -> Section:
 
 
 def _loads(drive: str, loads: LoadSummary) -> Section:
-    def row(peak: LoadPeak, unit: str) -> tuple[Cell, ...]:
-        angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
-        value, least = f'{peak.value:.6g} {unit}', '' if peak.whole else '>= '
-        if peak.duration is None or peak.impulse is None:
-            return peak.name, value, peak.time, angle, '', ''
-        impulse = f'{least}{peak.impulse:.4g} {unit.rstrip()} s'
-        return peak.name, value, peak.time, angle, f'{least}{peak.duration:.4g} s', impulse
-
-    rows = [row(peak, 'N  ') for peak in loads.joints] + [row(loads.drive_torque, 'N m')]
-    rows += [row(peak, 'N m') for peak in loads.moments]
-    columns = 6 if any(row[4] for row in rows) else 4
-    head = 'joint', 'largest', 'at [s]', drive, 'above half for', 'impulse'
     published = '' if loads.samples is None else f', of {loads.samples} published instants'
-    table = [cells[:columns] for cells in (head, *rows)]
-    return Section(f'loads between impacts{published}', table=table)
+    return Section(f'loads between impacts{published}', table=load_rows(drive, loads))
 
 
 def _energy(e: EnergySummary) -> Section:
@@ -267,7 +255,7 @@ def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
     rose, cycles = struck.rose, struck.cycles
     angles = rose.crank_angle, rose.on_pin, rose.on_bushing
     largest: list[Sequence[Cell]] = [
-        (f'Y{i}', float(rose.normal_impulse[k]), float(rose.time[k]),
+        (str(i), float(rose.normal_impulse[k]), float(rose.time[k]),
          *(float(math.degrees(x[k])) for x in angles))
         for i, k in enumerate(rose.largest, 1)
     ]  # fmt: skip
@@ -294,7 +282,8 @@ def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
 def _map(part: str, wear: WearMap) -> Section:
     title = (
         f'wear of the {part} on {wear.link}: impulses of impacts {wear.impulse.sum():.6g} N s, '
-        f'force times way {wear.load_way.sum():.6g} N m, sliding work {wear.work.sum():.6g} J'
+        f'force times sliding distance {wear.load_way.sum():.6g} N m, '
+        f'sliding work {wear.work.sum():.6g} J'
     )
     hardest = sorted(range(len(wear.load_way)), key=lambda k: -wear.load_way[k])[:_SECTORS]
     rows = [

@@ -8,6 +8,7 @@ import numpy as np
 
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.studies.basins import Basins
 from mechanism_sim.studies.bifurcation import Bifurcation, Response
 from mechanism_sim.units import for_people
 
@@ -91,3 +92,52 @@ def chart(found: Bifurcation, title: str) -> Chart:
                 )
         panels.append(Panel(along, Axis(words, shown), tuple(curves), height=3.2))
     return Chart('bifurcation', title, tuple(panels))
+
+
+def basins_text(found: Basins) -> str:
+    """Kinds of responses, and the share of the places that lead to each."""
+    places = [kind for *_, kind in found.cells]
+    rows = [
+        (str(kind), r.note or str(r.period or 'none found'), f'{r.impacts:.4g}',
+         f'{100.0 * places.count(kind) / len(places):.4g} %')
+        for kind, r in found.kinds.items()
+    ]  # fmt: skip
+    return text(
+        [Section(table=[('response', 'period [turns]', 'impacts a turn', 'places'), *rows])]
+    )
+
+
+def basins_json(found: Basins) -> dict[str, Any]:
+    """Every place in SI units."""
+    paths = [p.path for p in found.parameters]
+    return {
+        'parameters': paths,
+        'cells': [
+            {
+                paths[0]: x,
+                paths[1]: y,
+                'response': kind,
+                'period': r.period or None,
+                'impacts_per_turn': r.impacts,
+                **({'failed': r.note} if r.note else {}),
+            }
+            for x, y, r, kind in found.cells
+        ],
+    }
+
+
+def basins_chart(found: Basins, title: str) -> Chart:
+    """A square for each place, in the colour of the response that it leads to."""
+    along, up = (
+        Axis('.'.join(p.path.split('.')[-3:]), unit)
+        for p, (unit, _) in zip(found.parameters, found.written, strict=True)
+    )
+    (_, a), (_, b) = found.written
+    curves = []
+    for kind, r in found.kinds.items():
+        some = [(a * x, b * y) for x, y, _, k in found.cells if k == kind]
+        x, y = np.array(some).T
+        label = f'response {kind}: period {r.period}' if r.period else f'{kind}: {_OTHERS}'
+        colour = kind if r.period else '#9aa1aa'
+        curves.append(ChartCurve(x, y, label, '', colour, form='dots', marker='square'))
+    return Chart('basins', title, (Panel(along, up, tuple(curves), height=4.0),))

@@ -19,7 +19,7 @@ from mechanism_sim.units import for_people
 
 _SUMS = {
     'impulse': ('impulses of impacts', 'N s'),
-    'load_way': ('normal force times way slid', 'N m'),
+    'load_way': ('normal force times sliding distance', 'N m'),
     'work': ('work of friction', 'J'),
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -47,21 +47,23 @@ def paint(chart: Chart) -> Picture:
         return painting.paint(chart)
 
 
-def check_picture(option: str, file: str, folder_too: bool = False) -> Path:
+def check_picture(
+    option: str, file: str, folder_too: bool = False, numbers: Sequence[str] = ()
+) -> Path:
     """A path that a picture can be written to, checked before anything is computed.
 
     Parameters
     ----------
     option : of the command line, for the message
     folder_too : whether a folder will do; it is made when it is needed
+    numbers : endings of files of numbers, which the option takes as well
     """
     path = Path(file)
     folder = folder_too and (path.is_dir() or not path.suffix)
     if not folder and path.suffix not in SUFFIXES:
-        raise InputError(
-            f'{option} {file}: the ending must be .png, .svg or .pdf'
-            + (', or none for a folder' if folder_too else '')
-        )
+        more = ', or none for a folder' if folder_too else ''
+        more = f' for a picture, {", ".join(numbers)} for numbers' if numbers else more
+        raise InputError(f'{option} {file}: the ending must be .png, .svg or .pdf{more}')
     if not path.resolve().parent.is_dir():
         raise InputError(f"{option} {file}: there is no directory '{path.parent}'")
     return path

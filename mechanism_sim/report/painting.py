@@ -32,6 +32,7 @@ _NAMES = 6.0  # letters of names in an inch that are not slanted
 _LETTER = 0.073  # [in]
 _ALONE = 1.4  # times as high as others is a row that is alone
 _CAP = 2.5  # [points] of bars of error
+_NARROW = 3.0  # [in] panel with room for few numbers only
 
 
 def paint(chart: Chart) -> Picture:
@@ -108,6 +109,8 @@ def _scale(axes: Any, panel: Panel, wide: float) -> None:
             getattr(axes, f'set_{name}scale')('log')
         if axis.every:
             side.set_major_locator(MultipleLocator(axis.every))
+        if name == 'x' and wide < _NARROW and not (axis.log or axis.every or axis.names):
+            side.set_major_locator(MaxNLocator(4))
         if axis.names:
             getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
             if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:
@@ -160,11 +163,16 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
     small = panel.height <= SMALL
     letter = _LETTER * (0.8 if small else 1.0)
     high = panel.height * (_ALONE if axes.get_gridspec().nrows == 1 else 1.0)
-    axes.set_ylabel(textwrap.fill(panel.y.title, int(high / letter)), fontsize=7.5 if small else 9)
+    axes.set_ylabel(_filled(panel.y.title, high / letter), fontsize=7.5 if small else 9)
     if bare:
         axes.tick_params(labelbottom=False)
     else:
-        axes.set_xlabel(textwrap.fill(panel.x.title, int((wide - 0.6) / _LETTER)))
+        axes.set_xlabel(_filled(panel.x.title, (wide - 0.6) / _LETTER))
+
+
+def _filled(title: str, letters: float) -> str:
+    """A title in lines of so many letters, broken between words only."""
+    return textwrap.fill(title, int(letters), break_long_words=False, break_on_hyphens=False)
 
 
 def _limit(axes: Any, panel: Panel) -> None:

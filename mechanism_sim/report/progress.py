@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from html import escape
+from typing import Any
 
 Show = Callable[..., None]
 """Called with simulated time [s], then real-time factor where known, then impacts so far."""
 
+
+EVERY = 30.0
+"""[s] from line to line of a log."""
+AFTER = 1.0
+"""[s] of work after which a notebook shows how far it is."""
 
 _WHAT, _NOTE = '{task.description}', '{task.fields[note]}'
 
@@ -32,12 +40,34 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
 @contextmanager
 def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error for so many runs: finished, failed, time left."""
+    log = _Log(label, total, quiet)
     with _task(label, total, quiet, *_around('MofNCompleteColumn')) as update:
 
         def show(finished: int, failed: int = 0) -> None:
             update(completed=finished, note=f'{failed} failed' if failed else '')
+            log.line(finished, failed)
 
         yield show
+
+
+class _Log:
+    """Lines on standard error for files, where it is no terminal: of work that takes minutes."""
+
+    def __init__(self, label: str, total: int, quiet: bool) -> None:
+        self._label, self._total = label, total
+        self._began = self._last = time.monotonic()
+        self._silent = quiet or sys.stderr.isatty()
+
+    def line(self, finished: int, failed: int) -> None:
+        """So many are finished."""
+        now = time.monotonic()
+        if self._silent or now < self._last + EVERY or not finished:
+            return
+        self._last = now
+        left = (self._total - finished) / finished * (now - self._began)
+        note = f', {failed} failed' if failed else ''
+        print(f'{self._label}: {finished} of {self._total}{note}, about {left:.0f} s left',
+              file=sys.stderr, flush=True)  # fmt: skip
 
 
 @contextmanager
@@ -59,6 +89,30 @@ def busy(label: str, quiet: bool) -> Iterator[Callable[[str], None]]:
     columns = 'SpinnerColumn', _WHAT, 'TimeElapsedColumn', _NOTE
     with _task(label, None, quiet, *columns) as update:
         yield lambda doing: update(note=doing)
+
+
+def in_notebook(label: str, total: float) -> Show:
+    """Shows progress in the cell of a notebook, where work takes more than a second."""
+    began, last = time.monotonic(), [0.0]
+    handle: list[Any] = []
+
+    def show(done: float, *_: float) -> None:
+        from IPython.display import HTML, display  # noqa: PLC0415 - is there, in a notebook
+
+        now = time.monotonic()
+        over = done >= total
+        if now < began + AFTER or (now < last[0] + AFTER / 4.0 and not over):
+            return
+        last[0] = now
+        bar = f'{escape(label)} <progress max="1" value="{done / (total or 1.0):.4f}"></progress>'
+        left = f' {(total - done) / done * (now - began):.0f} s left' if done else ''
+        page = HTML('' if over else f'{bar}{left}')  # type: ignore[no-untyped-call]
+        if handle:
+            handle[0].update(page)
+        elif not over:
+            handle.append(display(page, display_id=True))  # type: ignore[no-untyped-call]
+
+    return show
 
 
 def _around(done: str) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from mechanism_sim import text_table
 from mechanism_sim.text_table import Cell
-from mechanism_sim.units import for_people
+from mechanism_sim.units import for_people, number
 
 _MOST = 40  # rows of a section in a notebook
 
@@ -42,7 +42,7 @@ class SummaryRow(NamedTuple):
 def amount(label: str, value: float, unit: str, digits: int = 6, words: str = '') -> SummaryRow:
     """Row of a quantity, in the unit in which people read one of its size."""
     shown, scale = for_people(unit, abs(value))
-    return SummaryRow(label, f'{scale * value:.{digits}g}', shown, words)
+    return SummaryRow(label, number(scale * value, digits), shown, words)
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim.analysis.open_run import open_run
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.report import animation, drawing, figures
+from mechanism_sim.recording import Bag
+from mechanism_sim.recording.runs import BAG_ENDINGS
+from mechanism_sim.report import animation, drawing, figures, lines
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts
 from mechanism_sim.report.video import Target
-from mechanism_sim.results.cycle import instant
+from mechanism_sim.results.cycle import Cycle, instant
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene
@@ -37,6 +40,37 @@ def draw(
     found, at = instant(load_scene(scene), angle, t, duration, points, still)
     with figures.style():
         return drawing.draw(found, at, **how)
+
+
+def is_run(source: object) -> bool:
+    """True if it is a run, or the path of one, and not a scene, which is still to be run."""
+    file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
+    return file or isinstance(source, Piece | Cycle | Bag)
+
+
+def plot(
+    source: Source | Piece | Cycle | Bag,
+    *names: str,
+    revolutions: float | None = None,
+    duration: float | str | None = None,
+    **how: Any,
+) -> Picture:
+    """Plot quantities of a run, or of a scene, which is run first.
+
+    >>> import mechanism_sim as ms
+    >>> ms.plot('slider_crank', 'velocity.piston', revolutions=1).savefig('piston.png')
+
+    Parameters
+    ----------
+    source : all that `load_scene` takes, or a solution, a cycle, a bag or its path
+    names : of quantities; without any an overview
+    revolutions, duration : length of the run of a scene
+    how : ``against``, ``start``, ``end`` as `mechanism_sim.report.lines.plot` has them
+    """
+    if not is_run(source):
+        return lines.plot(simulate(source, revolutions, duration), *names, **how)  # type: ignore[arg-type]
+    run = source if isinstance(source, Piece | Cycle) else open_run(source).piece  # type: ignore
+    return lines.plot(run, *names, **how)
 
 
 def animate(

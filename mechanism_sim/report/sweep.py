@@ -4,29 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.report.charts.chart import DASHES, MARKERS, Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.figures import check_picture
+from mechanism_sim.report.sweep_charts import is_numeric
 from mechanism_sim.strict_json import plain
-from mechanism_sim.studies.effects import effects, exceedances, measures_of, number
+from mechanism_sim.studies.effects import effects, exceedances, number
 from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row, has_failed
 from mechanism_sim.studies.sweep import SweepSummary
 from mechanism_sim.units import for_people
 
-_PANELS = (
-    ('impulse', 1e3, 'impulses per revolution', 'mN s'),
-    ('impacts', 1.0, 'impacts per revolution', ''),
-    ('I_n', 1e3, 'impulse per impact', 'mN s'),
-)
-_MOST_ROWS, _MOST_TICKS = 40, 8
+_MOST_ROWS = 40
 
 
 def render(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> str:
@@ -166,122 +159,19 @@ def _mean_text(row: Row, name: str, scale: float) -> str:
     return f'{mean:.4g} +- {half:<7.2g}' if math.isfinite(mean) else 'none'
 
 
-@dataclass(frozen=True)
-class SweepChart:
-    """A picture to be drawn of a sweep, over the values at the path `over`."""
-
-    file: Path
-    over: str
-
-
-def chart_of(plan: SweepPlan, file: str | None, over: str | None) -> SweepChart | None:
-    """Charts that are asked for; none without a file."""
+def check_charts(plan: SweepPlan, file: str | None, over: str | None, option: str) -> None:
+    """Refuse charts that cannot be drawn, before anything is computed."""
     if file is None:
-        if over is not None:
-            raise InputError('--over needs --plot FILE')
-        return None
-    path = check_picture('--plot', file)
+        return
+    check_picture(option, file, folder_too=option == '--plots')
     swept = [c for c in plan.columns if c != REPEAT]
     if over is not None and over not in swept:
         raise InputError(
             f'--over {over}: this is not swept{nearest(over, swept)}; swept are: '
             f'{", ".join(swept)}'
         )
-    numeric = [c for c in swept if all(isinstance(r.values[c], float | int) for r in plan.runs)]
-    chosen = over or (numeric[-1] if numeric else None)
-    if chosen not in numeric:
-        raise InputError(f'--plot {file}: this needs a swept value that is a number in every run')
-    return SweepChart(path, chosen)
-
-
-def sweep_chart(asked: SweepChart, plan: SweepPlan, rows: Sequence[Row]) -> Chart:
-    """Impulses, impacts and I_n over a swept value, a line for each of the other values.
-
-    Bars are 95 % confidence intervals; repetitions are put together.
-    """
-    lines, x = _lines(asked, plan, rows), _axis(asked, plan)
-    panels: list[Panel] = []
-    for name, scale, words, unit in _PANELS:
-        curves = [
-            _curve(places, name, scale, '' if panels else label, k)
-            for k, (label, places) in enumerate(lines.items())
-        ]
-        panels.append(Panel(x, Axis(words, unit, low=0.0), tuple(curves), height=2.4))
-    return Chart('sweep', '', tuple(panels), columns=len(panels), width=9.5)
-
-
-Lines = dict[str, dict[float, list[Row]]]
-
-
-def _lines(asked: SweepChart, plan: SweepPlan, rows: Sequence[Row]) -> Lines:
-    """Finished rows by line of the picture and by place on it."""
-    lines: Lines = {}
-    for run, row in zip(plan.runs, rows, strict=True):
-        if has_failed(row):
-            continue
-        others = ', '.join(
-            f'{k.rpartition(".")[2]} {v}' for k, v in run.given.items() if k != asked.over
+    numeric = [c for c in swept if is_numeric(plan, c)]
+    if (over or option == '--plot') and (over or next(iter(numeric), None)) not in numeric:
+        raise InputError(
+            f'{option} {file}: this needs a swept value that is a number in every run'
         )
-        x = float(run.values[asked.over] or 0.0)
-        lines.setdefault(others, {}).setdefault(x, []).append(row)
-    return lines
-
-
-def _curve(
-    places: dict[float, list[Row]], name: str, scale: float, label: str, k: int
-) -> ChartCurve:
-    xs = sorted(places)
-    means = [[number(row, name) * scale for row in places[x]] for x in xs]
-    halves = [[number(row, f'{name}_half_width') * scale for row in places[x]] for x in xs]
-    y = np.array([sum(m) / len(m) for m in means])
-    error = np.array([math.hypot(*h) / len(h) for h in halves])
-    marker = MARKERS[k % len(MARKERS)]
-    return ChartCurve(np.array(xs), y, label, '', k, k % len(DASHES), marker=marker, error=error)
-
-
-def _axis(asked: SweepChart, plan: SweepPlan) -> Axis:
-    """The values as the file has them, with their units, where there is room for them."""
-    said: dict[float, Any] = {
-        float(run.values[asked.over] or 0.0): run.given.get(asked.over) for run in plan.runs
-    }
-    words = '.'.join(asked.over.split('.')[-3:])
-    if len(said) <= _MOST_TICKS and None not in said.values():
-        return Axis(words, names=tuple(map(str, said.values())), at=tuple(said))
-    return Axis(words, 'SI')
-
-
-def effects_chart(plan: SweepPlan, rows: Sequence[Row]) -> Chart:
-    """Main effects: a row for each measure, a column for each factor, means with errors.
-
-    Bars are two standard errors of a mean; the share is that of the variance which the factor
-    explains by itself, and the index that of Sobol where the design gives it.
-    """
-    found = {(e.measure, e.factor): e for e in effects(plan, rows)}
-    factors = list(dict.fromkeys(factor for _, factor in found))
-    units = {c.name: c.unit for c in plan.own}
-    panels = []
-    for name in (n for n in measures_of(plan) if any(m == n for m, _ in found)):
-        unit, scale = for_people(units.get(name, ''), _largest(rows, name))
-        for factor in factors:
-            e = found.get((name, factor))
-            of, along = for_people(plan.units.get(factor, ''))
-            levels = e.levels if e else ()
-            numbers = all(isinstance(level.x, float | int) for level in levels)
-            x = [along * float(level.x) if numbers else k for k, level in enumerate(levels)]
-            mean, error = (
-                np.array([by * getattr(level, k) for level in levels])
-                for by, k in ((scale, 'mean'), (2.0 * scale, 'error'))
-            )
-            curve = ChartCurve(
-                np.array(x, np.float64), mean, of=factor, marker='circle', error=error
-            )
-            said = f'{100.0 * e.share:.0f} %' if e and math.isfinite(e.share) else ''
-            said += f', total index {e.total[0]:.2f}' if e and e.total else ''
-            short = '.'.join(factor.split('.')[-3:])
-            names = () if numbers else tuple(str(level.x) for level in levels)
-            panels.append(Panel(Axis(short, of, names=names), Axis(name, unit), (curve,), said,
-                                height=1.6, scale=name))  # fmt: skip
-    if not panels:
-        raise InputError('--effects: nothing that is swept changes a measure')
-    wide = 1.2 + 2.1 * len(factors)
-    return Chart('effects', '', tuple(panels), columns=len(factors), width=wide)

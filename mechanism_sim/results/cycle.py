@@ -35,6 +35,8 @@ from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.results.view import View
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
+from mechanism_sim.scene.gate import between_limits
+from mechanism_sim.scene.ideal import without_clearance
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
@@ -430,7 +432,9 @@ def instant(
         raise InputError(f'a run begins at 0 s: there is nothing at {t:g} s')
     if duration is not None:
         duration = span(machine, None, duration)
-    elif t is None and (ranged := over_range(machine)):
+    elif still and t is None and machine.plan.clearances and between_limits(machine):
+        machine = without_clearance(machine)  # of which the limits are
+    if duration is None and t is None and (ranged := over_range(machine)):
         if still:
             here = placed(machine, machine.drive.start[0] if angle is None else angle)
             return cycle(here, duration=_MOMENT, points=points), 0.0

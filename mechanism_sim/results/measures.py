@@ -10,9 +10,10 @@ much.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_series import EventSeries
 from mechanism_sim.results.measure_tally import FigureTally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, read_all
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.solution import Piece, Solution
 from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.results.turns import DriveTurns
 from mechanism_sim.scene import Machine, Source, load_scene
@@ -39,6 +40,7 @@ class Measured(NamedTuple):
     value : in `unit`; not a number where there is nothing to take it from
     text : the measure as it is written
     resolution : `EXACT`, what the value may be off, or of how many samples it is
+    derivatives : by path of a number of the scene, of a run that was asked for them
     """
 
     name: str
@@ -47,6 +49,7 @@ class Measured(NamedTuple):
     text: str
     resolution: str
     half_width: float = math.nan
+    derivatives: Mapping[str, float] = MappingProxyType({})
 
 
 class Measurement:
@@ -204,7 +207,13 @@ def measure(
     taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:
         taken.add(piece)
-    return taken.found()
+    found, known = taken.found(), pieces.derivatives if isinstance(pieces, Solution) else {}
+    slopes = {p: [*d.measures(*(m.text for m in found), window=window).values()]
+              for p, d in known.items() if found}  # fmt: skip
+    return [
+        m._replace(derivatives={p: values[k] for p, values in slopes.items()})
+        for k, m in enumerate(found)
+    ]
 
 
 def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:

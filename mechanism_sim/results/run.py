@@ -74,6 +74,7 @@ class Runner:
         observers: Iterable[Observer] = (),
         final: bool = True,
         batch: Batch | None = None,
+        held: Callable[[], object] | None = None,
     ) -> Iterator[Piece]:
         """Go on to a time [s]; at least one piece follows, which may be empty.
 
@@ -83,6 +84,7 @@ class Runner:
         final : whether the last step is cut off there; else it is held back, for what comes later
             may need it whole
         batch : `BATCH` if not given
+        held : called before the last step is cut off
 
         Raises
         ------
@@ -91,7 +93,11 @@ class Runner:
         """
         self.more = True
         while self.more:
-            self.more = self._integrate(until, final, batch or BATCH) and self.engine.time < until
+            whole = final and held is None
+            self.more = self._integrate(until, whole, batch or BATCH) and self.engine.time < until
+            if held and not self.more:
+                held()
+                self.engine.advance(until, final)
             self.known = self.engine.time if self.more or final else until
             piece = self._piece()
             for observe in observers:

@@ -7,13 +7,15 @@ a piece.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid import plotting
 from mechanism_sim.hybrid.audit import Energy, Work
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
@@ -22,6 +24,7 @@ from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
+from mechanism_sim.results.derivatives import AskedDerivatives
 from mechanism_sim.results.run import Observer, Runner
 from mechanism_sim.results.solution import Piece, Solution, Stats
 from mechanism_sim.results.view import View
@@ -79,20 +82,18 @@ class Stream(Runner):
         self._compile_time += compiling[0]
 
     def __iter__(self) -> Iterator[Piece]:
-        """Run on to the end, up to the last step before it first, for the snapshot."""
-        for final in (False, True):
-            pieces = self.to(self._end, [self._count], final)
-            while piece := self._next(pieces):
-                if self._progress:
-                    self._progress(min(self.engine.time, self._end), self.totals.impacts)
-                for observe in self._observers:
-                    observe(piece)
-                yield piece
-            if self._snapshot is None:
-                with self._timed():
-                    self._snapshot = self.machine.snapshot(self.engine)
-            if self.engine.time >= self._end:
-                break
+        """Run on to the end; the snapshot is that before the last step is cut off."""
+        pieces = self.to(self._end, [self._count], held=self._keep)
+        while piece := self._next(pieces):
+            if self._progress:
+                self._progress(min(self.engine.time, self._end), self.totals.impacts)
+            for observe in self._observers:
+                observe(piece)
+            yield piece
+
+    def _keep(self) -> None:
+        if self._snapshot is None:
+            self._snapshot = self.machine.snapshot(self.engine)
 
     def _next(self, pieces: Iterator[Piece]) -> Piece | None:
         with self._timed():
@@ -174,6 +175,7 @@ def stream(
     machine = load_scene(scene)
     end = span(machine, revolutions, duration)
     admit_turning(machine, end)
+    progress = progress or plotting.progress(f'simulate {machine.name}', end)
     return Stream(machine, end, progress, resume, observers)
 
 
@@ -183,6 +185,7 @@ def simulate(
     duration: float | str | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
+    derivatives: Sequence[str] = (),
 ) -> Solution:
     """Run a machine and keep all of its motion.
 
@@ -199,6 +202,8 @@ def simulate(
     progress : called after every batch of steps
     resume : where an earlier run of the same machine stood; the solution begins there, and
         `revolutions` and `duration` count from the beginning of the earlier run
+    derivatives : paths of numbers of the scene, as ``'drive.speed'``, by which the derivatives of
+        the run are wanted: `Solution.derivatives`
 
     Raises
     ------
@@ -207,8 +212,17 @@ def simulate(
     RunError
         If the integration breaks down, or the finished motion violates a gap.
     """
-    run = stream(scene, revolutions, duration, progress, resume)
-    pieces, machine = list(run), run.machine
+    scene = load_scene(scene)
+    end = span(scene, revolutions, duration)
+    asked = AskedDerivatives(scene, derivatives, end, resume) if derivatives else None
+    run = stream(scene, None, end, progress, resume)
+    solution = whole(run, list(run))
+    return replace(solution, derivatives=asked.along(solution)) if asked else solution
+
+
+def whole(run: Stream, pieces: Sequence[Piece]) -> Solution:
+    """The solution of a run that has come to its end, by all of its pieces."""
+    machine = run.machine
     impacts = [impact for piece in pieces for impact in piece.impacts]
     work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
     return Solution(

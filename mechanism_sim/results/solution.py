@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -152,6 +153,7 @@ class Solution(Piece):
     energy : the energy balance; ``None`` where masses are not part of the scene
     max_penetration, max_closure_error : [m]
     snapshot : from where a longer run goes on, not later than the end
+    derivatives : a `RunDerivative` by the path of each number of the scene that was asked for
     """
 
     scene: str
@@ -162,6 +164,7 @@ class Solution(Piece):
     max_closure_error: float
     stop_reason: StopReason
     snapshot: Snapshot
+    derivatives: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return (

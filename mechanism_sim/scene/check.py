@@ -317,11 +317,10 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
     ]
     start = dict(zip(mechanism.coordinates, machine.assembly.q.tolist(), strict=True))
     if between_limits(machine):
-        stays = (
-            f"{limits_text(machine)}: 'cycle' goes from one limit to the other; a run that is to "
-            "stay between them needs a 'duration'"
-        )
-        notes.append(Limit(stays))
+        free = ' without clearance' if machine.plan.clearances else ''
+        goes = '' if machine.level.dynamic else "'cycle' goes from one limit to the other; "
+        within = "a run that is to stay between them needs a 'duration'"
+        notes.append(Limit(f'{limits_text(machine)}{free}: {goes}{within}'))
     notes += motion_notes(mechanism, start, plan.laws)
     notes += acceleration_notes(machine)
     if machine.physics.undetermined:

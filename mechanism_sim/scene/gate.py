@@ -93,13 +93,13 @@ def _turns_steadily(machine: Machine) -> bool:
 def between_limits(machine: Machine) -> DriveRange | None:
     """The limits of a machine whose only drive, at constant speed, comes to one on either side.
 
-    None where the scene says how long it runs: then it stays within, or is refused; and where
-    clearances take part, for then the limits are not those of the links alone.
+    They are those of its links without clearance. None where the scene says how long it runs:
+    then it stays within, or is refused.
     """
     drive, nominal = machine.drive, machine.rigid.nominal
     law = drive.law
     steady = isinstance(law, DriveLaw) and law.degree == 1 and law.coefficients[1]
-    alone = len(machine.plan.laws) == len(drive.laws) == 1 and not machine.level.dynamic
+    alone = len(machine.plan.laws) == len(drive.laws) == 1 and not machine.rigid.torque_driven
     if machine.scene.duration or not alone or not steady:
         return None
     if _turns_steadily(machine):

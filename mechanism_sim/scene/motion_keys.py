@@ -153,6 +153,13 @@ class CoursePart(Part):
         """The formula, checked."""
         text = str(self.formula)
         try:
+            for called in (n.name for n in parse(text, None).walk() if n.kind == 'call'):
+                if called not in FUNCTIONS:
+                    known = nearest(called, FUNCTIONS)
+                    raise InputError(
+                        f"calls '{called}'{known}, which is no function of formulas of motions: "
+                        "points of a table stand here themselves, as 'points' or 'file'"
+                    )
             root = formula.read(text)
             for name in root.names:
                 if name != 't':

@@ -37,6 +37,7 @@ OF_IMPACTS = {
 }
 """Quantities of an impact that a section at impacts has: units, and words."""
 DIRECTIONS = 'up', 'down'
+START = 'start'
 _RETURN = 1e-2
 """Of what the clearances leave free: sections that come back so near are the same."""
 _OF_RANGE = 1e-4
@@ -167,16 +168,10 @@ def bifurcation(
     """
     machine = load_scene(scene)
     if len(vary) != 1:
-        raise InputError(f'bifurcation: one key is varied, not {len(vary)}')
-    ((path, (low, high, count)),) = vary.items()
-    if count < 2:
-        raise InputError(f'bifurcation: {path}: the number of values must be at least 2')
-    for name, turns in when.items():
-        if turns < 1:
-            raise InputError(f'bifurcation: {name} must be at least 1')
-    (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
-    plan, units, words = _section(machine, of, at_impacts, when)
-    values = np.linspace(parameter.low, parameter.high, count).tolist()
+        raise InputError(f'bifurcation: one key is varied, not {len(vary)}; `basins` takes two')
+    ((parameter, values, written),) = varied(machine, vary)
+    plan, units, words = section(machine, of, at_impacts, when)
+    path = parameter.path
     content = machine.scene.to_document()
     scenes = [check_scene(machine.name, content, {path: value}) for value in values]
     tasks = [
@@ -185,22 +180,38 @@ def bifurcation(
     ]
     if starts:
         tasks += [
-            Call(str(k), follow, (machine.name, [value], [one], plan, 'start'))
+            Call(str(k), follow, (machine.name, [value], [one], plan, START))
             for k, (value, one) in enumerate(zip(values, scenes, strict=True))
         ]
     with workers or Workers(1) as makers:
         rows = makers.do_all(tasks, show)
-    found = [_response(each, len(plan.of)) for row in rows for each in row['responses']]
-    unit, scale = _written(high, parameter.high)
-    return Bifurcation(parameter, unit, scale, plan, units, words, tuple(_numbered(found)))
+    found = [read_response(each, len(plan.of)) for row in rows for each in row['responses']]
+    return Bifurcation(parameter, *written, plan, units, words, tuple(_numbered(found)))
 
 
-def _section(
+def varied(
+    machine: Machine, vary: Mapping[str, tuple[Any, Any, int]]
+) -> list[tuple[Parameter, list[float], tuple[str, float]]]:
+    """Each key that is varied, its values, its unit as it is written and the size of 1 in it."""
+    found = []
+    for path, (low, high, count) in vary.items():
+        if count < 2:
+            raise InputError(f'{path}: the number of values must be at least 2')
+        (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
+        values = np.linspace(parameter.low, parameter.high, count).tolist()
+        found.append((parameter, values, _written(high, parameter.high)))
+    return found
+
+
+def section(
     machine: Machine, of: Sequence[str], joint: str | None, when: Mapping[str, int]
 ) -> tuple[SectionPlan, tuple[str, ...], tuple[str, ...]]:
     """The plan of the sections, units and words of their quantities; refused if it cannot be."""
+    for name, turns in when.items():
+        if turns < 1:
+            raise InputError(f'{name} must be at least 1')
     if not machine.drive.steady or not machine.drive.fastest:
-        raise InputError(f'{machine.name}: bifurcation needs a drive at constant speed')
+        raise InputError(f'{machine.name}: sections need a drive at constant speed')
     if not machine.level.dynamic or not machine.equations.system.free:
         raise InputError(f'{machine.name}: without a free motion every turn is like the other')
     if joint is not None:
@@ -241,7 +252,10 @@ def _written(limit: Any, value: float) -> tuple[str, float]:
 def follow(
     name: str, values: Sequence[float], scenes: Sequence[Scene], plan: SectionPlan, branch: str
 ) -> Row:
-    """Responses at values in their order, each from where the one before came to."""
+    """Responses at values in their order, each from where the one before came to.
+
+    Those of the branch `START` begin as their scenes say.
+    """
     state: State | None = None
     found = []
     for value, scene in zip(values, scenes, strict=True):
@@ -255,6 +269,7 @@ def follow(
             else:  # the other machine cannot begin there: its own start
                 response, state = _settled(machine, plan, None)
         found.append(response | {'value': value, 'branch': branch})
+        state = None if branch == START else state
     return {'responses': found}
 
 
@@ -355,7 +370,8 @@ def _inside(t: Array, curve: PiecewisePolynomial) -> Array:
     )
 
 
-def _response(row: Mapping[str, Any], width: int) -> Response:
+def read_response(row: Mapping[str, Any], width: int) -> Response:
+    """A response of a row; its section has so many quantities."""
     points = np.array(row['points'], dtype=float).reshape(-1, width)
     returns = np.array(row['returns'], dtype=float)
     returns = returns.reshape(len(returns), -1) if len(returns) else np.empty((0, 0))
@@ -374,7 +390,7 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
     for value in sorted(by_value):
         kinds: list[Response] = []
         for response in by_value[value]:
-            alike = (k for k, kind in enumerate(kinds) if response.note or _same(kind, response))
+            alike = (k for k, kind in enumerate(kinds) if response.note or same(kind, response))
             number = next(alike, len(kinds))
             if number == len(kinds):
                 kinds.append(response)
@@ -382,7 +398,7 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
     return numbered
 
 
-def _same(a: Response, b: Response) -> bool:
+def same(a: Response, b: Response) -> bool:
     """True if two sections are those of one response, begun at another of its turns."""
     if a.period != b.period or a.returns.shape[1:] != b.returns.shape[1:]:
         return False

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.studies.design import INDICES
-from mechanism_sim.studies.plan import SweepPlan
+from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row
 
 CLASSES = 8
@@ -72,12 +72,12 @@ def measures_of(plan: SweepPlan) -> list[str]:
 
 
 def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
-    """The effect of every swept value on every measure; none of what never varies."""
+    """The effect of every swept value on every measure; none of what never varies, or repeats."""
     found = []
     for measure in measures_of(plan):
         y = np.array([number(row, measure) for row in rows])
         indices = _indices(plan, y)
-        for factor in plan.columns:
+        for factor in (c for c in plan.columns if c != REPEAT):
             x = np.array([run.values[factor] for run in plan.runs], object)
             levels = _levels(x, y)
             if len(levels) < 2:

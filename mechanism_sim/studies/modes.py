@@ -24,8 +24,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.frames import Vibrating
-from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.systems import ROUNDING, LinearSystem
+from mechanism_sim.vibration.systems import ROUNDING, LinearSystem, state_matrix
 
 ComplexArray = NDArray[np.complex128]
 
@@ -252,7 +251,7 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[Roots, ComplexArra
                 shapes = along_axes(a + 1j * w, found.shapes.astype(complex), M)
                 pairs = map(_pair, w.tolist(), a.tolist())
                 return list(zip(pairs, (scale[:, None] * shapes).T, strict=True))
-    roots, vectors = scipy.linalg.eig(state_space.state_matrix(M, C, tidy))
+    roots, vectors = scipy.linalg.eig(state_matrix(M, C, tidy))
     roots[np.abs(roots) <= _RIGID * np.abs(roots).max()] = 0.0
     kept = roots.imag >= 0.0
     zeros = np.flatnonzero(roots == 0.0)

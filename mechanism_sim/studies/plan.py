@@ -190,6 +190,7 @@ def read_plan(
     measures: Sequence[str] = (),
     show: Callable[[str], None] | None = None,
     scene: Source | None = None,
+    called: str = 'sweep',
 ) -> SweepPlan:
     """The sweep of a file, of one that comes with the package, or of keys and values.
 
@@ -198,8 +199,9 @@ def read_plan(
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
     show : called with how far it is
     scene : of all runs, if the sweep has none
+    called : name of one that is not in a file
     """
-    path, content = _content(source)
+    path, content = _content(source, called)
     bases: dict[str, SceneContent] = {}
     if scene is not None:
         if 'scene' in content:
@@ -269,10 +271,10 @@ def read_plan(
     )  # fmt: skip
 
 
-def _content(source: str | Path | Mapping[str, Any]) -> tuple[Path, dict[str, Any]]:
+def _content(source: str | Path | Mapping[str, Any], called: str) -> tuple[Path, dict[str, Any]]:
     """Path and content of a sweep; one that is not in a file is as in the current folder."""
     if isinstance(source, Mapping):
-        return Path('sweep'), dict(source)
+        return Path(called), dict(source)
     known = ', '.join(sweep_names())
     path = find_file(str(source), 'sweep', config_folder() / 'sweeps', f'known are: {known}')
     return path, read_yaml(path, 'sweep')

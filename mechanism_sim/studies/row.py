@@ -14,11 +14,11 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.run import Observer
-from mechanism_sim.results.simulate import Stream, stream
+from mechanism_sim.results.simulate import Stream, stream, whole
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.studies.columns import FIGURES
+from mechanism_sim.studies.columns import FIGURES, MEANS
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Row
@@ -27,12 +27,21 @@ from mechanism_sim.studies.statistics import StatisticsTally
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Channels, Shard
 
+SOLUTION = 'solution'
+"""Key of a row's whole run."""
+_BY_TURNS = ('revolutions', *(x for m in MEANS for x in (m.name, f'{m.name}_half_width')))
+
 
 @dataclass(frozen=True)
 class SweepTask:
     """One motion of a sweep; `bag` is a file to record it in.
 
     Runs that differ in their sensors only share a motion, and write a shard each.
+
+    Attributes
+    ----------
+    wanted : columns of the row; what takes long and is not among them is not computed
+    keep : whether the row has its whole run as `SOLUTION`
     """
 
     key: str
@@ -42,6 +51,8 @@ class SweepTask:
     bag: Path | None = None
     shards: tuple[Shard, ...] = ()
     measures: tuple[str, ...] = ()
+    wanted: frozenset[str] | None = None
+    keep: bool = False
 
     def row(self) -> Row:
         """Make the run: its figures, its steps and its digest."""
@@ -53,6 +64,9 @@ class SweepTask:
             if self.bag:
                 bag = files.enter_context(RunBag(self.bag, machine, figures.edges[-1]))
                 observers.append(lambda p: bag.add(p.motion, p.impacts, p.modes))
+            pieces: list[Piece] = []
+            if self.keep:
+                observers.append(pieces.append)
             channels: Channels = {}
             writers = []
             for shard in self.shards:
@@ -62,7 +76,13 @@ class SweepTask:
             run.finish(observers)
             for writer in writers:
                 writer.finish()
-        return figures.row(run)
+        row = figures.row(run)
+        return row | {SOLUTION: whole(run, pieces)} if self.keep else row
+
+    def wants(self, *names: str) -> bool:
+        """True if any of these columns is wanted, or one of a joint or drive that begins so."""
+        given = self.wanted
+        return given is None or any(c in names or c.partition('.')[0] in names for c in given)
 
 
 class _Figures:
@@ -80,8 +100,10 @@ class _Figures:
         self._whole = bool(task.extent.revolutions)
         self._main = machine.physics.coordinates.index(machine.plan.main)
         self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
-        self._tally, self._digest = StatisticsTally(self.edges), MotionDigest()
-        self._peaks = LoadPeaks(machine, self.since)
+        self._tally = StatisticsTally(self.edges) if task.wants(*_BY_TURNS) else None
+        self._digest = MotionDigest() if task.wants('digest') else None
+        loads = task.wants('largest_force', 'largest_torque')
+        self._peaks = LoadPeaks(machine, self.since) if loads else None
         self._struck: dict[str, list[float]] = {joint: [] for joint in machine.physics.clearances}
         self._taken = Measurement(machine, task.measures, self.since) if task.measures else None
 
@@ -90,40 +112,43 @@ class _Figures:
         motion, curve = piece.motion, piece.motion.curve
         if self._taken:
             self._taken.add(piece)
-        self._peaks.add(motion)
-        self._tally.add(piece)
+        if self._peaks:
+            self._peaks.add(motion)
+        if self._tally:
+            self._tally.add(piece)
+        if self._digest:
+            self._digest.add(motion, piece.impacts)
         if len(curve):
             # the last edge may be the end but for rounding
             inside = (self.edges >= curve.start[0]) & (self.edges <= curve.end * (1.0 + 1e-12))
             at = np.minimum(self.edges[inside], curve.end)
             self._crank[inside] = curve(at)[:, self._main]
-        self._digest.add(motion, piece.impacts)
         for impact in piece.impacts:
             if impact.t >= self.since:
                 self._struck[impact.joint].append(impact.normal_impulse)
 
     def row(self, run: Stream) -> Row:
         """The figures of the whole run."""
-        turned = np.abs(np.diff(self._crank))[self._skip :] / (2.0 * np.pi)
-        if self._whole:
-            turned = np.ones_like(turned)  # but for rounding
-        found = [x for m in self._tally.means(self._skip, turned) for x in (m.mean, m.half_width)]
-        forces, largest = (
-            self._peaks.forces,
-            {j: max(x, default=0.0) for j, x in self._struck.items()},
-        )
-        found += [
-            turned.sum(),
-            max(largest.values(), default=0.0),
-            max((peak.value for peak in forces.values()), default=math.nan),
-            run.max_penetration,
-            run.energy.residual if run.energy else math.nan,
-        ]
-        figures = {figure.name: x for figure, x in zip(FIGURES, found, strict=True)}
-        figures |= {f'largest_force.{joint}': peak.value for joint, peak in forces.items()}
-        figures |= {f'largest_torque.{c}': x.value for c, x in self._peaks.torques.items()}
+        figures: dict[str, float] = {}
+        if self._tally:
+            turned = np.abs(np.diff(self._crank))[self._skip :] / (2.0 * np.pi)
+            if self._whole:
+                turned = np.ones_like(turned)  # but for rounding
+            means = self._tally.means(self._skip, turned)
+            found = [x for m in means for x in (m.mean, m.half_width)]
+            figures |= zip((f.name for f in FIGURES), [*found, turned.sum()], strict=False)
+        largest = {j: max(x, default=0.0) for j, x in self._struck.items()}
+        figures['largest_impulse'] = max(largest.values(), default=0.0)
+        if self._peaks:
+            forces, torques = self._peaks.forces, self._peaks.torques
+            figures['largest_force'] = max((p.value for p in forces.values()), default=math.nan)
+            figures |= {f'largest_force.{joint}': peak.value for joint, peak in forces.items()}
+            figures |= {f'largest_torque.{c}': peak.value for c, peak in torques.items()}
+        figures['max_penetration'] = run.max_penetration
+        figures['energy_residual'] = run.energy.residual if run.energy else math.nan
         figures |= {f'impacts.{joint}': len(x) for joint, x in self._struck.items()}
         figures |= {f'largest_impulse.{joint}': x for joint, x in largest.items()}
         figures |= {m.name: m.value for m in (self._taken.found() if self._taken else ())}
         row: Row = {k: float(x) if math.isfinite(x) else None for k, x in figures.items()}
-        return row | {'steps': run.stats.steps, 'digest': self._digest.hexdigest()}
+        digest = {'digest': self._digest.hexdigest()} if self._digest else {}
+        return row | {'steps': run.stats.steps} | digest

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output, tables
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid import plotting
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
@@ -75,6 +76,7 @@ def sweep(
     plan = read_plan(source, measures, scene=scene)
     with tempfile.TemporaryDirectory() as folder:
         table = Path(file) if file else Path(folder) / 'sweep.csv'
+        how = {'show': plotting.progress('sweep', plan.size), **how}
         _, rows = run_plan(plan, table, workers, **how)
     return tables.Table.of(plan.table(rows))
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.fourier import spectrum
-
-_PARTS = 128  # of a period, in each of which a function is looked at 16 times
 
 ComplexArray = NDArray[np.complex128]
 
@@ -30,36 +25,6 @@ class FourierSeries:
     amplitudes: ComplexArray  #: (harmonics,)
     error: float = 0.0  #: what the mean and each amplitude may be off
     rest: float = 0.0  #: root mean square of all higher harmonics together, at most
-
-    @classmethod
-    def of_function(
-        cls,
-        function: Callable[[Array], Array],
-        period: float,
-        harmonics: int,
-        breaks: Sequence[float] = (),
-    ) -> Self:
-        """[V] eqs. 6.121, 6.122, to rounding; see `mechanism_sim.numerics.fourier`.
-
-        Parameters
-        ----------
-        function : of times (N,) [s]; smooth but for the breaks, no feature shorter than a
-            thousandth of the period between them
-        period : [s]
-        harmonics : so many
-        breaks : times inside the period at which the function jumps or bends [s]
-        """
-        if not period > 0.0 or harmonics < 0 or any(not 0.0 < b < period for b in breaks):
-            raise InputError('a Fourier series needs a period, and breaks inside of it')
-        edges = np.union1d(np.linspace(0.0, period, _PARTS + 1), np.asarray(breaks, float))
-        found = spectrum(lambda t: np.asarray(function(t))[None], edges, harmonics)
-        return cls(
-            2.0 * np.pi / period,
-            float(found.mean[0]),
-            found.amplitudes[0],
-            float(found.error[0]),
-            float(found.rest[0]),
-        )
 
     @property
     def frequencies(self) -> Array:

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.fourier import PeriodicSpectrum
-from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.systems import state_matrix
 
 ComplexArray = NDArray[np.complex128]
 
@@ -100,7 +100,7 @@ class SteadyVibration:
             return 0.0
         count, (M, C, K) = self._forces.amplitudes.shape[1], (self._M, self._C, self._K)
         try:
-            roots = np.linalg.eigvals(state_space.state_matrix(M, C, K))
+            roots = np.linalg.eigvals(state_matrix(M, C, K))
             last = np.linalg.inv(M)
         except np.linalg.LinAlgError:
             return float(np.inf)

@@ -11,15 +11,14 @@ import pytest
 import scipy
 from bags import messages_of, write_bag
 from browsing import Tab, browsing
-from builders import simulated
+from builders import PLAY, simulated
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.comparison import compare
+from mechanism_sim.analysis.comparison import compare, run_names
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.report.charts.chart import DOTTED
 from mechanism_sim.report.charts.overlay import overlaid
 
 TURN = 2.0 * math.pi / 36.6519
@@ -130,11 +129,11 @@ def test_an_ideal_machine_has_no_impacts_beside_a_worn_one():
     )
     found = {(d.subject, d.name): d for d in compare(one, two)}
     hits = found['impacts', 'coupler_rocker count']
-    assert (hits.first, hits.second) == (0.0, len(two.piece.impacts))
+    assert hits.values == (0.0, len(two.piece.impacts))
     assert math.isnan(hits.ratio)
     force = found['peaks', 'coupler_rocker largest force']
     x, y = (ms.cycle(one.machine)[f'reaction.coupler_rocker.{axis}'] for axis in 'xy')
-    assert force.first == pytest.approx(np.hypot(x, y).max(), rel=1e-3)
+    assert force.values[0] == pytest.approx(np.hypot(x, y).max(), rel=1e-3)
     back = {(d.subject, d.name): d for d in compare(two, one)}
     for key, d in found.items():
         if math.isfinite(d.change):
@@ -143,7 +142,7 @@ def test_an_ideal_machine_has_no_impacts_beside_a_worn_one():
 
 def test_a_run_does_not_differ_from_itself():
     record = simulated('valve_train', duration=0.05)
-    assert [d for d in compare(record, record) if d.first == d.first and d.change] == []
+    assert [d for d in compare(record, record) if d.values[0] == d.values[0] and d.change] == []
 
 
 def test_charts_have_the_lines_of_both_runs():
@@ -151,18 +150,47 @@ def test_charts_have_the_lines_of_both_runs():
         simulated(scene, revolutions=2) for scene in ('four_bar_nominal', 'four_bar_clearance')
     )
     first, second = sections(one), sections(two)
-    both = {chart.key: chart for s in overlaid(first, second) for chart in s.charts}
-    assert len(both) == sum(len(s.charts) for s in overlaid(first, second))  # keys are unique
+    found = overlaid([first, second], ['ideal', 'worn'])
+    both = {chart.key: chart for s in found for chart in s.charts}
+    assert len(both) == sum(len(s.charts) for s in found)  # keys are unique
     (speeds,) = (c for s in second for c in s.charts if c.key == 'motion-velocity-turning')
     own = {c.label: c for c in speeds.panels[0].curves if not c.look}
-    shown = {c.label: c for c in both['motion-velocity-turning'].panels[0].curves if not c.look}
-    assert {'crank A', 'coupler A', 'rocker A', 'crank B', 'coupler B', 'rocker B'} == set(shown)
-    for name in ('coupler', 'rocker'):
-        there, alone = shown[f'{name} B'], own[name]
-        assert there.y is alone.y
-        assert (there.dash, there.colour) == (DOTTED, shown[f'{name} A'].colour)
+    panels = both['motion-velocity-turning'].panels
+    assert [p.title for p in panels] == ['crank', 'coupler', '', 'rocker', '']
+    assert [c.label for c in panels[0].curves if not len(c.x)] == ['ideal', 'worn']
+    for name, panel, below in zip(('coupler', 'rocker'), panels[1::2], panels[2::2], strict=True):
+        ideal, worn = panel.curves
+        assert worn.y is own[name].y
+        assert (ideal.group, worn.group) == ('ideal', 'worn')
+        assert ideal.dash != worn.dash
+        assert ideal.colour != worn.colour
+        (less,) = below.curves
+        assert (less.group, less.dash, below.y.title) == ('worn', worn.dash, 'difference [rad/s]')
+        for angle in (12.3, 123.4, 234.5):  # by interpolation of my own
+            a, b, c = (float(np.interp(angle, x.x, x.y)) for x in (ideal, worn, less))
+            assert c == pytest.approx(b - a, abs=1e-3)
     assert 'forces' in both
-    assert any(key.endswith('-B') for key in both)  # of contacts, which the ideal one has not
+    assert any(key.endswith('-1') for key in both)  # of contacts, which the ideal one has not
+
+
+def test_runs_are_named_by_what_differs_in_their_scenes(tmp_path):
+    values = '0.1 mm', '0.2 mm', '0.4 mm'
+    changes = [f'{PLAY}.radial={value}' for value in values]
+    several = '--compare', f'{PLAY}.radial={",".join(values)}', '-o', str(tmp_path / 'x.html')
+    said = run_json('report', 'four_bar_clearance', '--revolutions', '1', *several)
+    assert said['runs'] == [f'four_bar_clearance with {change}' for change in changes]
+    assert said['scenes'] == [{'path': f'{PLAY}.radial', 'values': list(values)}]
+    page = (tmp_path / 'x.html').read_text(encoding='utf-8')
+    assert all(f'<b>radial {value}</b>' in page for value in values)
+    alone = [simulated('four_bar_clearance', {f'{PLAY}.radial': x}, revolutions=1) for x in values]
+    for row in said['differences']:
+        if row['name'] == 'count':
+            assert row['values'] == [len(record.piece.impacts) for record in alone]
+    assert run_names({'drive.speed': ('300 rpm', '400 rpm')}, ['a', 'b']) == (
+        'speed 300 rpm', 'speed 400 rpm')  # fmt: skip
+    many = {f'key_{i}': ('1 mm', '2 mm') for i in range(9)}
+    assert run_names(many, ['a.yaml', 'b.yaml']) == ('a.yaml', 'b.yaml')
+    assert run_names({}, ['a', 'a']) == ('run 1', 'run 2')
 
 
 def test_a_variant_of_a_scene_is_compared_with_it(tmp_path):
@@ -173,7 +201,7 @@ def test_a_variant_of_a_scene_is_compared_with_it(tmp_path):
     )  # fmt: skip
     assert said['runs'] == ['slider_crank', 'slider_crank with drive.speed=600 rpm']
     data = json.loads(re.search(r'<script[^>]*id="data">(.*?)</script>', file.read_text())[1])
-    assert data['other']['stage']['bounds'] == data['stage']['bounds']
+    assert data['others'][0]['stage']['bounds'] == data['stage']['bounds']
     assert {d['subject'] for d in said['differences']} >= {'peaks', 'energy'}
 
 
@@ -216,20 +244,20 @@ def test_the_page_shows_both_machines(compared, tmp_path, width):
             "document.getElementById('scrub').value = 0.6;"
             "document.getElementById('scrub').dispatchEvent(new Event('input'))"
         )
-        boxes = [tab.page.locator(x).bounding_box() for x in ('#stage', '#ghost')]
+        boxes = [tab.page.locator(x).bounding_box() for x in ('#stage', '.ghost')]
         for side in ('x', 'y', 'width', 'height'):
             assert boxes[0][side] == pytest.approx(boxes[1][side], abs=1.0)
         moved = [
-            tab.page.locator(f'#{x} g[data-link=rocker]').first.get_attribute('transform')
-            for x in ('stage', 'ghost')
+            tab.page.locator(f'{x} g[data-link=rocker]').first.get_attribute('transform')
+            for x in ('#stage', '.ghost')
         ]
         assert None not in moved
         lenses = [
-            [float(tab.page.locator(f'#{x} .journal').get_attribute(f'data-{a}')) for a in 'xy']
-            for x in ('lens', 'lens-other')
+            [float(tab.page.locator(f'{x} .journal').get_attribute(f'data-{a}')) for a in 'xy']
+            for x in ('#lens', '.beside')
         ]
         assert lenses[0] != lenses[1]  # they have parted since
-        assert tab.page.locator('.differences tbody tr').count() > 20
+        assert tab.page.locator('#differences tbody tr').count() > 20
         assert tab.page.evaluate('document.documentElement.scrollWidth') <= width
         assert tab.complaints == []
         assert all(request.startswith('file:') for request in tab.requests)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf, pi
 
 from mechanism_sim import units
-from mechanism_sim.units import EXAMPLES, plain, to_si, to_si_of, to_si_text, typeset
+from mechanism_sim.units import EXAMPLES, plain, to_si, to_si_of, to_si_text, typeset, written
 
 EXACT = (
     ('0.254 mm', 'm', '0.000254'),
@@ -216,3 +216,18 @@ def test_no_text_does_anything_but_become_a_number_or_a_refusal(text, unit):
 )  # fmt: skip
 def test_units_are_typeset(unit, printed):
     assert typeset(unit) == printed
+
+
+@pytest.mark.parametrize(
+    ('value', 'unit', 'said'),
+    [
+        (12930.0, 'N', '12.93 kN'), (9300.0, 'N', '9300 N'), (-2.5e4, 'N m', '-25 kN m'),
+        (3.1e-6, 's', '3.1 µs'), (0.0025, 's', '2.5 ms'), (2.0, 's', '2 s'),
+        (0.2677, 'N s', '267.7 mN s'), (0.004367, 'J', '4.367 mJ'), (0.0, 'J', '0 J'),
+        (2.1e8, 'Pa', '210 MPa'), (math.pi / 2, 'rad', '90 deg'), (12345.678, '1/s', '12350 1/s'),
+        (1.234567e9, '', '1.235e9'), (math.inf, 'N', 'inf N'),
+    ],
+)  # fmt: skip
+def test_quantities_are_written_as_engineers_do(value, unit, said):
+    """With a prefix in place of a power of ten."""
+    assert written(value, unit) == said

@@ -19,6 +19,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.solution import Solution
 
 INPUTS = Path(__file__).parent / 'inputs'
@@ -499,6 +500,67 @@ def test_ten_thousand_times_as_long() -> None:
         phase = math.remainder(2.0 * end, 2.0 * math.pi)
         right = 0.5 * (math.sin(phase) - math.cos(phase)) + 0.5 * math.exp(-end / 0.5)
         assert run.final.states()[0, 0] == pytest.approx(right, abs=2e-11)
+
+
+@pytest.mark.slow
+def test_a_servo_follows_ten_thousand_times_as_long() -> None:
+    """A sine, after 20,000 s with the lag of the linear equation that it has after 20 s."""
+    servo = {'between': ['ground', 'block'], 'target': '0.4 + 0.1*sin(3*t)', 'p': '500 N/m',
+             'i': '800 N/m/s', 'd': '20 N s/m'}  # fmt: skip
+    start = {'position': {'block': '0.3 m'}}
+    machine = made(BLOCK | {'servos': {'lift': servo}, 'initial': start})
+    z = 3j  # m z^2 X = (p + i/z)(0.1 - X) - d z X
+    lag = 0.1 * (500.0 + 800.0 / z) / (2.0 * z**2 + 500.0 + 800.0 / z + 20.0 * z)
+    for end in (20.0, 20_000.0):
+        run = ms.stream(machine, duration=end).finish()
+        (place,) = catalogue(machine).columns(['position.block'], run.final)['position.block']
+        turned = math.remainder(3.0 * end, 2.0 * math.pi)
+        assert place == pytest.approx(0.4 + (lag * np.exp(1j * turned)).imag, abs=1e-9)
+
+
+def test_a_pulse_of_a_thousandth_of_a_turn_beside_new_elements() -> None:
+    """A wheel gains the pulse's work each turn; a stop, a rope, a servo and a state act beside."""
+    width, torque, inertia, speed = 0.001 * 2.0 * math.pi, 50.0, 2.0, 10.0
+    begin = math.radians(200.0)
+    scene = {
+        'gravity': [0.0, -GRAVITY],
+        'links': {
+            'ground': {'points': {'p': [3.0, 9.0], 'q': [3.2, 9.0], 'g': [3.0, 0.0],
+                                  'h': [3.2, 0.0], 's': [2.0, 0.0], 'w': [1.0, 0.0]}},
+            'wheel': {'mass': 1.0, 'inertia': inertia}, 'block': {'mass': 2.0},
+            'a': {'mass': 1.0}, 'b': {'mass': 1.2}, 'held': {'mass': 1.0},
+        },
+        'joints': {
+            'w': {'revolute': ['ground.w', 'wheel']},
+            's': {'prismatic': ['ground.s', 'block'], 'axis': '90 deg',
+                  'stops': {'lower': '0 m', 'restitution': 0.6}},
+            'ga': {'prismatic': ['ground.g', 'a'], 'axis': '90 deg'},
+            'gb': {'prismatic': ['ground.h', 'b'], 'axis': '90 deg'},
+            'rope': {'rope': ['a', 'ground.p', 'ground.q', 'b'], 'restitution': 0.3},
+            'c': {'prismatic': ['ground', 'held']},
+        },
+        'states': {'pushed': {'start': '0 J', 'rate': 'wheel_rate*push(wheel)'}},
+        'tables': {'push': {'cyclic': True, 'points': [
+            ['0 rad', 0], [f'{begin!r} rad', 0], [f'{begin!r} rad', torque],
+            [f'{begin + width!r} rad', torque], [f'{begin + width!r} rad', 0],
+            ['360 deg', 0]]}},
+        'servos': {'own': {'coordinate': 'held', 'target': '0.1*sin(5*t)', 'p': '200 N/m',
+                           'd': '10 N s/m'}},
+        'loads': {'push': {'at': 'wheel', 'torque': torque, 'during': {
+            'coordinate': 'wheel', 'from': f'{begin!r} rad', 'to': f'{begin + width!r} rad'}}},
+        'initial': {'position': {'block': '0.5 m'},
+                    'velocity': {'wheel': f'{speed} rad/s', 'b': '1 m/s'}},
+    }  # fmt: skip
+    solution = ms.simulate(made(scene), duration=3.0)
+    turn, rate, pushed = at_end(solution, 'position.wheel', 'velocity.wheel', 'state.pushed')
+    pulses = math.floor((turn - begin) / (2.0 * math.pi)) + 1
+    assert pulses >= 4
+    assert 0.5 * inertia * (rate**2 - speed**2) == pytest.approx(
+        pulses * torque * width, rel=1e-10
+    )
+    assert pushed == pytest.approx(pulses * torque * width, rel=1e-10)
+    assert {hit.joint for hit in solution.impacts} == {'s_lower', 'rope'}
+    balanced(solution)
 
 
 def test_a_snapshot_holds_states() -> None:

@@ -22,6 +22,7 @@ from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.imports import import_machine
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, read_yaml
 
@@ -435,6 +436,19 @@ def test_plates_for_a_printer_are_closed(tmp_path):
         a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
         assert np.abs(np.cross(b - a, c - a).sum(axis=0)).max() < 1e-9  # without holes
         assert (a * np.cross(b, c)).sum() > 0.0  # counterclockwise from outside
+
+
+@pytest.mark.slow
+def test_an_imported_machine_turns_ten_thousand_times(tmp_path):
+    """Of a URDF with its loop in an extension: the last turn ends where the first does."""
+    text = to_urdf(ms.load_scene('four_bar_nominal'))
+    found = import_machine(saved(tmp_path, text, 'm.urdf'), overrides=['drive.speed=10 rad/s'])
+    made = machine(found, outputs={'forces': False})
+    names, ends = [f'position.{c}' for c in made.plan.ideal.coordinates], []
+    for turns in (1, 10_000):
+        final = ms.stream(made, revolutions=turns).finish().final
+        ends.append(np.concatenate([*catalogue(made).columns(names, final).values()]))
+    assert np.exp(1j * ends[1]) == pytest.approx(np.exp(1j * ends[0]), abs=1e-10)
 
 
 # --- one way for all ----------------------------------------------------------------------------

@@ -524,6 +524,19 @@ def test_nodes_move_stops_and_contacts_as_the_solution_does(tmp_path, every):
     assert analyze(bag).digest == run_json('solve', str(every))['digest']
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures('backend')
+@pytest.mark.parametrize('scene', ['detent', 'hydraulic_arm'])
+def test_a_detent_and_a_hydraulic_arm_run_as_nodes_and_come_back_from_their_bags(tmp_path, scene):
+    bag = tmp_path / 'nodes.mcap'
+    assert run_json('run', scene, '--record', str(bag))['code'] == 0
+    record, run = read_record(bag), ms.simulate(scene)
+    assert analyze(bag).digest == record.digest() == run.digest()
+    t = np.linspace(0.0, run.duration, 11)
+    for name in ('gap.detent', 'normal_force.detent') if scene == 'detent' else ('state.pushing',):
+        assert record.piece.sample(t, name)[name].tolist() == run.sample(t, name)[name].tolist()
+
+
 def test_ten_thousand_bounces_between_stops_on_a_wheel_lose_no_digits():
     """Elastic stops, 30 deg to either side on a wheel at constant speed: a bounce takes 2 h/v."""
     h, v, count = math.radians(30.0), 4.0, 10_000

@@ -196,7 +196,7 @@ def test_no_option_takes_the_last_of_two_values_in_silence():
         for action in sub._actions:
             if not action.option_strings or action.nargs == 0:
                 continue
-            values = action.choices or [{int: '1', float: '1.5'}.get(action.type, 'x')]
+            values = action.choices or [{int: '1', None: 'x'}.get(action.type, '1.5')]
             given = [action.option_strings[-1], values[0]]
             words = [w for a in sub._get_positional_actions() for w in (a.choices or ['x'])[:1]]
             if isinstance(action, argparse._AppendAction):
@@ -263,7 +263,7 @@ def test_info_and_analyze_as_json(tmp_path):
 
 OTHERWISE = {
     '--from': {'new'},  # the scene that is copied; elsewhere the time at which something begins
-    **{flag: {'plot'} for flag in ('-o', '--output')},  # twice: a picture and numbers
+    **{flag: {'find', 'plot'} for flag in ('-o', '--output')},  # a picture and numbers
 }
 """Options that mean something else in these commands."""
 

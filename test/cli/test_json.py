@@ -93,7 +93,7 @@ GOOD = {
         '2',
         '--workers',
         '1',
-    ),  # fmt: skip
+    ),
     'modes': ('vibration_absorber',),
     'response': ('half_car', '--torque', 'body', '--frequencies', '1 Hz:9 Hz:3'),
     'analyze --fit restitution': ('{}/run.mcap', '--rounds', '16', '--workers', '1'),

@@ -6,6 +6,7 @@ import heyoka as hy
 import mpmath as mp
 import numpy as np
 import pytest
+from compliant_impacts import impact_depth, impact_duration, true_restitution
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
@@ -21,10 +22,7 @@ from mechanism_sim.contact.compliant import (
     HuntCrossley,
     LankaraniNikravesh,
     Material,
-    impact_depth,
-    impact_duration,
     socket_stiffness,
-    true_restitution,
 )
 from mechanism_sim.contact.film import JournalMotion, ShortBearing
 

@@ -7,6 +7,7 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.contact import problem as instant
+from mechanism_sim.contact import respond
 from mechanism_sim.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.contact.impact import Hypothesis
 from mechanism_sim.contact.problem import (
@@ -17,8 +18,7 @@ from mechanism_sim.contact.problem import (
     Resting,
     problem_of,
 )
-from mechanism_sim.hybrid import resting_contacts
-from mechanism_sim.hybrid.contact_state import write_flags
+from mechanism_sim.contact.respond import write_flags
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import BACKWARD, FORWARD, OPEN, STICK
@@ -368,7 +368,7 @@ def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch,
     plain = ms.simulate(scene, revolutions=5.0)
     assert len(plain.impacts) > 150
     compiled_kernels()
-    chosen = {'ends', 'remaining_time', 'horizon_of', 'problem_of', 'write_flags'}
+    chosen = {'ends', 'remaining_time', 'horizon_of', 'problem_of', 'write_flags', 'fell'}
     for k in kernels._KERNELS:
         if k.__name__ not in chosen:
             monkeypatch.setattr(k, 'run', k.function)
@@ -401,9 +401,9 @@ def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
         'four_bar_clearance', {f'joints.{joint}.clearance': clearance for joint in joints}
     )
     run, system = machine.start(), machine.equations.system
-    now = resting_contacts.rest_now
+    now = respond.come_to_rest
     seen = []
-    monkeypatch.setattr(resting_contacts, 'rest_now', lambda *x: seen.append(now(*x)) or seen[-1])
+    monkeypatch.setattr(respond, 'come_to_rest', lambda *x: seen.append(now(*x)) or seen[-1])
     places = np.array(
         [system.parameters.closed, system.parameters.sticks, system.parameters.slips, [-1, -1]]
     )

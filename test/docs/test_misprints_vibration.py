@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pint
 import pytest
+import state_space
 from damping import (
     damping_coefficient,
     damping_ratio,
@@ -16,13 +17,13 @@ from damping import (
     loss_factors,
 )
 from excitations import base_excited, periodic_response, relative_transmissibility
+from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients, peak_radius
 from two_masses import TwoMasses
 
-from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.excitation import FourierSeries
 from mechanism_sim.vibration.shafts import shaft_rigidity
-from mechanism_sim.vibration.single import Oscillator
+from mechanism_sim.vibration.systems import state_matrix
 
 WN, XI, M, P0 = 7.0, 0.15, 2.0, 3.0
 OSCILLATOR = Oscillator.of_ratio(WN, XI, M)
@@ -33,7 +34,7 @@ def late(o, force, w):
     """Displacement and velocity when the start is forgotten, by the state space, and the times."""
     a = float(o.decay_rate)
     t = 45.0 / a + np.linspace(0.0, 4.0 * math.pi / w, 400)
-    A = state_space.state_matrix(*(np.array([[x]]) for x in (o.mass, o.damping, o.stiffness)))
+    A = state_matrix(*(np.array([[x]]) for x in (o.mass, o.damping, o.stiffness)))
     b = state_space.input_vector(np.array([[o.mass]]), [force])
     return t, *state_space.forced(A, t, b, [w], np.zeros(2))
 

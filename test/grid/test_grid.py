@@ -9,9 +9,10 @@ from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.contact import respond
 from mechanism_sim.contact.problem import Rest
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid import resting_contacts
+from mechanism_sim.hybrid import frictional_shocks
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.event_loop import EventLoop
 from test.grid import jams as jams_module
@@ -109,8 +110,8 @@ def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
 
     with monkeypatch.context() as patched:
         unsolved = Rest(False, False, False, False, False, False, 0.0)
-        patched.setattr(resting_contacts, 'rest_now', lambda *_: unsolved)
-        patched.setattr(resting_contacts, 'shock_contacts', fails)
+        patched.setattr(respond, 'come_to_rest', lambda *_: unsolved)
+        patched.setattr(frictional_shocks, 'shock_contacts', fails)
         with pytest.raises(RunError, match=r'friction jams coupler_rocker at t = .* crank at'):
             ms.simulate(machine, revolutions=2.0)
         with pytest.raises(RunError) as ended:

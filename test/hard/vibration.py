@@ -6,9 +6,9 @@ import math
 from fractions import Fraction
 
 import numpy as np
+from oscillator import Oscillator
+from torsional import disks
 
-from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.torsional import disks
 from test.hard.case import Figure, hard_case
 
 ROUNDING = 2.0**-53

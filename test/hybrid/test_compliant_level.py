@@ -5,6 +5,7 @@ from __future__ import annotations
 import heyoka as hy
 import numpy as np
 import pytest
+from compliant_impacts import impact_duration, true_restitution
 from four_bars import TURN
 from running import one_of, run_json
 from scipy.integrate import quad, solve_ivp
@@ -16,8 +17,6 @@ from mechanism_sim.contact.compliant import (
     Hertz,
     HuntCrossley,
     LankaraniNikravesh,
-    impact_duration,
-    true_restitution,
 )
 from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.errors import InputError

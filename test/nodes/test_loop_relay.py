@@ -129,3 +129,58 @@ def test_two_drivers_come_back_from_the_edge_of_their_workspace():
     with pytest.raises(RunError):
         found.to(first[[found.q.tolist().index(x) for x in found.driven]] + 1.0)
     np.testing.assert_allclose(found.to(found.driven), first, atol=1e-12)
+
+
+@pytest.mark.parametrize('scene', ['four_bar_clearance', 'gear_box', 'slider_crank'])
+@pytest.mark.parametrize('fraction', [0.3, -2.0])
+def test_a_place_ten_thousand_turns_away_is_that_of_its_fraction(scene, fraction, monkeypatch):
+    """An encoder counts turns: whole ones after which the machine repeats are not followed."""
+    near, far = tracker(ms.load_scene(scene)), tracker(ms.load_scene(scene))
+    steps, follow = [], far._motion.follow
+    monkeypatch.setattr(far._motion, 'follow', lambda *x: steps.append(0) or follow(*x))
+    start = float(far.driven[0])
+    found = far.to([start + 20_000.0 * np.pi + fraction])
+    expected = near.to([start + fraction])
+    assert far.driven[0] == start + 20_000.0 * np.pi + fraction
+    sliding = np.isin(np.arange(len(found)), far._motion.sliding)
+    np.testing.assert_allclose(found[sliding], expected[sliding], rtol=0.0, atol=1e-11)
+    off = np.exp(1j * found[~sliding]) - np.exp(1j * expected[~sliding])
+    assert np.abs(off).max() < 1e-10  # of 62,832 rad as they are told: 7e-12, by ratios more
+    assert len(steps) < 64 * 64
+
+
+def test_a_driver_that_returns_by_ten_thousand_turns_comes_back():
+    found = tracker(ms.load_scene('four_bar_clearance'))
+    first = found.to([0.7]).copy()
+    found.to([0.7 + 20_000.0 * np.pi])
+    np.testing.assert_allclose(found.to([0.7]), first, atol=1e-10)
+
+
+FIVE = {
+    'links': {
+        'ground': {'points': {'r': [0.3, 0.0]}},
+        'a': {'length': 0.05}, 'b': {'length': 0.3}, 'c': {'length': 0.3}, 'd': {'length': 0.06},
+    },
+    'joints': {
+        'l': {'revolute': ['ground', 'a']}, 'm': {'revolute': ['a.end', 'b']},
+        't': {'revolute': ['b.end', 'c.end']}, 'n': {'revolute': ['c', 'd.end']},
+        'r': {'revolute': ['d', 'ground.r']},
+    },
+    'guess': {'b': '60 deg', 'c': '120 deg', 'd': '10 deg'},
+    'drives': {'a': {'speed': 1.0}, 'd': {'speed': 2.0, 'start_angle': '10 deg'}},
+}  # fmt: skip
+
+
+def test_two_drivers_turn_ten_thousand_times():
+    near, far = tracker(made(FIVE)), tracker(made(FIVE))
+    expected = near.to(np.add(near.driven, [0.4, -0.9]))
+    found = far.to(np.add(far.driven, [20_000.0 * np.pi + 0.4, -60_000.0 * np.pi - 0.9]))
+    assert np.abs(np.exp(1j * found) - np.exp(1j * expected)).max() < 1e-10
+
+
+def test_drivers_that_cannot_turn_leave_the_states_where_they_are():
+    found = tracker(ms.load_scene('loader'))
+    first = found.q.copy()
+    with pytest.raises(RunError):
+        found.to(found.driven + 40.0)
+    np.testing.assert_array_equal(found.q, first)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 import sys
 from html.parser import HTMLParser
@@ -13,6 +14,8 @@ from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.report import progress
+from mechanism_sim.report.picture import Picture
 
 LONGEST_LINE, LONGEST_PAGE = 1_000, 120_000  # characters
 API = (ROOT / 'docs' / 'api.md').read_text(encoding='utf-8')
@@ -141,3 +144,49 @@ def test_a_notebook_runs_headless_and_shows_what_it_should():
         (given,) = (out for out in cell.outputs if out.output_type == 'execute_result')
         assert len(given.data['text/plain']) < LONGEST_LINE
         assert 100 < len(given.data['text/html']) < LONGEST_PAGE
+
+
+def test_play_and_plot_take_scenes_and_runs_alike(shown):
+    file, machine = ROOT / 'config' / 'slider_crank.yaml', ms.load_scene('slider_crank')
+    text = file.read_text(encoding='utf-8')
+    for source in ('slider_crank', file, text, machine.scene, machine):
+        assert 'Slider-crank' in repr(ms.play(source, end='20 ms'))
+    for run in (shown['solution'], shown['cycle']):
+        assert repr(ms.play(run)).startswith('<')
+        assert isinstance(ms.plot(run, 'drive_torque'), Picture)
+    longer = ms.play('slider_crank', end='0.7 s')  # than a turn, which is its own run
+    data = re.search(r'id="data">(.*?)</script>', longer.page, re.DOTALL)
+    t = json.loads(data[1])['frames']['t']
+    assert np.frombuffer(base64.b64decode(t['bdata']), t['dtype'])[-1] == pytest.approx(0.7)
+    (line,) = ms.plot('slider_crank', 'position.piston', duration='1 s').axes[0].lines
+    assert line.get_xdata()[[0, -1]] == pytest.approx([0.0, 1.0])
+
+
+def test_long_work_shows_its_progress_in_a_notebook_only(monkeypatch):
+    shown, times = [], iter(np.arange(0.0, 1e6, 0.6))
+
+    class Handle:
+        update = shown.append
+
+    def display(page, display_id):
+        assert display_id
+        shown.append(page)
+        return Handle
+
+    monkeypatch.setattr('time.monotonic', lambda: next(times))
+    monkeypatch.setattr('IPython.display.display', display)
+    monkeypatch.delitem(sys.modules, 'ipykernel', raising=False)
+    ms.simulate('four_bar_clearance', revolutions=4)
+    assert shown == []
+    monkeypatch.setitem(sys.modules, 'ipykernel', object())
+    done = progress.in_notebook('sweep', 10)
+    for k in range(11):
+        done(k, 0)
+    texts = [page.data for page in shown]
+    assert 'value="0.1000"' in texts[0]  # after a second
+    assert texts[0].endswith('11 s left')
+    assert texts[-1] == ''  # and goes when it is over
+    shown.clear()
+    ms.simulate('four_bar_clearance', revolutions=40)
+    assert shown[0].data.startswith('simulate four_bar_clearance <progress')
+    assert shown[-1].data == ''

@@ -24,22 +24,30 @@ from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim import output
-from mechanism_sim.analysis.comparison import compare
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.pages.recorded import recorded
 from mechanism_sim.pages.server import Command, Server
 from mechanism_sim.pages.view import MODULES
-from mechanism_sim.report.charts.overlay import overlaid
+from mechanism_sim.pages.writing import write_comparison
 
-REPORT = '.facts > div', '.controls > *', '#lens text', '.contents li', '.report h2'
+REPORT = (
+    '.facts > div', '.controls > *', '#lens p', '.contents li', '.report h2',
+    'figure.machine, #lens > *, #machine > .controls',
+)  # fmt: skip
 SITE = ROOT / 'build' / 'site'
 TEXTS = {
     'report': REPORT,
-    'compare': ('.facts > div', '.controls > *', '#lens text', '#lens-other text', '.which'),
+    'compare': (
+        '.facts > div',
+        '.controls > *',
+        '#lens p',
+        '#lens-other p',
+        '#lens > *, .beside > *',
+    ),
     'explore': ('.family > label, .family > output', '.family text', '.controls > *'),
-    'live': ('.controls > *', '.slider', '.strips figure', '#lens text', '.live header > *'),
+    'live': ('.controls > *', '.slider', '.strips figure', '#lens p', '.live header > *'),
     'waiting': ('.live header > *', '.waiting p, .waiting pre'),
     'edit': ('header > h1, header .file > *', '#palette button', '.tabs button', 'footer > *'),
     **{
@@ -74,6 +82,7 @@ SCROLL = ('#palette button',)
 QUICK = 'live', 1440, 'dark'
 """That of reports is in their own tests."""
 RADIAL = 'joints.coupler_rocker.clearance.radial'
+HIGH = {1440: 900, 390: 844}
 LOOKS = [(1440, 'light'), (390, 'dark'), (390, 'light'), (1440, 'dark')]
 
 
@@ -94,9 +103,8 @@ def pages(tmp_path_factory):
         if kind == 'report':
             return report.page(recorded(run), sections(run))
         worn = simulated('four_bar_clearance', {'drive.speed': '300 rpm'}, revolutions=2)
-        one, two = together(recorded(run), recorded(worn))
-        beside = report.ComparedRun(two, ('a', 'b'), compare(run, worn))
-        return report.page(one, overlaid(sections(run), sections(worn)), beside=beside)
+        write_comparison([run, worn], ['a', 'b'], folder / 'compare.html')
+        return (folder / 'compare.html').read_text(encoding='utf-8')
 
     def file(kind):
         if kind.startswith('site/'):
@@ -140,7 +148,7 @@ def opened(request, browser, pages, tmp_path):
     """A page in a size and a scheme, without its policy, for axe-core is no part of it."""
     kind, width, scheme = request.param
     context = browser.new_context(
-        viewport={'width': width, 'height': 900}, color_scheme=scheme, bypass_csp=True
+        viewport={'width': width, 'height': HIGH[width]}, color_scheme=scheme, bypass_csp=True
     )
     tab = Tab(context.new_page(), tmp_path)
     with ExitStack() as after:
@@ -172,12 +180,26 @@ def test_a_page_is_in_order_for_everybody(opened):
         if not opened.kind.startswith('site') and selector not in SCROLL:
             assert all(box[0] >= 0.0 and box[2] <= opened.width + 0.5 for box in found), selector
     assert page.evaluate('document.documentElement.scrollWidth') <= opened.width
+    if page.locator('.report #machine').count():
+        covers_nothing(page, opened)
     assert violations(page) == []
     assert opened.tab.complaints == []
     local = ('file:', 'http://127.0.0.1:', 'ws://127.0.0.1:')
     assert all(request.startswith(local) for request in opened.tab.requests)
     name = opened.kind.removesuffix('.html').replace('/', '_')
     opened.tab.shoot(f'page_{name}_{opened.width}_{opened.scheme}')
+
+
+def covers_nothing(page, opened):
+    """The machine, its lens and its player are in sight together, and stand beside the rest."""
+    page.locator('#machine').scroll_into_view_if_needed()
+    for selector in ('#stage', '#lens > *', '.beside > *', '.controls > *'):
+        for _, top, _, bottom in boxes(page, selector):
+            assert top >= -0.5, selector
+            assert bottom <= HIGH[opened.width] + 0.5, selector
+    if opened.width > 900:
+        rest = boxes(page, 'body > header, body > nav, main')
+        assert overlapping([*boxes(page, '#machine'), *rest]) == []
 
 
 HERE = 'file:', 'data:', 'blob:', 'about:', 'http://127.0.0.1:', 'ws://127.0.0.1:'

@@ -27,7 +27,8 @@ def of_a_run(name, **span):
 
 def of_two_runs():
     worn = simulated('four_bar_clearance', {f'{PLAY}.restitution': 0.8}, revolutions=2)
-    both = overlaid(sections(simulated('four_bar_clearance', revolutions=4)), sections(worn))
+    runs = sections(simulated('four_bar_clearance', revolutions=4)), sections(worn)
+    both = overlaid(runs, ['fresh', 'worn'])
     return [chart for s in both for chart in s.charts]
 
 

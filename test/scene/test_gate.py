@@ -49,7 +49,7 @@ def test_a_wheel_of_any_number_of_slots_starts_with_a_slot_where_it_belongs(
 @pytest.mark.parametrize(
     ('key', 'value', 'words'),
     [
-        ('links.crank.length', '400 mm', 'cannot make a full turn'),
+        ('links.crank.length', '400 mm', 'turn at constant speed (ground 0.387 m'),
         ('initial.position.coupler', '1.2 rad', 'initial.position puts the pin'),
     ],
 )
@@ -58,8 +58,10 @@ def test_what_check_refuses_no_command_runs(
 ) -> None:
     for command, *options in COMMANDS:
         more = ['-o', f'{tmp_path}/out.svg'] if command == 'draw' else options
+        # of a scene with a duration: without one it is for all positions between limits, too
+        changes = ['--set', f'{key}={value}', '--set', 'duration=1 s']
         with pytest.raises(SystemExit) as ended:
-            main([command, 'four_bar_clearance', '--set', f'{key}={value}', *more])
+            main([command, 'four_bar_clearance', *changes, *more])
         assert ended.value.code == 2, command
         assert words in capsys.readouterr().err, command
 

@@ -37,7 +37,9 @@ def refusal(drive):
         ({'position': 'sin(omega*t)'}, ["drive.position", "'omega'", 'it may name the time t']),
         ({'position': '90 deg + 60 mm*sin(t)'}, ['drive.position', 'no like units']),
         ({'position': '60 mm*sin(pi*t)'}, ['is in m', 'arm turns', 'give it in rad']),
-        ({'position': 'floor(t)'}, ["'floor'", 'is not a function known here']),
+        ({'position': 'floor(t)'}, ["calls 'floor'", 'no function of formulas of motions']),
+        ({'position': '2*lift(t)'}, ["calls 'lift'", "stand here themselves, as 'points' or"]),
+        ({'position': 'sinn(t)'}, ["calls 'sinn'; did you mean 'sin'?"]),
         ({'position': 'abs(t - 1)'}, ['drive.position jumps in place or speed at t = 1 s']),
         ({'position': 'sqrt(t)'}, ['drive.position', 'no derivative at t = 0 s']),
         ({'position': '1/(t - 2)'}, ['drive.position', 'no value or no derivative at t = 2 s']),
@@ -77,8 +79,14 @@ def refusal(drive):
          ['drive.moves.steps.0.to is given in m', 'an angle, in rad']),
         ({'moves': {**LIMITS, 'steps': [{'to': '30 deg'}], 'repeat': True}},
          ['drive.moves.repeat', 'end where they begin']),
+        ({'moves': {**LIMITS, 'steps': [{'dwell': '-1 s'}]}}, ['drive.moves.steps.0.dwell']),
+        ({'swing': {'period': '1 s'}}, ["'swing' is for a machine with a single drive, 'drive'"]),
+        ({'swing': {}}, ["'drive.swing.period' is missing"]),
+        ({'position': {'points': POINTS[:1]}}, ['drive.position.points', '2']),
+        ({'position': {'points': [*POINTS[:2], ['2 s', '0 deg']], 'ends': 'rest',
+                       'periodic': True}}, ["is periodic and has 'ends: rest': keep one"]),
     ],
-    ids=range(33),
+    ids=range(40),
 )  # fmt: skip
 def test_a_mistake_is_a_sentence(drive, said):
     text = refusal(drive)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -137,6 +138,7 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path):
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--at-impacts', 'x'),
          "there is no loose joint 'x'"),
         (('mass_on_spring', '--vary', 'links.mass.mass=1:2:3'), 'a drive at constant speed'),
+        (('four_bar_clearance', *['--vary', 'drive.speed=1:2:3'] * 2), 'two different ones'),
     ],
 )  # fmt: skip
 def test_mistakes_get_one_sentence(args, said):
@@ -155,3 +157,28 @@ def test_a_motion_that_fails_its_audit_is_told(monkeypatch):
     monkeypatch.setattr(Audit, 'judge', judge)
     with pytest.raises(InputError, match='judged'):
         ms.bifurcation(ball(1.3), {'drive.speed': ('300 rpm', '310 rpm', 2)}, transient=1, keep=2)
+
+
+def test_which_start_leads_to_which_response():
+    """A ball that is highest over the table comes back for ever; one that lies on it stays."""
+    e, gamma = 0.85, 1.3 * 2.0 * math.pi * 0.15 / 1.85
+    scene = ball(gamma, 2, e)
+    height, pace = (
+        float(re.search(rf'{key}: {{ball: ([-+.e0-9]+)}}', scene)[1])
+        for key in ('position', 'velocity')
+    )
+    found = ms.basins(
+        scene,
+        {
+            'initial.position.ball': (0.0, height, 2),
+            'initial.velocity.ball': (pace, 0.999 * pace, 2),
+        },
+        transient=300,
+        keep=40,
+    )
+    kinds = {(x > 0.0, y == pace): k for x, y, _, k in found.cells}
+    assert kinds[True, True] == kinds[True, False]
+    assert kinds[False, True] != kinds[True, True]
+    assert found.kinds[kinds[True, True]].period == 2
+    table = found.table()
+    assert len(table['response']) == 4

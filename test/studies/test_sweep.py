@@ -301,7 +301,7 @@ def test_two_workers_write_the_same_table_and_a_second_call_computes_nothing(ref
     assert (again['computed'], again['kept']) == (0, RUNS)
     assert table.read_bytes() == reference.read_bytes()
     assert len(set(keys_of(tmp_path / 'two.parquet.journal'))) == RUNS
-    assert '90 deg' in (tmp_path / 'p.svg').read_text(encoding='utf-8')
+    assert 'drive start angle [deg]' in (tmp_path / 'p.svg').read_text(encoding='utf-8')
 
 
 def in_session(session: int) -> list[int]:

@@ -432,15 +432,17 @@ def test_figures_are_those_of_the_thesis(found):
 
 
 def test_each_of_the_six_largest_impacts_has_its_label(found):
-    """Those that lie on one another share one; figure 8.11 of [SB] has Y1 to Y6 on both parts."""
+    """Those that lie on one another share one; figure 8.11 of [SB] has six on both parts."""
     (chart,) = (x for x in experiment_figures.charts(found) if x.key == 'figure_8_11')
     assert len(chart.panels) == 2
     for panel in chart.panels:
         named = []
         for text in (text for curve in panel.curves for text in curve.texts if text):
-            for span in text.removeprefix('Y').split(', '):
-                first, _, last = span.partition('-')
-                named += range(int(first), int(last or first) + 1)
+            for span in text.replace('hardest', '1').split(', '):
+                first, _, last = span.partition(' to ')
+                named += range(
+                    int(first.strip('stndrh')), int((last or first).strip('stndrh')) + 1
+                )
         assert sorted(named) == [1, 2, 3, 4, 5, 6]
 
 

@@ -7,6 +7,8 @@ import pytest
 from builders import made, weightless
 from damping import damping_ratio, logarithmic_decrement
 from excitations import relative_transmissibility
+from masses import chain
+from oscillator import Oscillator
 from rotors import Rotor
 from running import run, run_json
 from two_masses import TwoMasses
@@ -28,8 +30,6 @@ from mechanism_sim.studies.modes import (
     natural_modes,
 )
 from mechanism_sim.studies.response import read_source, response
-from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import chain
 
 TURN = 2.0 * np.pi
 EXACT = {'rel': 1e-10, 'abs': 1e-13}

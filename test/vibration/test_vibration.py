@@ -6,20 +6,16 @@ import doctest
 
 import numpy as np
 import pytest
+import state_space
 from damping import logarithmic_decrement
-from excitations import periodic_response
+from excitations import periodic_response, series_of
+from masses import MassSystem, chain
 from orbits import Orbit
+from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients
 from running import ROOT
 from scipy.integrate import solve_ivp
-
-from mechanism_sim.errors import InputError
-from mechanism_sim.vibration import state_space
-from mechanism_sim.vibration.excitation import FourierSeries
-from mechanism_sim.vibration.shafts import shaft_rigidity
-from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import LinearSystem, chain
-from mechanism_sim.vibration.torsional import (
+from torsional import (
     disk_inertia,
     disks,
     in_series,
@@ -27,11 +23,16 @@ from mechanism_sim.vibration.torsional import (
     shaft_stiffness,
 )
 
+from mechanism_sim.errors import InputError
+from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.shafts import shaft_rigidity
+from mechanism_sim.vibration.systems import state_matrix
+
 
 def test_state_space_against_an_integrator():
     """The other route of the other tests, once against SciPy's."""
     M, C, K = np.diag([1.0, 2.0]), np.array([[0.3, -0.1], [-0.1, 0.2]]), np.diag([4.0, 9.0])
-    A, force, w = state_space.state_matrix(M, C, K), np.array([1.0 + 2.0j, -1.0j]), 1.7
+    A, force, w = state_matrix(M, C, K), np.array([1.0 + 2.0j, -1.0j]), 1.7
     b, start, t = state_space.input_vector(M, force), [1.0, -1.0, 0.5, 0.0], np.linspace(0, 9, 7)
     found = solve_ivp(
         lambda t, x: A @ x + (b * np.exp(1j * w * t)).real,
@@ -71,7 +72,7 @@ def test_transmissibility_meets_at_the_root_of_two():
 
 
 def test_fourier_series_of_a_square_wave():
-    series = FourierSeries.of_function(lambda t: np.where(t < 1.0, 3.0, -1.0), 2.0, 9, [1.0])
+    series = series_of(lambda t: np.where(t < 1.0, 3.0, -1.0), 2.0, 9, [1.0])
     j = np.arange(1, 10)
     assert series.mean == pytest.approx(1.0, abs=1e-14)
     expected = np.where(j % 2, -1j * 8.0 / (np.pi * j), 0.0)
@@ -80,22 +81,22 @@ def test_fourier_series_of_a_square_wave():
 
 def test_fourier_series_of_itself():
     wave = FourierSeries(2 * np.pi / 3.0, 0.4, np.array([1.0 - 2.0j, 0.0, 0.5j]))
-    again = FourierSeries.of_function(wave, 3.0, 3)
+    again = series_of(wave, 3.0, 3)
     assert again.mean == pytest.approx(0.4)
     assert again.frequency == wave.frequency
     np.testing.assert_allclose(again.amplitudes, wave.amplitudes, atol=1e-14)
     assert again.rest < 1e-13
-    less = FourierSeries.of_function(wave, 3.0, 2)
+    less = series_of(wave, 3.0, 2)
     assert less.rest == pytest.approx(np.sqrt(0.125), rel=1e-12)
     for wrong in ({'period': 0.0}, {'breaks': [2.0]}):
         with pytest.raises(InputError):
-            FourierSeries.of_function(np.cos, **{'period': 1.0, 'harmonics': 3, **wrong})
+            series_of(np.cos, **{'period': 1.0, 'harmonics': 3, **wrong})
 
 
 def test_steady_response_to_a_square_wave():
     """Solved in pieces of constant force; the harmonics fall as the third power."""
     o = Oscillator.of_coefficients(1.5, 0.4, 20.0)
-    A = state_space.state_matrix(*(np.array([[x]]) for x in (o.mass, o.damping, o.stiffness)))
+    A = state_matrix(*(np.array([[x]]) for x in (o.mass, o.damping, o.stiffness)))
     half, force = 0.9, 2.0
     # symmetry: after half a period the state is reversed, -x = R x + s
     rest = np.array([force / o.stiffness, 0.0])
@@ -103,9 +104,7 @@ def test_steady_response_to_a_square_wave():
     start = np.linalg.solve(-np.eye(2) - R, rest - R @ rest)
     t = np.linspace(0.0, half, 20)
     exact = rest[0] + state_space.free(A, t, start - rest)[0]
-    series = FourierSeries.of_function(
-        lambda t: np.where(t < half, force, -force), 2 * half, 400, [half]
-    )
+    series = series_of(lambda t: np.where(t < half, force, -force), 2 * half, 400, [half])
     np.testing.assert_allclose(series.passed(o.receptance)(t), exact, atol=1e-7)
     late = periodic_response(o, t + 200 * half, series).displacement
     np.testing.assert_allclose(late, series.passed(o.receptance)(t), atol=1e-12)
@@ -189,7 +188,7 @@ def test_shafts_joined_by_gears():
     stretch = np.array([[1.0, 0.0, -1.0], [0.0, -1.0, n]])  # of both shafts by (th1, th2, gear)
     K = stretch.T @ np.diag([k1, k2]) @ stretch
     K = K[:2, :2] - np.outer(K[:2, 2], K[2, :2]) / K[2, 2]
-    assert found == pytest.approx(LinearSystem(np.diag([J1, J2]), 0 * K, K).modes.frequencies[1])
+    assert found == pytest.approx(MassSystem(np.diag([J1, J2]), 0 * K, K).modes.frequencies[1])
 
 
 def test_shafts_and_disks():

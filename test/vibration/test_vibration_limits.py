@@ -8,14 +8,14 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+from exponentials import first_difference, second_difference
+from masses import MassSystem, chain
+from oscillator import Oscillator
 from rotors import Rotor, influence_coefficients, peak_radius
+from torsional import disks
 from two_masses import TwoMasses
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.exponentials import first_difference, second_difference
-from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import LinearSystem, chain
-from mechanism_sim.vibration.torsional import disks
 
 NEARNESS = (0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3)
 
@@ -168,7 +168,7 @@ def test_repeated_natural_frequencies(apart):
     """Three equal oscillators, all but uncoupled by springs, coupled by dampers."""
     C = np.array([[0.5, -0.3, 0.0], [-0.3, 0.8, -0.2], [0.0, -0.2, 0.4]])
     K = np.diag([4.0, 4.0 * (1.0 + apart), 4.0 * (1.0 - apart)])
-    system = LinearSystem(np.eye(3), C, K)
+    system = MassSystem(np.eye(3), C, K)
     if apart == 0.0:
         assert system.modes.decay_rates is not None  # found in spite of arbitrary modes
         np.testing.assert_allclose(system.modes.frequencies, 2.0, rtol=1e-15)
@@ -190,7 +190,7 @@ def test_damped_modes_that_coincide_are_refused_where_they_cannot_be_summed():
     two = chain([1.0, 1.0], [1.0, 1.0])
     modes = two.modes
     C = modes.shapes @ np.diag(2.0 * modes.frequencies) @ modes.shapes.T
-    system = LinearSystem(two.mass, C, two.stiffness)
+    system = MassSystem(two.mass, C, two.stiffness)
     t, start = 2.0, [1.0, 0.0, 0.0, -0.5]
     found = np.ravel(system.free([t], start[:2], start[2:]))
     np.testing.assert_allclose(found, exact(*matrices(system), t, start), rtol=1e-13)
@@ -229,10 +229,10 @@ def test_what_cannot_be_is_refused():
         lambda: Oscillator.of_coefficients(1.0, 1.0, -1.0),
         lambda: TwoMasses(1.0, 0.0, 1.0, 1.0),
         lambda: Rotor(1.0, 1e-3, (1.0, 0.0)),
-        lambda: LinearSystem(np.eye(2), np.zeros((2, 2)), np.zeros((3, 3))),
-        lambda: LinearSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, -1.0])),
-        lambda: LinearSystem(np.diag([1.0, 0.0]), np.zeros((2, 2)), np.eye(2)),
-        lambda: LinearSystem(np.eye(2), np.zeros((2, 2)), np.array([[1.0, 0.5], [0.0, 1.0]])),
+        lambda: MassSystem(np.eye(2), np.zeros((2, 2)), np.zeros((3, 3))),
+        lambda: MassSystem(np.eye(2), np.zeros((2, 2)), np.diag([1.0, -1.0])),
+        lambda: MassSystem(np.diag([1.0, 0.0]), np.zeros((2, 2)), np.eye(2)),
+        lambda: MassSystem(np.eye(2), np.zeros((2, 2)), np.array([[1.0, 0.5], [0.0, 1.0]])),
         lambda: chain([1.0, 1.0], [1.0]),
         lambda: chain([1.0, 1.0], [1.0, -1.0]),
         lambda: chain([1.0, 1.0], [1.0, 1.0], [1.0, 1.0, 1.0]),

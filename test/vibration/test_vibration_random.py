@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import state_space
 from excitations import base_excited, periodic_response
+from masses import MassSystem, chain
+from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients
 from two_masses import TwoMasses
 
-from mechanism_sim.vibration import state_space
 from mechanism_sim.vibration.excitation import FourierSeries
-from mechanism_sim.vibration.single import Oscillator
-from mechanism_sim.vibration.systems import LinearSystem, chain
+from mechanism_sim.vibration.systems import state_matrix
 
 #: of each kind; ten kinds
 COUNT = 100
@@ -26,7 +27,7 @@ def oscillator(random):
 
 
 def matrix(o):
-    return state_space.state_matrix(*(np.array([[x]]) for x in (o.mass, o.damping, o.stiffness)))
+    return state_matrix(*(np.array([[x]]) for x in (o.mass, o.damping, o.stiffness)))
 
 
 def push(o, amplitude):
@@ -127,7 +128,7 @@ def test_two_masses(random):
 
 def test_modes_with_proportional_damping(random):
     n = int(random.integers(2, 9))
-    system = LinearSystem(*matrices(random, n, proportional=True))
+    system = MassSystem(*matrices(random, n, proportional=True))
     assert system.modes.decay_rates is not None
     t = np.sort(random.uniform(0, 60 / system.modes.frequencies[-1], 12))
     start, force = random.normal(size=(2, n)), random.normal(size=(n, 2)) @ (1.0, 1.0j)
@@ -141,7 +142,7 @@ def test_modes_with_proportional_damping(random):
 
 def test_modes_with_any_damping(random):
     n = int(random.integers(2, 9))
-    system = LinearSystem(*matrices(random, n, proportional=False))
+    system = MassSystem(*matrices(random, n, proportional=False))
     assert system.modes.decay_rates is None
     t = np.sort(random.uniform(0, 60 / system.modes.frequencies[-1], 12))
     start = random.normal(size=(2, n))
@@ -169,7 +170,7 @@ def test_rotors(random):
     w = rotor.directions[0].natural_frequency * random.choice([1.0, random.uniform(0, 3)])
     t = np.sort(random.uniform(0, 40 / w, 12))
     M, C, K = mass * np.eye(2), np.diag([cx, cy]), np.diag([kx, ky])
-    A = state_space.state_matrix(M, C, K)
+    A = state_matrix(M, C, K)
     b = state_space.input_vector(M, mass * e * w**2 * np.array([1, -1j]))
     path = state_space.forced(A, t, b, [w], np.zeros(4))[:2]
     assert np.abs(rotor.motion(t, w) - path).max() <= BOUND * np.abs(path).max()
@@ -186,7 +187,7 @@ def test_rotors_with_disks(random):
     e = 1e-5 * (random.normal(size=(n, 2)) @ (1.0, 1.0j))
     rotor = DiskRotor(masses, e, K, 1e2 * B @ B.T)
     w = random.choice([*rotor.critical_speeds, random.uniform(10, 1000)])
-    A = state_space.state_matrix(np.diag(masses), rotor.damping, K)
+    A = state_matrix(np.diag(masses), rotor.damping, K)
     b = state_space.input_vector(np.diag(masses), masses * e * w**2)
     steady = state_space.steady(A, b, w)[:n]
     assert np.abs(rotor.amplitudes(w) - steady).max() <= BOUND * np.abs(steady).max()

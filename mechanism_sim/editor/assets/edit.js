@@ -3,7 +3,7 @@ import { Fields } from 'fields';
 import { lensOf } from 'lens';
 import { Player, Recording } from 'player';
 import { words } from 'stage';
-import { add, quantity } from 'svg';
+import { quantity } from 'svg';
 
 const AGAIN = 1000; // [ms] until a lost connection is tried again
 const SAID = 6000; // [ms] that a message stays
@@ -274,8 +274,11 @@ function ran({ data, number }) {
 
 /** What is loose, magnified: pins with their ways, and what parts from its wall. */
 function lenses(recording, stage) {
-  return [...stage.bearings, ...stage.plays].map(({ joint }) => lensOf(add(by('lenses'), 'svg'),
-    stage, joint, (index, t) => recording.path(index, t, Infinity)));
+  return [...stage.bearings, ...stage.plays].map(({ joint }) => {
+    const host = document.createElement('div');
+    by('lenses').append(host);
+    return lensOf(host, stage, joint, (index, t) => recording.path(index, t, Infinity));
+  });
 }
 
 /** Paths that only a run knows: of points of a machine that nothing drives, or not alone. */

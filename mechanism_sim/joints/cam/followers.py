@@ -19,7 +19,19 @@ from mechanism_sim.joints.cam.laws import Law
 from mechanism_sim.joints.cam.touch import CamTouch, FramePassage, angle_between, cross, turned
 
 
-class _Rolling(ABC):
+class _Touching(ABC):
+    """Common part of all followers."""
+
+    @abstractmethod
+    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
+        """Where the follower touches a profile at points (2, N) [m] with these outward normals.
+
+        Cam angles (N,) [rad], whose whole turns do not count, and displacements (N,) from the base
+        circle: what `touch` gives, from the other side.
+        """
+
+
+class _Rolling(_Touching):
     """Common part of followers with a knife or a roller."""
 
     roller: float
@@ -31,14 +43,6 @@ class _Rolling(ABC):
     @abstractmethod
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
         """Direction of motion (2, N) of the roller's centre; rate (N,) of the follower's angle."""
-
-    @abstractmethod
-    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """Where the follower touches a profile at points (2, N) [m] with these outward normals.
-
-        Cam angles (N,) [rad], whose whole turns do not count, and displacements (N,) from the base
-        circle: what `touch` gives, from the other side.
-        """
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> CamTouch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].
@@ -179,7 +183,7 @@ class Oscillating(_Rolling):
         return np.array([np.sin(psi), -self.side * np.cos(psi)]), self.side * law(angle, 1)
 
 
-class _Flat(ABC):
+class _Flat(_Touching):
     """Common part of flat-faced followers."""
 
     @abstractmethod
@@ -193,14 +197,6 @@ class _Flat(ABC):
     @abstractmethod
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
         """Direction of motion and velocity by the angle of a point of the follower, (2, N)."""
-
-    @abstractmethod
-    def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """Where the follower touches a profile at points (2, N) [m] with these outward normals.
-
-        Cam angles (N,) [rad], whose whole turns do not count, and displacements (N,) from the base
-        circle: what `touch` gives, from the other side.
-        """
 
     def touch(self, law: Law, base_radius: float, angle: ArrayLike) -> CamTouch:
         """Contact with a cam of this base radius [m] at angles (N,) [rad] or displacements [m].

@@ -198,8 +198,19 @@ class MeasuredLaw(PiecewiseLaw):
         return acceleration_peaks(*self._samples)
 
 
+class _Circular:
+    """Law of a cam that is a circle."""
+
+    reciprocating: ClassVar[bool] = False
+
+    @property
+    def breaks(self) -> Array:
+        """The ends of the turn only: everything is smooth."""
+        return np.array([0.0, TURN])
+
+
 @dataclass(frozen=True)
-class Eccentric:
+class Eccentric(_Circular):
     """The circular cam under a radial knife-edge follower, or the pitch circle under a roller.
 
     [V] 4.7, above the lowest position; at angle 0 it is half-way up. Derivatives up to the third.
@@ -212,16 +223,9 @@ class Eccentric:
     radius: float
     eccentricity: float
 
-    reciprocating: ClassVar[bool] = False
-
     def __post_init__(self) -> None:
         if not 0 < self.eccentricity < self.radius < math.inf:
             raise InputError('the eccentricity of a circular cam is positive, below its radius')
-
-    @property
-    def breaks(self) -> Array:
-        """The ends of the turn only: everything is smooth."""
-        return np.array([0.0, TURN])
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
         """As `Diagram`, for orders 0 to 3."""
@@ -236,7 +240,7 @@ class Eccentric:
 
 
 @dataclass(frozen=True)
-class Raised:
+class Raised(_Circular):
     """The circular cam under a flat face across its motion: ``e (1 + sin(angle))``.
 
     Above the lowest position, as `Eccentric`; the base radius is that of the circle less e.
@@ -248,16 +252,9 @@ class Raised:
 
     eccentricity: float
 
-    reciprocating: ClassVar[bool] = False
-
     def __post_init__(self) -> None:
         if not 0 < self.eccentricity < math.inf:
             raise InputError('the eccentricity of a circular cam is positive')
-
-    @property
-    def breaks(self) -> Array:
-        """The ends of the turn only: everything is smooth."""
-        return np.array([0.0, TURN])
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
         """As `Diagram`, for all orders."""

@@ -225,7 +225,7 @@ export class Charts {
 }
 
 /** The joints and links that a line is of: parts of its quantity's name, and its own. */
-const about = ({ legendgroup, name }) => [...(legendgroup ?? '').split(/[. ]/), name ?? ''];
+const about = ({ legendgroup, name }) => [...(legendgroup ?? '').split('.'), ...(name ?? '').split(/[. ]/)];
 
 /** Values of a packed array, or the names that an axis gives them. */
 function numbers(packed, axis) {

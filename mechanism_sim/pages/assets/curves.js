@@ -8,11 +8,12 @@ const ROOM = { left: 56, right: 12, top: 30, bottom: 34 };
 export class Curves {
   /**
    * @param {SVGSVGElement} svg to draw in
-   * @param {{label: string, unit: string, runs: {at: Object, values: Object}[]}} what times [s]
-   *   and values as packed arrays
+   * @param {{label: string, unit: string, runs: {at: Object, values: Object}[], along: ?string,
+   *   every: ?number}} what times [s], or what else it says, and values, as arrays or packed
    */
-  constructor(svg, { label, unit, runs }) {
-    this.runs = runs.map(({ at, values }) => [unpack(at), unpack(values)]);
+  constructor(svg, { label, unit, runs, along = 'time [s]', every = 0 }) {
+    const read = (x) => (x.bdata === undefined ? x : unpack(x));
+    this.runs = runs.map(({ at, values }) => [read(at), read(values)]);
     const [times, values] = [0, 1].map((k) => this.runs.flatMap((run) => Array.from(run[k])));
     const least = (all) => all.reduce((a, b) => Math.min(a, b), Infinity);
     const most = (all) => all.reduce((a, b) => Math.max(a, b), -Infinity);
@@ -23,14 +24,14 @@ export class Curves {
     svg.replaceChildren();
     svg.setAttribute('viewBox', `0 0 ${width} ${HEIGHT}`);
     svg.setAttribute('role', 'img');
-    svg.setAttribute('aria-label', `${label} over time, for each value of the slider`);
+    svg.setAttribute('aria-label', `${label} over ${along}, for each value of the slider`);
     add(svg, 'text', { x: 2, y: 14 }).textContent = `${label} [${unit}]`;
-    add(svg, 'text', { x: this.right, y: HEIGHT - 4, class: 'end' }).textContent = 'time [s]';
+    add(svg, 'text', { x: this.right, y: HEIGHT - 4, class: 'end' }).textContent = along;
     for (const [at, far] of ticks(this.y)) {
       add(svg, 'path', { class: 'grid', d: line([[ROOM.left, far], [this.right, far]]) });
       add(svg, 'text', { x: ROOM.left - 6, y: far + 4, class: 'end' }).textContent = at;
     }
-    for (const [at, far] of ticks(this.x).slice(0, -1)) {
+    for (const [at, far] of ticks(this.x, every).slice(0, -1)) {
       add(svg, 'text', { x: far, y: HEIGHT - ROOM.bottom + 16, class: 'mid' }).textContent = at;
     }
     this.paths = this.runs.map(([at, of]) => add(svg, 'path', {
@@ -67,9 +68,9 @@ function scale(low, high, from, to) {
   return { low: least, high: most, to: (x) => from + ((x - least) / (most - least)) * (to - from) };
 }
 
-/** Round numbers along an axis, and where they are. */
-function ticks({ low, high, to }) {
-  const each = step((high - low) / 4);
+/** Round numbers along an axis, `every` so many or as they come, and where they are. */
+function ticks({ low, high, to }, every = 0) {
+  const each = every && high - low > every ? every * Math.ceil((high - low) / (7 * every)) : step((high - low) / 4);
   const found = [];
   for (let k = Math.ceil(low / each); k * each <= high; k += 1) {
     found.push([String(Number((k * each).toPrecision(6))), to(k * each)]);

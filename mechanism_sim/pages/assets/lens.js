@@ -8,45 +8,46 @@ const PIXELS = 96 / 0.0254; // in a metre
 
 /**
  * The lens over a joint with play; null where a machine has none there.
- * @param {SVGSVGElement} svg @param {Object} stage @param {string} name of the joint
+ * @param {HTMLElement} host to be filled @param {Object} stage @param {string} name of the joint
  * @param {function(number, number): number[][]} path places of the pin of a bearing up to a time
  */
-export function lensOf(svg, stage, name, path) {
+export function lensOf(host, stage, name, path) {
   const [bearing, play] = [stage.bearings, stage.plays]
     .map((all) => all.findIndex(({ joint }) => joint === name));
-  svg.toggleAttribute('hidden', bearing < 0 && play < 0);
-  if (play >= 0) return new Slit(svg, stage, play);
-  return bearing < 0 ? null : new Lens(svg, stage, bearing, (t) => path(bearing, t));
+  host.hidden = bearing < 0 && play < 0;
+  if (play >= 0) return new Slit(host, stage, play);
+  return bearing < 0 ? null : new Lens(host, stage, bearing, (t) => path(bearing, t));
 }
 
 /** A play, magnified: what all lenses have. */
 class Glass {
   /**
-   * @param {SVGSVGElement} svg to draw in
+   * @param {HTMLElement} host to be filled by the drawing and lines of text below it
    * @param {Object} stage as `Stage.to_json` has it
    * @param {Object} play one of its bearings or plays
    * @param {number} wide how far it goes to each side [m]
    * @param {string} what is magnified, in words
    * @param {string} note that stands before how many times it is
    */
-  constructor(svg, stage, play, wide, what, note) {
+  constructor(host, stage, play, wide, what, note) {
     const { play: share, half } = stage.lens;
+    host.replaceChildren();
+    const svg = add(host, 'svg', { class: 'lens', viewBox: '-132 -126 264 252', role: 'img',
+      'aria-label': `${what} of ${words(play.joint)}, magnified` });
     this.svg = svg;
     this.said = play.words;
     this.room = share * BORE;
     this.inner = BORE - this.room; // of what is in the bushing or between the walls
     this.half = half * BORE;
     this.scale = this.room / wide;
-    svg.replaceChildren();
-    svg.classList.add('lens');
-    svg.setAttribute('viewBox', '-132 -160 264 352');
-    svg.setAttribute('role', 'img');
-    svg.setAttribute('aria-label', `${what} of ${words(play.joint)}, magnified`);
-    add(svg, 'text', { class: 'title', x: 0, y: -142 }).textContent = words(play.joint);
-    this.drawing = add(svg, 'g', {});
-    this.words = add(svg, 'text', { class: 'mode', x: 0, y: 144 });
-    this.values = add(svg, 'text', { class: 'values', x: 0, y: 162 });
-    this.note = add(svg, 'text', { class: 'note', x: 0, y: 182 });
+    const [title, mode, values, said] = ['title', 'mode', 'values', 'note'].map((kind) => {
+      const text = document.createElement('p');
+      text.className = kind;
+      host.append(text);
+      return text;
+    });
+    title.textContent = words(play.joint);
+    Object.assign(this, { words: mode, values, note: said });
     const tell = () => {
       const times = (this.scale * (svg.getScreenCTM()?.a ?? 0)) / PIXELS;
       this.note.textContent = `${note}, ${Number(times.toPrecision(2))} × true size`;
@@ -59,14 +60,14 @@ class Glass {
 /** The clearance of a bearing, magnified: its bushing, and the pin at its true place in it. */
 class Lens extends Glass {
   /**
-   * @param {SVGSVGElement} svg to draw in
+   * @param {HTMLElement} host to be filled
    * @param {Object} stage as `Stage.to_json` has it
    * @param {number} index of the bearing
    * @param {function(number): number[][]} pathOfPin its places [m] up to a time
    */
-  constructor(svg, stage, index, pathOfPin) {
+  constructor(host, stage, index, pathOfPin) {
     const bearing = stage.bearings[index];
-    super(svg, stage, bearing, bearing.radial, 'clearance',
+    super(host, stage, bearing, bearing.radial, 'clearance',
       `radial clearance ${quantity(bearing.radial, 'm')}`);
     this.index = index;
     this.bearing = bearing;
@@ -75,7 +76,7 @@ class Lens extends Glass {
     this.force = stage.force_scale ? (BORE * stage.force_scale) / (21 * stage.symbol) : 0;
     this.links = new Map(stage.links.map((name, i) => [name, i]));
     this.pathOfPin = pathOfPin;
-    this.#draw(this.drawing);
+    this.#draw(this.svg);
   }
 
   /** @param {import('stage').Frame} frame */
@@ -167,19 +168,19 @@ class Lens extends Glass {
 
 /** A play between walls, or what may part, magnified: what has the walls, and what is between. */
 class Slit extends Glass {
-  /** @param {SVGSVGElement} svg to draw in @param {Object} stage @param {number} index of the play */
-  constructor(svg, stage, index) {
+  /** @param {HTMLElement} host to be filled @param {Object} stage @param {number} index of the play */
+  constructor(host, stage, index) {
     const play = stage.plays[index];
     const two = play.walls > 1;
-    super(svg, stage, play, play.width / 2, 'play',
+    super(host, stage, play, play.width / 2, 'play',
       `${two ? 'play' : 'at most'} ${quantity(play.width, 'm')}`);
     Object.assign(this, { index, play, two });
     for (const side of this.two ? [-1, 1] : [1]) {
-      add(this.drawing, 'rect', { class: 'part', x: side > 0 ? BORE : -BORE - 26, y: -100, width: 26,
+      add(this.svg, 'rect', { class: 'part', x: side > 0 ? BORE : -BORE - 26, y: -100, width: 26,
         height: 200, style: `--link: var(--link-${this.play.face})` });
     }
     const [wide, high] = [this.inner, this.half];
-    this.body = add(this.drawing, 'rect', { class: 'part journal', x: -wide, y: -high,
+    this.body = add(this.svg, 'rect', { class: 'part journal', x: -wide, y: -high,
       width: 2 * wide, height: 2 * high, rx: this.play.tilts ? 0 : 10, style: `--link: var(--link-${this.play.body})` });
   }
 

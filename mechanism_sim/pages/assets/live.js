@@ -91,7 +91,7 @@ function choose(joint) {
   shown.joint = joint;
   by('bearing').value = joint;
   shown.lens = lensOf(by('lens'), data, joint, (bearing, t) => stream.path(bearing, t));
-  stage.callout(joint);
+  stage.callout(joint, by('lens'));
   by('strips').replaceChildren();
   shown.strips = strips(data, joint).map(([of, what]) => ({
     of, strip: new Strip(by('strips'), what),

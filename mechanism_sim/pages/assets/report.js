@@ -19,10 +19,11 @@ let chosen = data; // of the family
 let recording = new Recording(data);
 let stage = new Stage(by('stage'), data.stage);
 const curves = data.curves ? new Curves(by('curves'), data.curves) : null;
-const other = data.other ? new Recording(data.other) : null;
-const ghost = other ? new Stage(by('ghost'), data.other.stage) : null;
+const others = (data.others ?? []).map((each, k) => ({
+  data: each, run: new Recording(each), lens: null,
+  ghost: new Stage(document.querySelectorAll('svg.ghost')[k], each.stage),
+}));
 let lens = null;
-let beside = null;
 let charts = null;
 
 stage.trace(recording.turn());
@@ -62,7 +63,7 @@ function start() {
   by('stage').addEventListener('pointerleave', () => charts?.light());
   keys({ ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
     Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) });
-  zoomable(by('stage'), () => [stage, ghost].filter(Boolean));
+  zoomable(by('stage'), () => [stage, ...others.map(({ ghost }) => ghost)]);
   window.addEventListener('beforeprint', () => charts?.paper());
   window.addEventListener('afterprint', () => charts?.screen());
 }
@@ -98,10 +99,10 @@ function show(frame, shown) {
   stage.show(frame);
   curves?.show(frame.t);
   lens?.show(frame);
-  if (other) {
-    const second = other.at(Math.min(frame.t, other.end), shown?.glow ?? 0);
-    ghost.show(second);
-    beside?.show(second);
+  for (const { run, ghost, lens: beside } of others) {
+    const now = run.at(Math.min(frame.t, run.end), shown?.glow ?? 0);
+    ghost.show(now);
+    beside?.show(now);
   }
   charts?.cursor(frame.t);
   const share = (frame.t - recording.start) / (recording.end - recording.start || 1);
@@ -157,17 +158,25 @@ function ticks() {
 function choose(bearing) {
   player.seek(player.time);
   if (!by('lens')) return;
-  lens = magnified('lens', chosen.stage, recording, bearing);
-  stage.callout(data.bearings[bearing]);
-  if (other) beside = magnified('lens-other', data.other.stage, other, bearing);
+  lens = magnified(by('lens'), chosen.stage, recording, bearing);
+  others.forEach((other, k) => {
+    const host = document.querySelectorAll('.beside')[k];
+    if (!host) return;
+    other.lens = magnified(host, other.data.stage, other.run, bearing);
+    [by('lens'), host].forEach((x, i) => {
+      const title = x.querySelector('.title');
+      if (title) title.textContent = data.names[i && k + 1];
+    });
+  });
+  stage.callout(data.bearings[bearing], by('lens'));
   player.seek(player.time);
 }
 
 /** The lens over a bearing of a run. */
-function magnified(id, shown, run, bearing) {
+function magnified(host, shown, run, bearing) {
   const turns = shown.slides ? 1 : 3; // it may run slower than in the mean
   const span = data.turn ? turns * data.turn : Infinity;
-  return lensOf(by(id), shown, data.bearings[bearing], (index, t) => run.path(index, t, span));
+  return lensOf(host, shown, data.bearings[bearing], (index, t) => run.path(index, t, span));
 }
 
 /** Plays an interval [s] over and over, and shows it in charts; without one all. */

@@ -12,9 +12,11 @@ export class Sliders {
   /**
    * @param {HTMLElement} parent
    * @param {function(string, number): void} ask is called with a control's path and a value
+   * @param {number} every [ms] between these calls while a slider moves
    */
-  constructor(parent, ask) {
+  constructor(parent, ask, every = EVERY) {
     this.parent = parent;
+    this.every = every;
     this.ask = ask;
     this.all = new Map();
     parent.addEventListener('submit', (event) => event.preventDefault());
@@ -91,7 +93,7 @@ export class Sliders {
     slider.held = true; // by a hand
     write(slider, valueOf(slider));
     if (slider.control.effect !== 'now' || slider.later) return;
-    const wait = Math.max(0, slider.sent + EVERY - performance.now());
+    const wait = Math.max(0, slider.sent + this.every - performance.now());
     slider.later = setTimeout(() => this.#send(slider), wait);
   }
 

@@ -146,10 +146,12 @@ export class Stage {
     this.#callout(frame);
   }
 
-  /** Leads a line from a joint to below the drawing, where its lens is. @param {string} name */
-  callout(name) {
+  /** Leads a line from a joint to its lens. @param {string} name @param {Element} lens */
+  callout(name, lens) {
     this.line ??= add(this.svg, 'path', { class: 'callout' });
+    this.lens = lens;
     this.called = [...this.stage.bearings, ...this.stage.plays].find(({ joint }) => joint === name);
+    this.#measure();
   }
 
   #callout(frame) {
@@ -157,11 +159,11 @@ export class Stage {
     const { joint, second, on_second: on, link = second, at = on } = this.called;
     const foot = this.stage.joints.find(({ name }) => name === joint)?.foot;
     const [x, y] = foot === undefined ? this.place(frame, link, at) : this.point(frame.feet[foot]);
-    const [left, top, width, height] = this.box;
-    const [dx, dy, r] = [left + 0.5 * width - x, top + height - y, 1.6 * SYMBOL];
+    const [dx, dy, r] = [this.goal[0] - x, this.goal[1] - y, 1.6 * SYMBOL];
     const far = Math.hypot(dx, dy) || 1;
+    const end = 1 - Math.min(1, this.goal[2] / far);
     this.line.setAttribute('d', `M${x - r} ${y}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0${
-      line([[x + (r * dx) / far, y + (r * dy) / far], [x + dx, y + dy]])}`);
+      line([[x + (r * dx) / far, y + (r * dy) / far], [x + end * dx, y + end * dy]])}`);
   }
 
   /** What is thin or written is never smaller than can be seen: how large a pixel is here. */
@@ -171,7 +173,20 @@ export class Stage {
     this.whole = this.pixel * (this.all[2] / this.box[2]);
     this.svg.style.setProperty('--whole', this.whole.toFixed(4));
     this.#rule();
+    this.#aim();
     if (this.frame) this.show(this.frame);
+  }
+
+  /** Where the lens is in the drawing: its centre and its radius; below it if nobody says. */
+  #aim() {
+    const [left, top, width, height] = this.box;
+    this.goal = [left + 0.5 * width, top + height, 0];
+    const to = this.svg.getScreenCTM();
+    const { left: x, top: y, width: wide, height: high } = this.lens?.querySelector('svg')
+      ?.getBoundingClientRect() ?? {};
+    if (!to || !wide) return;
+    this.goal = [(x + wide / 2 - to.e) / to.a, (y + high / 2 - to.f) / to.d,
+      (0.49 * Math.min(wide, high)) / to.a];
   }
 
   /** Ends of a stretch of a rope, a tangent of the pulleys there. */

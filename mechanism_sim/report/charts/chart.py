@@ -28,9 +28,6 @@ DASHES: tuple[tuple[float, ...], ...] = (
 )  # fmt: skip
 """Strokes and gaps of lines that are told apart, in their widths; the first is solid."""
 
-DOTTED = 3
-"""Number of the dashes of a second run."""
-
 
 MARKERS = (
     'circle', 'square', 'triangle-up', 'diamond', 'triangle-down', 'cross', 'x', 'star',
@@ -101,6 +98,7 @@ class ChartCurve:
         not a number a line breaks. None at all: an entry of the legend only
     label : in the legend; the same label has one entry
     of : the quantity, ``velocity.crank``: the links and joints among its parts light it
+    group : what is shown and hidden together by the legend; its quantity if not given
     colour : number in the palette, or a colour itself
     dash : number in `DASHES`
     form : steps change in the middle between places; an area lies between `low` and y
@@ -126,6 +124,7 @@ class ChartCurve:
     when: Array | None = None
     texts: Sequence[str] = ()
     notes: Sequence[str] = ()
+    group: str = ''
 
     @property
     def shade(self) -> str:
@@ -231,6 +230,7 @@ class ChartSection:
     ----------
     text : a sentence or two on what is to be seen; may be empty
     rows : a table beside the charts, line by line: what, and its value with its unit
+    table : another one, of more columns, its head first
     """
 
     key: str
@@ -238,6 +238,7 @@ class ChartSection:
     text: str
     charts: tuple[Chart, ...]
     rows: tuple[tuple[str, str], ...] = ()
+    table: tuple[tuple[str, ...], ...] = ()
 
 
 def joined(title: str, charts: Sequence[Chart], columns: int = 1) -> Chart:

@@ -26,9 +26,8 @@ def contacts(course: ChartedRun) -> ChartSection | None:
         for window, when, key in course.windows(f'gap-{joint}')
     ]
     text = (
-        'The gap is zero while the contact is closed. The band below says in which mode it is; '
-        'where spells are too short to be told apart, it says which share of the time each mode '
-        'has.'
+        'The gap is zero while the contact is closed. The band below shows the contact mode; '
+        'where intervals are too short to be told apart, the share of time of each mode.'
     )
     return ChartSection('contact', 'Contact', text, tuple(charts))
 

@@ -15,7 +15,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
-from mechanism_sim.report.charts.thinning import MOST, Envelope, SampledLine, thinned
+from mechanism_sim.report.charts.thinning import MOST, Envelope, HeldLevels, SampledLine, thinned
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Quantity, Shown
 from mechanism_sim.results.view import View
@@ -27,6 +27,7 @@ _SAME = 1e-6  # [rad] or [m] of drives that follow the same law
 _BLOCK = 4096  # segments at once
 _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
+_LOADS = 'N', 'N m'
 
 
 class ChartWindow:
@@ -53,6 +54,7 @@ class ChartWindow:
         self.record, self.start, self.end = record, start, end
         self.quantities = {q.name: q for q in (*_charted(record.machine), *frames)}
         self._reach = Envelope(len(self.quantities)) if turning else None
+        self._levels = HeldLevels([n for n, q in self.quantities.items() if q.unit in _LOADS])
 
     @cached_property
     def lines(self) -> dict[str, SampledLine]:
@@ -77,6 +79,12 @@ class ChartWindow:
         names = self.lines  # on whose way it is found
         return dict(zip(names, self._reach.rows(), strict=True)) if self._reach else {}
 
+    @property
+    def levels(self) -> HeldLevels:
+        """Levels of forces and torques that are not exceeded in a share of the time."""
+        _ = self.lines  # on whose way they are found
+        return self._levels
+
     def series(self, name: str, ideal: bool = False) -> Series:
         """The line of a quantity with its words and unit."""
         return Series.of_quantity(self.quantities[name], *self.lines[name], ideal)
@@ -93,6 +101,7 @@ class ChartWindow:
         self, segments: NDArray[np.intp], low: Array, high: Array, counts: NDArray[np.intp]
     ) -> Iterator[tuple[Array, Array]]:
         curve = self.record.piece.motion.curve
+        loads = np.isin([*self.quantities], self._levels.names)
         for first in range(0, len(segments), _BLOCK):
             chosen = slice(first, first + _BLOCK)
             n = counts[chosen]
@@ -105,6 +114,7 @@ class ChartWindow:
             values = np.array([q.evaluate(view) for q in self.quantities.values()], np.float64)
             if self._reach:
                 self._reach.add(360.0 * self.record.turned(t), values)
+            self._levels.add_steps(values[loads], share, ((high - low)[chosen] / (n - 1))[of])
             yield t, values
 
 

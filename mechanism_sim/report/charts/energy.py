@@ -32,15 +32,15 @@ def energy(course: ChartedRun) -> ChartSection | None:
         Series.of_quantity(catalogue(course.record.machine)[name], *lines[name]) for name in _TERMS
     ]
     charts = [_chart(course, 'energy', 'Energy balance', terms)]
-    text = 'Kinetic and potential energy, less what the drives put in, plus what is dissipated'
+    text = 'Kinetic and potential energy less the work of the drives plus the dissipated energy'
     if np.isfinite(lines['missing'].values).all():
         missing = Series('missing', 'J', *lines['missing'])
-        charts.append(_chart(course, 'energy-missing', 'What is missing in them', [missing]))
-        text += ', should stay what it was at the start; what is missing is error of integration.'
+        charts.append(_chart(course, 'energy-missing', 'Error of the energy balance', [missing]))
+        text += ' should keep its initial value; the difference is the error of integration.'
     else:
         text += (
-            ', should stay what it was at the start. Which of several drives did the work of an '
-            'impact is not recorded, so that this cannot be checked here.'
+            ' should keep its initial value. Which of several drives does the work of an impact '
+            'is not recorded, so that this cannot be checked here.'
         )
     return ChartSection('energy', 'Energy', text, tuple(charts))
 

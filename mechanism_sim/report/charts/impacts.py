@@ -24,6 +24,7 @@ from mechanism_sim.report.charts.chart import (
 from mechanism_sim.report.charts.contacts import gaps_of
 from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.thinning import tallest
+from mechanism_sim.units import written
 
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
@@ -59,16 +60,18 @@ def _text(course: ChartedRun, struck: list[Impact]) -> str:
     hardest = max(struck, key=lambda i: i.normal_impulse)
     lost = sum(i.energy_loss for i in struck)
     many = f'{len(struck):,} impacts' if len(struck) > 1 else '1 impact'
+    total = written(sum(i.normal_impulse for i in struck), 'N s')
     text = (
-        f'{many}, {sum(i.normal_impulse for i in struck):.4g} N s and {lost:.4g} J together; the '
-        f'hardest in {hardest.joint} at {hardest.t:.6g} s with {hardest.normal_impulse:.4g} N s.'
+        f'{many} with an impulse of {total} and a loss of {written(lost, "J")} in all; the '
+        f'hardest, {written(hardest.normal_impulse, "N s")}, in {hardest.joint} at '
+        f'{hardest.t:.6g} s.'
     )
     if max(Counter(i.joint for i in struck).values()) > STEMS:
-        text += f' Of the whole run the hardest of every 1/{STEMS} of its time are drawn.'
+        text += f' Of the whole run the hardest in each of {STEMS} intervals are drawn.'
     if any(j in {i.joint for i in struck} for j in course.record.loose_joints):
         text += (
-            ' Round charts show each impact as a line towards the place struck, as seen from the '
-            'part that is struck; Y1 is the hardest.'
+            ' In polar charts each impact is a line to the place it strikes, in the frame of the '
+            'part that is struck; the hardest are marked by their rank.'
         )
     return text
 
@@ -116,7 +119,7 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
         ChartCurve(
             degrees[y], impulse[y], of=joint, colour=number, form='dots', marker='circle',
             when=rose.time[y], texts=_labels(impulse[y], np.radians(degrees[y])),
-            notes=[f'Y{i}' for i in range(1, len(y) + 1)],
+            notes=[_rank(i) for i in range(len(y))],
         ),
     )  # fmt: skip
     title = f'{rose.joint}: impacts on the {part}, seen from the {link}'
@@ -125,7 +128,7 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
 
 
 def _labels(size: Array, direction: Array) -> list[str]:
-    """Y1, Y2, ...; where some would lie on one another, one label for all of them: Y1-3, 5."""
+    """Ranks; where some would lie on one another, one label for all of them: 2nd to 4th, 6th."""
     place = size * np.exp(1j * direction)
     groups: list[list[int]] = []
     for i, here in enumerate(place):
@@ -139,10 +142,15 @@ def _labels(size: Array, direction: Array) -> list[str]:
         begins = [i for i in group if i - 1 not in group]
         ends = [i for i in group if i + 1 not in group]
         spans = (
-            f'{a + 1}' if a == b else f'{a + 1}-{b + 1}' for a, b in zip(begins, ends, strict=True)
+            _rank(a) if a == b else f'{_rank(a)} to {_rank(b)}'
+            for a, b in zip(begins, ends, strict=True)
         )
-        found[group[0]] = 'Y' + ', '.join(spans)
+        found[group[0]] = ', '.join(spans)
     return found
+
+
+def _rank(i: int) -> str:
+    return ('hardest', '2nd', '3rd')[i] if i < 3 else f'{i + 1}th'
 
 
 def _wear(course: ChartedRun, gap: str, skip: int) -> list[Chart]:
@@ -153,7 +161,7 @@ def _wear(course: ChartedRun, gap: str, skip: int) -> list[Chart]:
         return []
     found = []
     for part, wear in zip(('bushing', 'pin'), maps, strict=True):
-        title = f'{gap}: sliding wear of the {part} on {wear.link}, normal force times way'
+        title = f'{gap}: wear of the {part} on {wear.link}, normal force times sliding distance'
         about = wear.edges, wear.load_way, 'N m', joint, number
         found.append(wear_chart(f'wear-{gap}-{part}', title, *about))
     return found

@@ -29,17 +29,17 @@ _KINDS = {
 def over(course: ChartedRun) -> str:
     """In words, what is to be seen over which turns."""
     if course.turns is None:
-        return f'Over time, for the {course.record.machine.plan.main} makes no whole turn.'
+        return f'Over time, as the {course.record.machine.plan.main} makes no full turn.'
     first, last = course.turns
     main, count = course.record.machine.plan.main, round(last - first)
-    turns = 'The last whole turn' if count == 1 else f'The last {count} whole turns'
+    turns = 'The last full turn' if count == 1 else f'The last {count} full turns'
     found = f'{turns} of the {main}'
     if course.run.reach:
-        found = f'The last whole turn of the {main}, and pale the range of all turns'
+        found = f'The last full turn of the {main}; the pale band is the range over all turns'
     elif count > 1:
-        found += ', the latest strong and the one before it faint'
+        found += ', the one before the last faint'
     if course.ideal is not None:
-        found += '; the thick pale line is the same machine with ideal joints'
+        found += '; the thick pale line is the machine with ideal joints'
     return f'{found}.'
 
 
@@ -107,9 +107,8 @@ def forces(course: ChartedRun) -> ChartSection | None:
         if largest[joint] > _NOTHING * max(largest.values())
     ]
     text = (
-        'Round charts show the force as a vector in the world: '
-        'that of the first-named on the second-named link of the joint, without the impulses of '
-        'impacts.'
+        'Polar charts show the force of the first link on the second as a vector in the fixed '
+        'frame, without the impulses of impacts.'
     )
     return ChartSection('forces', 'Joint forces', text, tuple(charts))
 
@@ -168,8 +167,5 @@ def guides(course: ChartedRun) -> ChartSection | None:
     if charts and any(isinstance(j, Prismatic) for j in joints):
         names = [f'reaction.{j.name}.moment' for j in joints]
         charts.append(over_drive(course, 'guides-moment', 'Moment in each guide', names))
-        text = (
-            'The moment is that of the first-named on the second-named link, about the point that '
-            'slides.'
-        )
+        text = 'The moment is that of the first link on the second, about the sliding point.'
     return ChartSection('guides', 'Guides and slots', text, tuple(charts)) if charts else None

@@ -8,6 +8,7 @@ from mechanism_sim.report.charts.contacts import contacts
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.energy import energy, solver
 from mechanism_sim.report.charts.impacts import impacts
+from mechanism_sim.report.charts.loads import loads
 from mechanism_sim.report.charts.motion import drive, elastic, forces, guides, motion
 from mechanism_sim.report.charts.parts import parts
 from mechanism_sim.report.charts.sensors import sensors
@@ -26,6 +27,7 @@ def sections(record: Record, skip: int = 0) -> list[ChartSection]:
     found = (
         motion(course),
         elastic(course),
+        loads(course),
         forces(course),
         drive(course),
         contacts(course),
@@ -36,4 +38,4 @@ def sections(record: Record, skip: int = 0) -> list[ChartSection]:
         energy(course),
         solver(course),
     )
-    return [section for section in found if section and (section.charts or section.rows)]
+    return [s for s in found if s and (s.charts or s.rows or s.table)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -12,6 +13,8 @@ from mechanism_sim.arrays import Array
 
 MOST = 4000
 """Points that a line keeps: about two for every pixel across a wide page."""
+_LEAST, _FINE = 1e-9, 1e-3  # of levels: the lowest, and the logarithm from one to the next
+_PARTS = 4  # of the time from place to place
 
 
 class SampledLine(NamedTuple):
@@ -119,6 +122,52 @@ class Envelope:
         inside = np.interp(sense * between, sense * angle, values)
         found.add(np.append(angle, between), np.append(values, inside)[None])
         return found.rows()[0]
+
+
+class HeldLevels:
+    """Levels that rows do not exceed in a share of the time, to 0.1 %: of their magnitudes."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._times = dict.fromkeys(names, np.zeros(0))
+        self.names = [*self._times]
+
+    def add_steps(self, values: Array, share: Array, time: Array) -> None:
+        """Enter all rows (C, N) at even places of steps, by cubics from place to place.
+
+        Parameters
+        ----------
+        share : (N,) of its step that is over at each place, 0 to 1
+        time : (N,) [s] to the next place
+        """
+        rate = np.gradient(values, axis=1)
+        for ends, way in ((share == 0.0, 1), (share == 1.0, -1)):
+            k = np.flatnonzero(ends)
+            near, next_, far = (values[:, k + way * i] for i in range(3))
+            rate[:, k] = way * (2.0 * next_ - 1.5 * near - 0.5 * far)
+        k = np.flatnonzero(share != 1.0)
+        for u in (np.arange(_PARTS) + 0.5) / _PARTS:
+            a, b = values[:, k], values[:, k + 1]
+            bend = (1.0 - u) * (rate[:, k] - (b - a)) - u * (rate[:, k + 1] - (b - a))
+            between = a + u * (b - a) + u * (1.0 - u) * bend
+            for name, row in zip(self.names, between, strict=True):
+                self.add(name, row, time[k] / _PARTS)
+
+    def add(self, name: str, values: Array, time: Array) -> None:
+        """Enter values (N,) of a row, each of which holds for a time (N,) [s]."""
+        known = np.isfinite(values)
+        size = np.log(np.maximum(np.abs(values[known]), _LEAST) / _LEAST)
+        times = np.bincount((size / _FINE).astype(int), time[known])
+        held = np.zeros(max(len(times), len(self._times[name])))
+        held[: len(times)] = times
+        held[: len(self._times[name])] += self._times[name]
+        self._times[name] = held
+
+    def reached(self, name: str, share: float) -> float:
+        """The level that a row does not exceed in a share of the time; 0 of nothing."""
+        passed = np.cumsum(self._times[name])
+        if not len(passed) or not passed[-1]:
+            return 0.0
+        return _LEAST * math.exp(_FINE * (np.searchsorted(passed, share * passed[-1]) + 0.5))
 
 
 def _tidy(at: Array, values: Array) -> SampledLine:

@@ -168,6 +168,9 @@ class SpringPart(ElementKeys):
             kinds |= {y == 'N m'} if y else set()
         kinds |= {True} if self.torque else set()
         kinds |= {False} if self.force or self.gas else set()
+        if not kinds:  # numbers without units, as searches and sweeps give them
+            kinds |= {False} if self.free_length is not None else set()
+            kinds |= {True} if self.free_angle is not None else set()
         if len(kinds) != 1:
             raise InputError(
                 f"{where}: give stiffness and damping both per length ('200 N/m', '5 N s/m') or "

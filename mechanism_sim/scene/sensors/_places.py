@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.sensor_keys import check_link
+from mechanism_sim.scene.sensor_keys import OnLinkKeys
 
 
 def angle_between(
@@ -23,18 +23,27 @@ def angle_between(
     return columns, added
 
 
-def check_between(machine: Any, where: str, sensor: Any, does: str) -> None:
-    """Refuse a sensor of the angle between two links, if there is none; what it `does` with it."""
-    check_link(machine, where, sensor.link)
-    known = [GROUND, *machine.plan.links]
-    if sensor.relative_to not in known:
-        raise InputError(
-            f"{where}.relative_to: there is no link '{sensor.relative_to}'; links: "
-            f'{", ".join(known)}'
-        )
-    frames = [machine.mechanism.frame(x)[0] for x in (sensor.link, sensor.relative_to)]
-    if frames[0] == frames[1]:
-        raise InputError(
-            f'{where}: {sensor.link} does not turn on {sensor.relative_to}: {does} the angle '
-            'between two links'
-        )
+class BetweenKeys(OnLinkKeys):
+    """A sensor of the angle between two links."""
+
+    relative_to: str = GROUND
+    """The link that carries its head."""
+
+    #: with that angle, in words
+    does: ClassVar[str]
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse links that do not turn on each other."""
+        super().check(machine, where)
+        known = [GROUND, *machine.plan.links]
+        if self.relative_to not in known:
+            raise InputError(
+                f"{where}.relative_to: there is no link '{self.relative_to}'; links: "
+                f'{", ".join(known)}'
+            )
+        frames = [machine.mechanism.frame(x)[0] for x in (self.link, self.relative_to)]
+        if frames[0] == frames[1]:
+            raise InputError(
+                f'{where}: {self.link} does not turn on {self.relative_to}: {self.does} the angle '
+                'between two links'
+            )

@@ -14,9 +14,8 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.keys.quantities import Angle
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
-from mechanism_sim.scene.sensors._places import angle_between, check_between
+from mechanism_sim.scene.sensor_keys import SENSORS
+from mechanism_sim.scene.sensors._places import BetweenKeys, angle_between
 from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.sensing.sampling import LevelPassage
 
@@ -95,17 +94,16 @@ class Encoder(DirectSource):
 
 
 @SENSORS.add('encoder')
-class EncoderKeys(OnLinkKeys):
+class EncoderKeys(BetweenKeys):
     """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
 
-    relative_to: str = GROUND
-    """The link that carries its head."""
     lines: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1024
     """In a turn; four counts each."""
     index: Angle | None = None
     """Angle of the index line: counts are from there once it has passed, else from the start."""
 
     reads = 'angle'
+    does = 'an encoder counts'
 
     def source(self, machine: Any) -> Encoder:
         """The counted angle."""
@@ -115,7 +113,3 @@ class EncoderKeys(OnLinkKeys):
     def place(self, machine: Any) -> str:
         """Between two links."""
         return f'of the {self.link} on the {self.relative_to}, {self.lines} lines'
-
-    def check(self, machine: Any, where: str) -> None:
-        """Refuse links that do not turn on each other."""
-        check_between(machine, where, self, 'an encoder counts')

@@ -12,9 +12,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys
-from mechanism_sim.scene.sensors._places import angle_between, check_between
+from mechanism_sim.scene.sensor_keys import SENSORS
+from mechanism_sim.scene.sensors._places import BetweenKeys, angle_between
 from mechanism_sim.sensing.channel import DirectSource
 from mechanism_sim.sensing.sampling import LevelPassage
 
@@ -57,15 +56,14 @@ class Tachometer(DirectSource):
 
 
 @SENSORS.add('tachometer')
-class TachometerKeys(OnLinkKeys):
+class TachometerKeys(BetweenKeys):
     """A pickup that marks of a link pass; the samples are a speed without a sign."""
 
-    relative_to: str = GROUND
-    """The link that carries its head."""
     pulses: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
     """In a turn: marks at equal angles, one on the link's x axis."""
 
     reads = 'angular_velocity'
+    does = 'a tachometer times'
 
     def source(self, machine: Any) -> Tachometer:
         """The speed between pulses."""
@@ -74,7 +72,3 @@ class TachometerKeys(OnLinkKeys):
     def place(self, machine: Any) -> str:
         """Between two links."""
         return f'of the {self.link} on the {self.relative_to}, pulses in a turn: {self.pulses}'
-
-    def check(self, machine: Any, where: str) -> None:
-        """Refuse links that do not turn on each other."""
-        check_between(machine, where, self, 'a tachometer times')

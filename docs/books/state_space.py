@@ -10,18 +10,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.arrays import Array
-
+Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-
-def state_matrix(mass: Array, damping: Array, stiffness: Array) -> Array:
-    """A (2n, 2n) of M y'' + C y' + K y = 0, for the state (y, y'); arguments (n, n)."""
-    n = len(mass)
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:] = np.eye(n)
-    A[n:] = -np.linalg.solve(mass, np.concatenate([stiffness, damping], axis=1))
-    return A
 
 
 def input_vector(mass: Array, force: ArrayLike) -> ComplexArray:

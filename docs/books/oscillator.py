@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
+from exponentials import first_difference, second_difference
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.exponentials import first_difference, second_difference
 
+Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 

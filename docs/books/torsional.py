@@ -7,10 +7,10 @@ A disk on a shaft is an oscillator whose mass is a moment of inertia, [V] eqs. 6
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from masses import MassSystem, chain
+from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.arrays import Array
-from mechanism_sim.vibration.systems import LinearSystem, chain
+Array = NDArray[np.float64]
 
 
 def disk_inertia(mass: ArrayLike, diameter: ArrayLike) -> Array:
@@ -49,7 +49,7 @@ def referred(value: ArrayLike, ratio: ArrayLike) -> Array:
     return np.asarray(value * np.square(ratio))
 
 
-def disks(inertias: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> LinearSystem:
+def disks(inertias: ArrayLike, stiffnesses: ArrayLike, dampings: ArrayLike = 0.0) -> MassSystem:
     """Disks one behind the other on a shaft that is free at both ends.
 
     Parameters

@@ -1,0 +1,389 @@
+"""Derivatives of a known run: smooth motion by collocation, events by their jumps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
+from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, own
+from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
+from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.events import Impact, Mode
+from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.planar.switches import SwitchTable
+from mechanism_sim.scene import Machine
+
+_MEMORY = 2e6  # numbers in the equations that are solved at once
+_MOST = 1024  # segments
+
+_CHATTER = (
+    'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
+    'closed from this impact on'
+)
+
+
+@dataclass(frozen=True)
+class DerivativeLimit:
+    """An instant across which derivatives do not exist, or stand for something else.
+
+    Attributes
+    ----------
+    t : [s]
+    where : joint, drive or load, if it is one
+    text : what happens there, and what is true beyond it
+    ends : whether there are no derivatives beyond it
+    """
+
+    t: float
+    where: str
+    text: str
+    ends: bool
+
+    def __str__(self) -> str:
+        place = f' in {self.where}' if self.where else ''
+        return f't = {self.t:.9g} s{place}: {self.text}'
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Derivatives of a motion of m segments by P keys; not a number beyond a limit that ends them.
+
+    Attributes
+    ----------
+    coefficients : (m, n, d, P) of polynomials as those of the motion, at fixed times
+    states : (m, s, d, P) of states of first order, likewise
+    shift : (m, P) of the instants at which segments begin [s]; between events they move along
+    approach : (m, a, P) of the speeds of touches of compliant contacts
+    impacts : (i, len(NUMBERS), P)
+    final : (2f + s, P) of free coordinates, their rates, states at the end
+    limits : in the order of time
+    """
+
+    coefficients: Array
+    states: Array
+    shift: Array
+    approach: Array
+    impacts: Array
+    final: Array
+    limits: tuple[DerivativeLimit, ...]
+
+
+class Flows:
+    """Takes derivatives along motions of a machine.
+
+    Parameters
+    ----------
+    machine : whose equations are integrated
+    influence : derivatives (..., P) of what its runs are made of
+    end : [s] up to which its laws are asked for
+    """
+
+    def __init__(self, machine: Machine, influence: Influence, end: float) -> None:
+        physics = machine.physics
+        assert isinstance(physics, DynamicPhysics)  # noqa: S101 - its equations are integrated
+        self.system = system = physics.system
+        self.influence, self.laws = influence, own(machine, end).laws
+        self.count = influence.start.shape[1]
+        index = system.parameters
+        moved = {*np.flatnonzero(_moves(influence.parameters)).tolist(), *index.approach}
+        for rows, symbols in zip(influence.rows, index.switches, strict=True):
+            moved |= {i for j, i in enumerate(symbols) if _moves(rows[:, j].reshape(1, -1))[0]}
+        powered = influence.laws[len(system.prescribed) :]
+        for table, symbols in zip(powered, index.torques, strict=True):
+            columns = table.numbers.swapaxes(0, 1).reshape(len(symbols), -1)
+            moved |= {i for i, m in zip(symbols, _moves(columns), strict=True) if m}
+        self.equations = LinearEquations(physics, sorted(moved))
+        self.jumps = Jumps(self.equations, influence)
+        self.free = [system.coordinates.index(c) for c in system.free]
+        self.width = len(self.free) + len(system.states)
+
+    def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:
+        """Derivatives along a motion that begins as the machine does, or with others `start`.
+
+        Parameters
+        ----------
+        start : (2f + s, P)
+        """
+        return _Walk(self, motion, impacts, start).flow()
+
+    def prescribed(self, t: Array, k: int) -> Array:
+        """Taylor coefficients (N, d + 1, P) of derivatives of a prescribed coordinate."""
+        base, numbers = self.laws[k], self.influence.laws[k].numbers
+        which = _law_at(base, t)
+        since, numbers = (t - base.start[which])[:, None], numbers[which]
+        found = np.zeros((len(t), max(numbers.shape[1], 3), self.count))
+        for j in range(numbers.shape[1]):
+            for i in range(numbers.shape[1] - 1, j - 1, -1):
+                found[:, j] = found[:, j] * since + math.comb(i, j) * numbers[:, i]
+        return found
+
+    def parameters(self, motion: Motion, at: Points, segments: NDArray[np.intp]) -> Array:
+        """Derivatives (N, c, P) of the chosen parameters in segments, one point of each."""
+        index, influence, chosen = self.system.parameters, self.influence, self.equations.chosen
+        found = np.repeat(influence.parameters[chosen][None], len(segments), axis=0)
+        place = {i: k for k, i in enumerate(chosen)}
+        switches = zip(self.system.switches, index.switches, influence.rows, strict=True)
+        for switch, symbols, rows in switches:
+            if not isinstance(switch, SwitchTable) or not place.keys() & set(symbols):
+                continue
+            off = np.abs(switch.every_row[:, :, None] - at.parameters[symbols]).max(axis=1)
+            for j, i in enumerate(symbols):
+                if i in place:
+                    found[:, place[i]] = rows[off.argmin(axis=0), j]
+        curve, p = motion.curve, len(self.system.prescribed)
+        for k, symbols in enumerate(index.torques):
+            which = _law_at(self.laws[p + k], curve.start[segments])
+            numbers = influence.laws[p + k].numbers[which]
+            turns = curve.turns[segments, self.system.driven_index[p + k]]
+            numbers[:, 0] += numbers[:, 1] * (2.0 * np.pi * turns)[:, None]
+            for j, i in enumerate(symbols):
+                if i in place:
+                    found[:, place[i]] = numbers[:, j]
+        return found
+
+    def torques(self, motion: Motion) -> Array:
+        """Derivatives (m, k, 3, P) of the torque laws of a motion, as it has them."""
+        p, t = len(self.system.prescribed), motion.curve.start
+        found = np.zeros((*motion.torques.shape, self.count))
+        for k in range(found.shape[1]):
+            found[:, k] = self.influence.laws[p + k].numbers[_law_at(self.laws[p + k], t)]
+        return found
+
+
+def _moves(rows: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.abs(rows).max(axis=1, initial=0.0) > 0.0)
+
+
+def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
+    """Which of consecutive laws hold at times (N,), at the start of one that one."""
+    slack = 4.0 * np.spacing(np.abs(t).max(initial=1e-300))
+    return np.maximum(np.searchsorted(table.start, t + slack, side='right') - 1, 0)
+
+
+class _Walk:
+    """A way along one motion."""
+
+    def __init__(
+        self, flows: Flows, motion: Motion, impacts: Sequence[Impact], start: Array | None
+    ) -> None:
+        self._of, self._motion, self._impacts = flows, motion, list(impacts)
+        system, influence, m = flows.system, flows.influence, len(motion)
+        self._state = influence.start if start is None else start
+        self._approach = influence.approach if start is None else np.zeros(
+            (len(system.parameters.approach), flows.count)
+        )  # fmt: skip
+        n, s = len(system.coordinates), len(system.states)
+        depth = max(COUNT + 2, system.degree + 1, 3)
+        self._coefficients = np.full((m, n, depth, flows.count), np.nan)
+        self._states = np.full((m, s, COUNT + 1, flows.count), np.nan)
+        self._shift, self._moved = np.zeros((m, flows.count)), np.arange(m) == 0
+        self._approaches = np.full((m, len(self._approach), flows.count), np.nan)
+        self._logged = np.full((len(impacts), len(NUMBERS), flows.count), np.nan)
+        self._limits: list[DerivativeLimit] = []
+        self._struck = self._by_segment()
+
+    def _by_segment(self) -> dict[int, list[int]]:
+        """The impacts that happen where a segment begins, by their numbers."""
+        rigid = [i for i, impact in enumerate(self._impacts) if not impact.duration]
+        begun = self._motion.curve.begun_by([self._impacts[i].t for i in rigid])
+        found: dict[int, list[int]] = {}
+        for i, k in zip(rigid, begun.tolist(), strict=True):
+            found.setdefault(k, []).append(i)
+        first = found.pop(0, [])
+        if len(first) == len(self._of.influence.struck):
+            self._logged[first] = self._of.influence.struck
+        return found
+
+    def flow(self) -> Flow:
+        """Walk, and say what was found."""
+        curve, m, width = self._motion.curve, len(self._motion), self._of.width * COUNT
+        most = int(min(max(_MEMORY / width**2, 1.0), _MOST))
+        for first in range(0, m, most):
+            if not self._chunk(first, min(first + most, m)):
+                break
+        ends = np.append(np.flatnonzero(self._moved), m)
+        known = np.concatenate([self._shift[ends[:-1]], np.zeros((1, self._of.count))])
+        times = np.append(curve.start, curve.end)[ends]
+        shift = np.array([np.interp(curve.start, times, x) for x in known.T])
+        return Flow(
+            self._coefficients, self._states, shift.reshape(-1, m).T, self._approaches,
+            self._logged, self._state, tuple(self._limits),
+        )  # fmt: skip
+
+    def _chunk(self, first: int, last: int) -> bool:
+        """Segments `first` to `last - 1` and the events at their ends; False at a limit."""
+        of, motion = self._of, self._motion
+        k, f, system = np.arange(first, last), len(self._of.free), self._of.system
+        places, curve, P = rule().nodes, self._motion.curve, self._of.count
+        at = of.equations.points(motion, k, places)
+        slopes = of.equations.slopes(at)
+        beginning = Points(*(x[:, ::COUNT] for x in at))
+        given = of.parameters(motion, beginning, k)
+        count, w = len(k), of.width
+        t = (curve.start[k, None] + curve.start_low[k, None]
+             + np.outer(curve.duration[k], places.fractions)).ravel()  # fmt: skip
+        own_ = slopes.parameters.reshape(w, -1, count, COUNT)
+        forced = np.einsum('wcnk,ncp->wnkp', own_, given).reshape(w, -1, P)
+        for j, i in enumerate(system.prescribed_index):
+            moved = of.prescribed(t, j)
+            forced += slopes.q[:, i, :, None] * moved[:, 0]
+            forced += slopes.v[:, i, :, None] * moved[:, 1]
+            forced += slopes.a_p[:, j, :, None] * (2.0 * moved[:, 2])
+        touches = [of.equations.chosen.index(i) for i in system.parameters.approach]
+        columns = np.concatenate([slopes.parameters[:, touches].swapaxes(1, 2), forced], axis=2)
+        columns = np.moveaxis(columns.reshape(w, count, COUNT, -1), 0, 2)
+        steps = solve(slopes, of.free, curve.duration[k], columns)
+        events = self._events(first, last)
+        starts = np.empty((count, f + w, P))
+        extended = np.empty((count, f + w + len(touches), P))
+        alive, done = True, count
+        for j in range(count):
+            starts[j] = self._state
+            extended[j] = np.concatenate([self._state, self._approach])
+            self._approaches[first + j] = self._approach
+            W = extended.shape[1]
+            self._state = steps.end[j, :, :W] @ extended[j] + steps.end[j, :, W:]
+            if j in events and not self._jump(first + j + 1, *events[j]):
+                alive, done = False, j + 1
+                self._state = np.full_like(self._state, np.nan)
+                self._shift[first + j + 1 :] = np.nan
+                break
+        W = extended.shape[1]
+        rates = np.einsum('nkiw,nwp->nkip', steps.rates[:done, ..., :W], extended[:done])
+        rates += steps.rates[:done, ..., W:]
+        kept = slice(first, first + done)
+        q, states = powers(starts[:done], rates, curve.duration[kept], f)
+        self._coefficients[kept] = 0.0
+        self._coefficients[kept, of.free, : q.shape[2]] = q
+        self._states[kept] = states
+        for j, i in enumerate(system.prescribed_index):
+            moved = of.prescribed(curve.start[kept] + curve.start_low[kept], j)
+            self._coefficients[kept, i, : moved.shape[1]] = moved
+        return alive
+
+    # --- events -------------------------------------------------------------------------------
+
+    def _events(self, first: int, last: int) -> dict[int, tuple[Side, Side]]:
+        """Both sides of the events at the ends of some segments, by the segment's number."""
+        of, motion, curve = self._of, self._motion, self._motion.curve
+        k = np.arange(first, min(last, len(motion) - 1))
+        if not len(k):
+            return {}
+        flags = of.equations.points(motion, np.append(k, k[-1] + 1), np.zeros(len(k) + 1))
+        pars = np.delete(flags.parameters, of.system.parameters.stabilisation, axis=0)
+        changed = (np.diff(pars, axis=1) != 0.0).any(axis=0)
+        for table in of.laws:
+            which = _law_at(table, curve.start[[*k, k[-1] + 1]])
+            changed |= np.diff(which) != 0
+        changed |= np.isin(k + 1, [*self._struck])
+        which = np.flatnonzero(changed)
+        if not len(which):
+            return {}
+        sides = []
+        for segments, dt in (
+            (k[which], curve.duration[k[which]]), (k[which] + 1, np.zeros(len(which))),
+        ):  # fmt: skip
+            at = of.equations.points(motion, segments, dt, damped=False)
+            slopes = of.equations.slopes(at)
+            sides.append([self._side(at, slopes, j) for j in range(len(which))])
+        return dict(zip(which.tolist(), zip(*sides, strict=True), strict=True))
+
+    def _side(self, at: Points, slopes: Slopes, j: int) -> Side:
+        """One of N points that were looked at together."""
+        of, a = self._of, np.zeros(len(self._of.system.coordinates))
+        a[of.free] = slopes.rate[: len(of.free), j]
+        a[of.system.prescribed_index] = at.a_p[:, j]
+        return Side(Points(*(x[:, j : j + 1] for x in at)), slopes.rate[:, j], a)
+
+    def _jump(self, k: int, before: Side, after: Side) -> bool:
+        """Take derivatives across the event at the start of segment k; False if there are none."""
+        of, t = self._of, float(self._motion.curve.start[k])
+        x = self._variation(k - 1, before)
+        struck = self._struck.get(k, [])
+        impacts = [self._impacts[i] for i in struck]
+        where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
+        try:
+            if impacts:
+                found = of.jumps.struck(before, after, x, impacts)
+                if (self._motion.acting[k - 1 : k + 1] != self._motion.acting[k]).any():
+                    raise NoDerivativeError('a load switches at the same instant')
+            else:
+                found = self._passed(k, before, after, x)
+        except NoDerivativeError as error:
+            text = f'{error}; there are no derivatives beyond it'
+            self._limits.append(DerivativeLimit(t, where, text, True))
+            return False
+        self._state, self._shift[k], self._approach = found.free, found.shift, found.approach
+        self._moved[k] = True
+        for i, row in zip(struck, found.impacts, strict=False):
+            self._logged[i] = row
+        chatters = [i.joint for i in impacts if i.ends_chatter]
+        self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
+        return True
+
+    def _variation(self, k: int, side: Side) -> Variation:
+        """Derivatives at the end of segment k."""
+        of, system = self._of, self._of.system
+        n, f, P = len(system.coordinates), len(of.free), of.count
+        q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
+        q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
+        curve = self._motion.curve
+        t = curve.start[[k]] + (curve.start_low[[k]] + curve.duration[[k]])
+        base = curve.start[[k]]
+        for j, i in enumerate(system.prescribed_index):
+            # the law of the segment, at its end
+            known = of.prescribed(base, j)[0]
+            since = float((t - base)[0])
+            orders = np.arange(len(known))
+            q[i] = (since**orders) @ known
+            v[i] = (orders[1:] * since ** orders[:-1]) @ known[1:]
+            a_p[j] = (orders[2:] * orders[1:-1] * since ** orders[:-2]) @ known[2:]
+        parameters = of.parameters(self._motion, side.at, np.array([k]))[0]
+        for j, i in enumerate(system.parameters.approach):
+            parameters[of.equations.chosen.index(i)] = self._approach[j]
+        return Variation(q, v, a_p, self._state[2 * f :], parameters, self._approach)
+
+    def _passed(self, k: int, before: Side, after: Side, x: Variation) -> Saltation:
+        """Across an event without impact."""
+        of, motion, curve = self._of, self._motion, self._motion.curve
+        sizes, m = of.equations.sizes, len(of.system.gaps)
+        old, new = motion.modes[k - 1].tolist(), motion.modes[k].tolist()
+        rows, gaps = [], []
+        for i, (a, b) in enumerate(zip(old, new, strict=True)):
+            slid = a in (Mode.SLIDING_FORWARD, Mode.SLIDING_BACKWARD)
+            if a != b and slid and b > Mode.FREE_FLIGHT:
+                rows.append(m + i)
+            if a == Mode.FREE_FLIGHT < b:
+                gaps.append(i)
+        index, switched = of.system.parameters, []
+        for j, symbols in enumerate(index.switches):
+            if (before.at.parameters[symbols] != after.at.parameters[symbols]).any():
+                switched.append(j)
+        guards = Selected.none(sizes, len(rows) + len(gaps) + len(switched))
+        for column, row in enumerate(rows):
+            guards.row[row, column] = 1.0
+        for column, i in enumerate(gaps, start=len(rows)):
+            guards.gap[i, column] = 1.0
+        for column, j in enumerate(switched, start=len(rows) + len(gaps)):
+            guards.switch[j, column] = 1.0
+        law = None
+        for j, table in enumerate(of.laws):
+            first, then = _law_at(table, curve.start[[k - 1, k]])
+            if first != then:
+                law = of.influence.laws[j].start[then]
+        if gaps and not of.system.compliant and not of.equations.system.rated[gaps[0]]:
+            raise NoDerivativeError('a contact closes without an approach')
+        return of.jumps.passed(before, after, x, guards, law)
+
+    def _changed(self, k: int) -> str:
+        """Joints whose contact changes where segment k begins."""
+        old, new = self._motion.modes[k - 1], self._motion.modes[k]
+        names = [gap.name for gap in self._of.system.gaps]
+        return ', '.join(dict.fromkeys(names[i] for i in np.flatnonzero(old != new)))

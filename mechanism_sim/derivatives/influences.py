@@ -1,0 +1,147 @@
+"""Dependence of a machine on numbers of its scene: parameters, start, laws, impacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.numeric_keys import NumericKey, differences
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.system import System
+from mechanism_sim.numerics import compiled
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law
+from mechanism_sim.planar.endless_laws import unrolled
+from mechanism_sim.scene import Machine
+
+NUMBERS = tuple(n for n in Impact._fields if n not in ('joint', 'ends_chatter'))
+"""Fields of an impact that have derivatives."""
+
+
+class LawTable(NamedTuple):
+    """The laws of a drive in the order in which they take over, of k numbers each.
+
+    Of one that prescribes a coordinate these are powers of the time since it took over.
+    """
+
+    start: Array  #: (l,) [s]
+    numbers: Array  #: (l, k)
+
+
+class Influence(NamedTuple):
+    """The numbers of a machine that runs are made of, or their derivatives by P keys, behind."""
+
+    parameters: Array  #: (n,) of the equations
+    start: Array  #: (w,) free coordinates, their rates, states of first order
+    laws: list[LawTable]  #: of prescribed, then powered coordinates
+    restitution: Array  #: (m,) of the gaps
+    friction: Array  #: (m,)
+    approach: Array  #: (a,) [m/s] of compliant contacts that touch at the start
+    rows: list[Array]  #: (rows, symbols) of every switch
+    struck: Array  #: (i, len(NUMBERS)) impacts at the start
+
+
+def influences(machine: Machine, keys: Sequence[NumericKey], end: float) -> Influence:
+    """Derivatives (..., P) of all that a run up to a time [s] is made of, by P keys."""
+    base = _Parts(machine, end)
+    columns = [differences(key, base.of, base.values) for key in keys]
+    return base.split(np.array(columns).reshape(len(keys), len(base.values)).T)
+
+
+def own(machine: Machine, end: float) -> Influence:
+    """The numbers themselves."""
+    base = _Parts(machine, end)
+    return base.split(base.values)
+
+
+class _Parts:
+    """The numbers of a machine in one vector, and those of others that are made like it."""
+
+    def __init__(self, machine: Machine, end: float) -> None:
+        plan, self._system = machine.plan, machine.equations.system
+        self._driven = [*plan.prescribed, *plan.powered]
+        self._laws = [plan.laws_until(c, end) for c in self._driven]
+        self._terms = _terms(self._system)
+        self._begun: tuple[object, ...] | None = None
+        self._shapes: list[tuple[int, ...]] = []
+        self.values = self.of(machine)
+
+    def of(self, machine: Machine) -> Array:
+        """The vector of a machine."""
+        system, run = machine.equations.system, machine.start()
+        if not compiled.alike(_terms(system), self._terms):
+            raise InputError(
+                f'{machine.name}: a number of this key is built into its equations, or shapes '
+                'them: no derivative'
+            )
+        assert isinstance(run, EventLoop)  # noqa: S101 - its equations are integrated
+        state = run.state
+        turned = np.array(state.q) + 2.0 * np.pi * np.array(state.turns, dtype=float)
+        scaled = [x * s.scale for x, s in zip(state.states, system.states, strict=True)]
+        snapshot, (_, impacts, _) = run.snapshot(), run.drain()
+        begun = snapshot.modes, snapshot.switches, snapshot.rubbing
+        self._begun = self._begun or begun
+        if begun != self._begun:
+            raise InputError(
+                f'{machine.name}: contacts at the start come and go with this key: no derivative'
+            )
+        parts = [
+            system.parameters.values,
+            np.array([*turned, *state.v, *scaled]),
+            *(x for table in self._tables(machine) for x in table),
+            np.array([gap.restitution for gap in system.gaps]),
+            np.array([gap.friction for gap in system.gaps]),
+            np.array(snapshot.approach),
+            *(np.array(s.every_row) for s in system.switches),
+            np.array([[getattr(i, n) for n in NUMBERS] for i in impacts]).reshape(
+                -1, len(NUMBERS)
+            ),
+        ]
+        shapes = [x.shape for x in parts]
+        self._shapes = self._shapes or shapes
+        if shapes != self._shapes:
+            return np.zeros(0)
+        return np.concatenate([x.ravel() for x in parts])
+
+    def _tables(self, machine: Machine) -> list[LawTable]:
+        plan, tables = machine.plan, []
+        for c, known in zip(self._driven, self._laws, strict=True):
+            laws = islice(unrolled(plan.laws[c], plan.sources.get(c)), len(known))
+            rows = [_numbers(law, at) for law, at in zip(laws, known, strict=False)]
+            width = max(len(row) for row in rows)
+            numbers = [[*row, *[0.0] * (width - len(row))] for row in rows]
+            starts = [law.valid_from for law in islice(
+                unrolled(plan.laws[c], plan.sources.get(c)), len(known))]  # fmt: skip
+            tables.append(LawTable(np.array(starts), np.array(numbers)))
+        return tables
+
+    def split(self, values: Array) -> Influence:
+        """The parts of vectors (n, ...)."""
+        parts, at = [], 0
+        for shape in self._shapes:
+            size = int(np.prod(shape))
+            parts.append(values[at : at + size].reshape(*shape, *values.shape[1:]))
+            at += size
+        count = 2 * len(self._driven)
+        laws = [LawTable(*parts[2 + k : 4 + k]) for k in range(0, count, 2)]
+        e, mu, approach, *rows, struck = parts[2 + count :]
+        return Influence(parts[0], parts[1], laws, e, mu, approach, rows, struck)
+
+
+def _terms(system: System) -> list[object]:
+    d = system.dynamics
+    return [*d.stabilised.a, *d.state_rates, *(jet.value for jet in d.contacts.normal)]
+
+
+def _numbers(law: Law, at: Law) -> list[float]:
+    """Of a law, about the time at which the law `at` takes over."""
+    if not isinstance(law, DriveLaw):
+        return [*law.coefficients]
+    turns, (angle, *rates) = law.about(Fraction(at.valid_from))
+    return [angle + float(turns * TWO_PI), *rates]

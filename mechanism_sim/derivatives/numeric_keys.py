@@ -1,0 +1,150 @@
+"""Numbers of a scene by their paths, and how a machine depends on one of them.
+
+What a key does on its way to the machine (units, assembly, seats of pins, laws) is ordinary Python
+that ends in a few numbers: runtime parameters, the state at the start, laws, coefficients of
+impacts. Their derivatives are differences of sixth order of machines that are built anew, with
+errors near 1e-12 of them: there is no motion between, which could make more of a rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.scene import Machine, load_scene
+
+OFFSETS = (1.0, -1.0, 2.0, -2.0, 3.0, -3.0)
+WEIGHTS = (0.75, -0.75, -0.15, 0.15, 1.0 / 60.0, -1.0 / 60.0)
+"""Of the values at multiples of a step, over the step: the derivative but for its sixth power."""
+
+_STEP = 2.5e-3  # of the value: the sixth power and the rounding over it are alike
+_SMALLER = 3.0
+_TRIED = 6
+_SILENT = {
+    'title', 'description', 'duration', 'outputs', 'sensors', 'oscillators', 'measures', 'solver',
+    'guess', 'tables',
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class NumericKey:
+    """A number of a scene.
+
+    Attributes
+    ----------
+    path : dotted, as in overrides
+    value : in SI units
+    unit : in which the scene keeps it, if that is not clear from the key
+    step : [SI] of the differences
+    """
+
+    machine: Machine
+    path: str
+    value: float
+    unit: str
+    step: float
+
+    def at(self, value: float) -> Machine:
+        """The machine with another value."""
+        text = f'{value!r} {self.unit}' if self.unit else value
+        return load_scene(self.machine, {self.path: text})
+
+    def around(self) -> Iterator[Machine]:
+        """Machines with the values at `OFFSETS`."""
+        return (self.at(self.value + x * self.step) for x in OFFSETS)
+
+
+def numeric_keys(machine: Machine, paths: Sequence[str]) -> list[NumericKey]:
+    """The numbers of a scene by their paths; InputError if one is none."""
+    if isinstance(paths, str):
+        raise InputError(f"derivatives: give a list of paths, as ['{paths}']")
+    numbers = dict(_numbers(machine.scene.to_document(exclude=_SILENT)))
+    found = []
+    for path in dict.fromkeys(paths):
+        value, unit = numbers[path] if path in numbers else _at_start(machine, path, numbers)
+        found.append(_stepped(machine, path, value, unit))
+    return found
+
+
+def _numbers(content: Any, path: str = '') -> Iterator[tuple[str, tuple[float, str]]]:
+    """Paths, values and units of all numbers in a document."""
+    if isinstance(content, Mapping):
+        for key, value in content.items():
+            yield from _numbers(value, f'{path}.{key}' if path else str(key))
+    elif isinstance(content, tuple | list):
+        if len(content) == 2 and isinstance(content[1], str) and _is_number(content[0]):
+            yield path, (float(content[0]), content[1])
+    elif _is_number(content) and not isinstance(content, int):
+        yield path, (float(content), '')
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, float | int) and not isinstance(x, bool) and math.isfinite(x)
+
+
+def _at_start(
+    machine: Machine, path: str, numbers: Mapping[str, tuple[float, str]]
+) -> tuple[float, str]:
+    """A coordinate or a rate at the start that the scene does not give: as it starts."""
+    begin, _, coordinate = path.rpartition('.')
+    which = {'initial.position': 0, 'initial.velocity': 1}.get(begin)
+    free = machine.equations.system.free if machine.level.dynamic else ()
+    if which is not None and coordinate in free:
+        state, i = machine.initial_state(), free.index(coordinate)
+        straight = coordinate in machine.mechanism.displacements
+        unit = ('m' if straight else 'rad') + ('/s' if which else '')
+        return (state.q, state.v)[which][i], unit
+    known = [*numbers, *(f'initial.{x}.{c}' for x in ('position', 'velocity') for c in free)]
+    raise InputError(
+        f"{machine.name}: '{path}' is no number of the scene that its motion depends on"
+        f'{nearest(path, known)}'
+    )
+
+
+def _stepped(machine: Machine, path: str, value: float, unit: str) -> NumericKey:
+    """The key with a step at which the scene can be read on both sides."""
+    step = _STEP * (abs(value) or 1.0)
+    for _ in range(_TRIED):
+        key = NumericKey(machine, path, value, unit, step)
+        try:
+            for x in (3.0, -3.0):
+                key.at(value + x * step)
+        except InputError as error:
+            step, why = step / _SMALLER, error
+        else:
+            return key
+    raise InputError(
+        f"{machine.name}: '{path}' is {value:g}, at the end of what it may be, where it has no "
+        f'derivative: {why}'
+    )
+
+
+def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) -> Array:
+    """Derivative of numbers of a machine that is built, such as its parameters.
+
+    Parameters
+    ----------
+    take : the numbers (n,), as many of each machine
+    base : those of the machine itself, for errors
+    """
+    found = np.zeros_like(base)
+    for weight, machine in zip(WEIGHTS, key.around(), strict=True):
+        try:
+            values = take(machine)
+        except RunError as error:
+            raise InputError(
+                f"{key.machine.name}: no derivative by '{key.path}': {error}"
+            ) from error
+        if values.shape != base.shape:
+            raise InputError(
+                f"{key.machine.name}: '{key.path}' changes what the machine is made of: no "
+                'derivative'
+            )
+        found += (weight / key.step) * (values - base)
+    return found

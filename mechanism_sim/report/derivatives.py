@@ -1,0 +1,51 @@
+"""Derivatives of a run in a summary and as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mechanism_sim import strict_json
+from mechanism_sim.report.sections import Section
+from mechanism_sim.results.derivatives import RunDerivative
+from mechanism_sim.results.measures import Measured
+
+
+def to_json(found: Mapping[str, RunDerivative], measures: Sequence[str]) -> dict[str, Any]:
+    """The key ``derivatives``: of the final state, impacts and measures, in SI units."""
+    if not found:
+        return {}
+    return {
+        'derivatives': {
+            path: {
+                'final': strict_json.plain(d.final),
+                'impacts': [
+                    {
+                        't': strict_json.plain(float(t)),
+                        'normal_impulse': strict_json.plain(float(p)),
+                    }
+                    for t, p in zip(d.impacts['t'], d.impacts['normal_impulse'], strict=True)
+                ],
+                'measures': strict_json.plain(d.measures(*measures)) if measures else {},
+                'limits': [strict_json.plain(limit) for limit in d.limits],
+            }
+            for path, d in found.items()
+        }
+    }
+
+
+def sections(found: Mapping[str, RunDerivative], measures: Sequence[Measured]) -> list[Section]:
+    """A table by path, in SI units; nothing without any."""
+    texts, made = [m.text for m in measures], []
+    for path, d in found.items():
+        rows = [['quantity at the end', 'derivative']]
+        rows += [
+            [f'{kind}.{c}', f'{x:.9g}'] for c, own in d.final.items() for kind, x in own.items()
+        ]
+        if texts:
+            rows += [[name, f'{x:.9g}'] for name, x in d.measures(*texts).items()]
+        notes = [str(limit) for limit in d.limits if limit.ends]
+        if others := len(d.limits) - len(notes):
+            notes.append(f'{others} ends of chatter, after which a contact counts as closed')
+        made.append(Section(f'derivatives by {path} (SI units)', table=rows, notes=notes))
+    return made

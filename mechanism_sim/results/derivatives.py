@@ -1,0 +1,353 @@
+"""Derivatives of a run by numbers of its scene: of quantities, impacts and measures.
+
+Of a machine whose equations are integrated, the derivatives of its motion are exact (room
+`derivatives`). A quantity, or a measure, is a function of motion and machine: it is taken along
+the derivatives of both by differences of sixth order, at steps so small beside clearances and
+speeds that what is left is near 1e-11. The ideal motion of a kinematic machine has no memory:
+there the machines with other values are run themselves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.flow import DerivativeLimit, Flow, Flows
+from mechanism_sim.derivatives.influences import NUMBERS, influences
+from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS, NumericKey, numeric_keys
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import Work, work_in
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.hybrid.snapshot import Snapshot
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
+from mechanism_sim.numerics.quadrature import parts_of
+from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.run import Runner
+from mechanism_sim.results.solution import IMPACT_UNITS, Piece
+from mechanism_sim.scene import Machine
+from mechanism_sim.tables import Table
+
+_SMALL = 2e-3
+"""Of clearances and speeds: displacement of a motion whose differences are taken."""
+
+_ORDERS = {'position': 0, 'velocity': 1, 'acceleration': 2}
+
+_Taken = Callable[[Piece], Array]
+
+
+class RunDerivative:
+    """Derivatives of a run by one number of its scene, in SI units.
+
+    Attributes
+    ----------
+    path, value : of the number
+    limits : instants across which derivatives do not exist, or stand for something else
+    """
+
+    def __init__(self, key: NumericKey, piece: Piece, limits: Sequence[DerivativeLimit]) -> None:
+        self.path, self.value, self.limits = key.path, key.value, tuple(limits)
+        self._key, self._piece = key, piece
+
+    def __repr__(self) -> str:
+        ends = f', up to {end.t:.6g} s' if (end := self.end) else ''
+        return f'<Derivatives by {self.path} = {self.value:g}{ends}>'
+
+    @property
+    def end(self) -> DerivativeLimit | None:
+        """The limit beyond which there are no derivatives, if there is one."""
+        return next((limit for limit in self.limits if limit.ends), None)
+
+    @property
+    def final(self) -> dict[str, dict[str, float]]:
+        """``position`` and ``velocity`` by coordinate at the end of the run, at fixed time."""
+        end = self._piece.motion.curve.end
+        names = self._piece.physics.coordinates
+        columns = [f'{kind}.{c}' for c in names for kind in ('position', 'velocity')]
+        found = self.sample(end, *columns)
+        return {
+            c: {kind: float(found[f'{kind}.{c}'][0]) for kind in ('position', 'velocity')}
+            for c in names
+        }
+
+    def sample(self, t: Array | float, *names: str) -> Table:
+        """Derivatives of quantities at fixed times `t` [s], by the names of `Piece.sample`.
+
+        Not a number beyond a limit that ends them.
+        """
+        known = self._piece.catalogue
+        chosen = known.choose(names) if names else known.shown(Shown.RUN)
+        chosen = [n for n in chosen if n != 't']
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+
+        def taken(piece: Piece) -> Array:
+            found = known.table(chosen, piece.view(times))
+            return np.array([found[n] for n in chosen], dtype=float)
+
+        units = {n: known[n].unit for n in chosen}
+        # sums over the motion so far count its events as they move
+        summed = any(known[n].cumulative for n in chosen)
+        slopes = self._slopes(taken, times)
+        for k, n in enumerate(chosen):
+            kind, _, of = n.partition('.')
+            if kind in _ORDERS and of in self._piece.physics.coordinates:
+                slopes[k] = self._motion(of, _ORDERS[kind], times, slopes[k])
+        if summed:
+            of_sums, own = self._of_whole(taken), [known[n].cumulative for n in chosen]
+            slopes[own] = of_sums[own]
+        return Table({'t': times, **dict(zip(chosen, slopes, strict=True))}, units)
+
+    @property
+    def impacts(self) -> Table:
+        """Derivatives of the fields of every impact, each as its instant moves."""
+        raise NotImplementedError
+
+    def measures(
+        self, *texts: str, window: tuple[float, float] = (0.0, math.inf)
+    ) -> dict[str, float]:
+        """Derivatives of measures by name; those of the scene without any texts.
+
+        Parameters
+        ----------
+        window : [s] of figures that name none
+        """
+        machine = self._piece.machine
+        asked = list(texts) or dict(machine.scene.measures)
+        names: list[str] = []
+
+        def taken(piece: Piece) -> Array:
+            measurement = Measurement(piece.machine, asked, *window)
+            measurement.add(piece)
+            found = measurement.found()
+            names[:] = [m.name for m in found]
+            return np.array([m.value for m in found])
+
+        slopes = self._of_whole(taken)
+        return dict(zip(names, slopes.tolist(), strict=True))
+
+    def _slopes(self, taken: _Taken, t: Array) -> Array:
+        """Derivatives of what is taken at times (N,): (..., N)."""
+        raise NotImplementedError
+
+    def _of_whole(self, taken: _Taken) -> Array:
+        """Derivatives of what is taken of the whole motion."""
+        raise NotImplementedError
+
+    def _motion(self, coordinate: str, order: int, t: Array, found: Array) -> Array:
+        """Derivatives (N,) of a coordinate, or of its rate, if better known than `found`."""
+        return found
+
+
+class _Integrated(RunDerivative):
+    """Derivatives along a motion whose equations were integrated."""
+
+    def __init__(
+        self, key: NumericKey, piece: Piece, flow: Flow, torques: Array, column: int
+    ) -> None:
+        super().__init__(key, piece, flow.limits)
+        self._torques = torques[..., column]
+        self._coefficients = flow.coefficients[..., column]
+        self._states, self._shift = flow.states[..., column], flow.shift[:, column]
+        self._approach, self._logged = flow.approach[..., column], flow.impacts[..., column]
+
+    def _motion(self, coordinate: str, order: int, t: Array, found: Array) -> Array:
+        """Straight from the variational equations."""
+        curve, i = self._piece.motion.curve, self._piece.physics.coordinates.index(coordinate)
+        k, since = curve.find(t)
+        slopes = polynomial.polyder(self._coefficients[k, i].T, order, axis=0)
+        return np.asarray(polynomial.polyval(since, slopes, tensor=False))
+
+    @property
+    def impacts(self) -> Table:
+        """Derivatives of the fields of every impact, each as its instant moves."""
+        columns = dict(zip(NUMBERS, self._logged.T, strict=True))
+        joints = np.array([i.joint for i in self._piece.impacts], dtype=str)
+        return Table({'joint': joints} | columns, IMPACT_UNITS)
+
+    @cached_property
+    def _beside(self) -> list[Machine]:
+        """The machines with values at `OFFSETS`."""
+        return list(self._key.around())
+
+    @cached_property
+    def _growth(self) -> Array:
+        """(m,) of every segment, over what its derivatives change by much."""
+        piece, curve = self._piece, self._piece.motion.curve
+        machine, mechanism = piece.machine, piece.machine.mechanism
+        size, speed = mechanism.size, np.abs(curve.coefficients[:, :, 1]).max()
+        plays = [c.radial for c in machine.plan.clearances.values() if c.radial]
+        straight = np.array([c in mechanism.displacements for c in piece.physics.coordinates])
+        least = min([*plays, size])
+        powers = curve.duration[:, None, None] ** np.arange(self._coefficients.shape[2])
+        moved = np.abs(self._coefficients * powers).max(axis=2)
+        faster = np.abs(self._coefficients[:, :, 1])
+        far = (moved * np.where(straight, 1.0, size)).max(axis=1) / least
+        fast = faster.max(axis=1) / max(speed, 1e-300)
+        return np.maximum(np.maximum(far, fast), 1e-300)
+
+    def _partial(self, taken: _Taken) -> Array:
+        """By the machine alone, its motion being as it is."""
+        piece, found = self._piece, 0.0
+        base = taken(piece)
+        for weight, machine in zip(WEIGHTS, self._beside, strict=True):
+            found = found + weight * self._since(taken(_with_machine(piece, machine)), base)
+        return np.asarray(found / self._key.step)
+
+    @staticmethod
+    def _since(values: Array, base: Array) -> Array:
+        return np.asarray(values - base)
+
+    def _slopes(self, taken: _Taken, t: Array) -> Array:
+        """Derivatives of what is taken at times (N,): each on its own segment."""
+        segments, _ = self._piece.motion.curve.find(t)
+        step = _SMALL / self._growth
+        base, found = taken(self._piece), 0.0
+        for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+            moved = self._displaced(offset * step, shifted=False)
+            found = found + weight * self._since(taken(moved), base)
+        along = found / step[segments]
+        return np.asarray(along + self._partial(taken))
+
+    def _of_whole(self, taken: _Taken) -> Array:
+        """Derivatives of what is taken of the whole motion, with the shifts of its events."""
+        if self.end:
+            return np.full_like(taken(self._piece), np.nan)
+        step = _SMALL / float(self._growth.max())
+        shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
+        step = min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
+        base, found = taken(self._rebalanced(self._piece)), 0.0
+        for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+            scale = np.full(len(self._shift), offset * step)
+            moved = self._rebalanced(self._displaced(scale, shifted=True))
+            found = found + weight * self._since(taken(moved), base)
+        return np.asarray(found / step) + self._partial(lambda x: taken(self._rebalanced(x)))
+
+    def _rebalanced(self, piece: Piece) -> Piece:
+        """The piece with works of its own motion."""
+        if not piece.physics.has_forces:
+            return piece
+        work, _ = work_in(piece.physics, piece.motion, parts_of(piece.motion.curve))
+        return replace(piece, balance=EnergyTerms(work, piece.impacts))
+
+    def _displaced(self, scale: Array, shifted: bool) -> Piece:
+        """The piece moved along its derivatives by `scale` (m,), with or without its events."""
+        piece, motion, curve = self._piece, self._piece.motion, self._piece.motion.curve
+        own, moved = curve.coefficients, np.nan_to_num(self._coefficients)
+        powers = _sum(own, scale[:, None, None] * moved)
+        states = motion.states
+        if states.size:
+            states = _sum(states, scale[:, None, None] * np.nan_to_num(self._states))
+        start, duration, impacts = curve.start, curve.duration, piece.impacts
+        if shifted:
+            by = scale * self._shift
+            n, s = powers.shape[1], states.shape[1] if states.size else 0
+            powers = _shifted(powers, np.repeat(by, n))
+            states = _shifted(states, np.repeat(by, s)) if s else states
+            start = start + by
+            duration = duration + np.append(np.diff(by), -by[-1])
+            impacts = [
+                i._replace(**{
+                    name: getattr(i, name) + scale[0] * float(x)
+                    for name, x in zip(NUMBERS, row, strict=True) if np.isfinite(x)
+                })
+                for i, row in zip(impacts, self._logged, strict=True)
+            ]  # fmt: skip
+        else:
+            powers[~np.isfinite(self._coefficients).all(axis=(1, 2))] = np.nan
+        path = PiecewisePolynomial(start, curve.start_low, duration, curve.turns, powers)
+        approach = motion.approach + scale[:, None] * np.nan_to_num(self._approach)
+        torques = motion.torques + scale[:, None, None] * self._torques
+        moved_motion = Motion(path, motion.modes, approach, torques, motion.acting, states)
+        return replace(_plain(piece), motion=moved_motion, impacts=impacts)
+
+
+class _Ideal(RunDerivative):
+    """Derivatives of a motion that follows from its drives: of runs with other values."""
+
+    @property
+    def impacts(self) -> Table:
+        """None: nothing strikes."""
+        return Table({name: np.zeros(0) for name in ('joint', *NUMBERS)}, IMPACT_UNITS)
+
+    @cached_property
+    def _others(self) -> list[Piece]:
+        end = self._piece.motion.curve.end
+        return [_whole(machine, end) for machine in self._key.around()]
+
+    def _slopes(self, taken: _Taken, t: Array) -> Array:
+        return self._of_whole(taken)
+
+    def _of_whole(self, taken: _Taken) -> Array:
+        base, found = taken(self._piece), 0.0
+        for weight, piece in zip(WEIGHTS, self._others, strict=True):
+            found = found + weight * (taken(piece) - base)
+        return np.asarray(found / self._key.step)
+
+
+def _whole(machine: Machine, end: float) -> Piece:
+    """A run of a machine without events up to a time [s], as one piece."""
+    pieces = [*Runner(machine).to(end)]
+    work = Work(*np.concatenate([piece.balance.work for piece in pieces], axis=1))
+    motion = Motion.joined([piece.motion for piece in pieces])
+    return Piece(machine, motion, EnergyTerms(work, []), [], [])
+
+
+def _plain(piece: Piece) -> Piece:
+    """A run, or a piece of one, as a piece."""
+    return Piece(piece.machine, piece.motion, piece.balance, piece.impacts, piece.modes)
+
+
+def _with_machine(piece: Piece, machine: Machine) -> Piece:
+    """The motion of a piece, as that of another machine."""
+    return replace(_plain(piece), machine=machine)
+
+
+def _sum(some: Array, others: Array) -> Array:
+    """Of coefficients (m, n, d) of polynomials."""
+    count = max(some.shape[2], others.shape[2])
+    wide = [np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2]))) for x in (some, others)]
+    return np.asarray(wide[0] + wide[1])
+
+
+def _shifted(powers: Array, by: Array) -> Array:
+    """Polynomials (m, n, d) in powers of the time since `by` (m n,) later."""
+    return shift_powers(powers.reshape(-1, powers.shape[2]), by).reshape(powers.shape)
+
+
+class AskedDerivatives:
+    """Derivatives that a run is asked for, known to exist before it runs.
+
+    Parameters
+    ----------
+    paths : dotted, of numbers of the scene
+    end : [s] of the run
+    """
+
+    def __init__(
+        self, machine: Machine, paths: Sequence[str], end: float, resume: Snapshot | None
+    ) -> None:
+        if resume is not None:
+            raise InputError(
+                f'{machine.name}: a run that goes on from a snapshot has no derivatives: run it '
+                'from its start'
+            )
+        self._machine, self._end = machine, end
+        self._keys = numeric_keys(machine, paths)
+        self._influence = influences(machine, self._keys, end) if machine.level.dynamic else None
+
+    def along(self, piece: Piece) -> dict[str, RunDerivative]:
+        """Derivatives of the whole motion of the run, by path."""
+        if self._influence is None:
+            return {key.path: _Ideal(key, piece, ()) for key in self._keys}
+        flows = Flows(self._machine, self._influence, self._end)
+        flow, torques = flows.along(piece.motion, piece.impacts), flows.torques(piece.motion)
+        return {
+            key.path: _Integrated(key, piece, flow, torques, k) for k, key in enumerate(self._keys)
+        }

@@ -1,0 +1,126 @@
+"""Which response a start, or a pair of parameters, leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.studies.bifurcation import (
+    START,
+    Response,
+    follow,
+    read_response,
+    same,
+    section,
+    varied,
+)
+from mechanism_sim.studies.parameters import Parameter
+from mechanism_sim.studies.runs import Call, Show, Workers
+from mechanism_sim.tables import Column, Table
+
+
+@dataclass(frozen=True, eq=False)
+class Basins:
+    """The response at every place of a grid over two keys.
+
+    Attributes
+    ----------
+    parameters : the keys, and `written` the unit of each and the size of 1 in it
+    cells : (value of the first key, value of the second, response, its kind), in SI units; kinds
+        are numbered from 0 in the order in which they are found
+    """
+
+    parameters: tuple[Parameter, Parameter]
+    written: tuple[tuple[str, float], tuple[str, float]]
+    cells: tuple[tuple[float, float, Response, int], ...]
+
+    @property
+    def kinds(self) -> dict[int, Response]:
+        """A response of each kind."""
+        found: dict[int, Response] = {}
+        for _, _, response, kind in self.cells:
+            found.setdefault(kind, response)
+        return found
+
+    def columns(self) -> list[Column]:
+        """The columns of the table, a row for each place."""
+        (a, (unit_a, in_a)), (b, (unit_b, in_b)) = zip(self.parameters, self.written, strict=True)
+        first = Column(a.path, [in_a * cell[0] for cell in self.cells], unit_a, 'varied')
+        second = Column(b.path, [in_b * cell[1] for cell in self.cells], unit_b, 'varied')
+        return [
+            first, second,
+            Column('response', [cell[3] for cell in self.cells], '', 'kind of response'),
+            Column('period', [cell[2].period for cell in self.cells], '',
+                   'turns of the drive; 0: none found'),
+            Column('impacts', [cell[2].impacts for cell in self.cells], '', 'per turn'),
+        ]  # fmt: skip
+
+    def table(self) -> Table:
+        """The columns as arrays."""
+        return Table.of(self.columns())
+
+
+def basins(
+    scene: Source,
+    vary: Mapping[str, tuple[Any, Any, int]],
+    *,
+    at_impacts: str | None = None,
+    workers: Workers | None = None,
+    show: Show | None = None,
+    **when: int,
+) -> Basins:
+    """Run a machine from the starts, or with the parameters, of a grid over two keys.
+
+    Where both keys are of ``initial`` the machine is the same everywhere, and responses are told
+    apart by their sections; elsewhere by their periods.
+
+    Parameters
+    ----------
+    vary : lowest and highest value, and their number, by dotted path; two of them
+    at_impacts, when : as of `bifurcation`
+    """
+    machine = load_scene(scene)
+    if len(vary) != 2:
+        raise InputError(f'basins: two keys are varied, not {len(vary)}')
+    (a, along_a, written_a), (b, along_b, written_b) = varied(machine, vary)
+    plan, _, _ = section(machine, (), at_impacts, when)
+    content = machine.scene.to_document()
+    tasks = []
+    for x in along_a:
+        scenes = [check_scene(machine.name, content, {a.path: x, b.path: y}) for y in along_b]
+        tasks.append(Call(repr(x), follow, (machine.name, along_b, scenes, plan, START)))
+    with workers or Workers(1) as makers:
+        rows = makers.do_all(tasks, show)
+    alike = all(path.startswith('initial.') for path in vary)
+    cells = [
+        (x, y, read_response(each, len(plan.of)))
+        for x, row in zip(along_a, rows, strict=True)
+        for y, each in zip(along_b, row['responses'], strict=True)
+    ]
+    numbers = _kinds([cell[2] for cell in cells], alike)
+    numbered = tuple((*cell, k) for cell, k in zip(cells, numbers, strict=True))
+    return Basins((a, b), (written_a, written_b), numbered)
+
+
+def _kinds(found: Sequence[Response], alike: bool) -> list[int]:
+    """The kind of each response: of one machine by its section, of others by its period."""
+    kinds: list[Response] = []
+    numbers = []
+    for response in found:
+        number = next((k for k, x in enumerate(kinds) if _alike(x, response, alike)), len(kinds))
+        if number == len(kinds):
+            kinds.append(response)
+        numbers.append(number)
+    return numbers
+
+
+def _alike(kind: Response, response: Response, one_machine: bool) -> bool:
+    if kind.note != response.note:
+        return False
+    if one_machine and response.period:
+        return same(kind, response)
+    return kind.period == response.period

@@ -1,0 +1,87 @@
+"""What the command line answers: times with units, endings, ports, suggestions, logs."""
+
+from __future__ import annotations
+
+import itertools
+import socket
+
+import pytest
+from running import run, run_json
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.pages.server import HOST, PORT, Server
+from mechanism_sim.report import progress
+from mechanism_sim.results.measure_text import read_all
+
+
+@pytest.mark.parametrize('command', ['solve', 'cycle', 'report', 'statistics'])
+def test_durations_have_units(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = 'slider_crank' if command != 'statistics' else 'four_bar_clearance'
+    length = {'statistics': '8 s'}.get(command, '100 ms')
+    asked = command, scene, '--duration', length
+    assert run(*asked).returncode == 0
+    refused = run(*asked[:-1], '20 mm')
+    assert refused.returncode == 2
+    assert "'20 mm' has the unit 'mm', which is not a unit of 's'" in refused.stderr
+    assert refused.stderr.count('\n') == 1
+
+
+def test_a_time_with_a_unit_is_that_number_of_seconds():
+    one, two = (run_json('solve', 'slider_crank', '--duration', x) for x in ('0.05', '50 ms'))
+    assert one['digest'] == two['digest']
+
+
+def test_all_endings_are_told(tmp_path):
+    done = run('plot', 'slider_crank', 'drive_torque', '-o', str(tmp_path / 'a.jpg'))
+    assert done.returncode == 2
+    for ending in ('.png', '.svg', '.pdf', '.csv', '.npz', '.parquet'):
+        assert ending in done.stderr
+
+
+@pytest.mark.parametrize(
+    ('text', 'name'),
+    [('maxx(drive_torque)', 'max'), ('maxx(drive_torque, from 1 s)', 'max'),
+     ('largst(reaction.pin)', 'largest'), ('averag(drive_torque)', 'average')],
+)  # fmt: skip
+def test_what_is_suggested_is_accepted(text, name):
+    with pytest.raises(InputError, match=f"did you mean '{name}'"):
+        read_all([text], 'x')
+    wrong = text.partition('(')[0]
+    assert read_all([text.replace(wrong, name, 1)], 'x')
+
+
+def test_a_port_that_is_in_use_is_told_alike(monkeypatch, capsys):
+    """One that was asked for is refused; in place of the usual one another is chosen, and said."""
+    taken = socket.create_server((HOST, 0))
+    port = taken.getsockname()[1]
+    for name in ('edit', 'view'):
+        with pytest.raises(InputError) as refused:
+            Server({}, port, list, print, name=name)
+        said = f'{name}: port {port} of {HOST} is taken: choose another; 0 is any free'
+        assert str(refused.value) == said
+    monkeypatch.setattr('mechanism_sim.pages.server.PORT', port)
+    server = Server({}, None, list, print)
+    server.close()
+    assert server.port not in (port, 0)
+    assert f'port {port} is taken: another was chosen' in capsys.readouterr().err
+    taken.close()
+    assert PORT == 8080
+
+
+def test_logs_have_a_line_now_and_then_and_no_carriage_returns(monkeypatch, capsys):
+    times = itertools.count(0.0, 7.0)
+    monkeypatch.setattr('time.monotonic', lambda: next(times))
+    with progress.count('sweep', 20, quiet=False) as show:
+        for k in range(20):
+            show(k + 1, int(k > 9))
+    said = capsys.readouterr().err
+    lines = said.splitlines()
+    assert '\r' not in said
+    assert 3 <= len(lines) <= 6
+    assert lines[0] == 'sweep: 5 of 20, about 105 s left'
+    assert ', 1 failed, ' in lines[-1]
+    with progress.count('sweep', 20, quiet=True) as show:
+        for k in range(20):
+            show(k + 1, 0)
+    assert capsys.readouterr().err == ''

@@ -1,0 +1,140 @@
+"""Ensembles: rows of values in, the figures of a sweep out, whoever computes them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from four_bars import RADIAL
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.row import SweepTask
+from mechanism_sim.studies.runs import compute
+
+SCENE = 'four_bar_clearance'
+RESTITUTION = RADIAL.replace('radial', 'restitution')
+TABLE = {
+    RADIAL: ['0.1 mm', '0.2 mm', '0.254 mm'],
+    RESTITUTION: [0.4, 0.5, 0.6],
+    'drive.speed [rpm]': [300, 350, 250],
+}
+EXTENT = {'revolutions': 3, 'skip': 1}
+
+
+@pytest.fixture(scope='module')
+def table():
+    """Figures of three machines, all columns, their runs kept."""
+    return ms.ensemble(
+        SCENE, TABLE, measures=['top = highest(velocity.rocker)'], keep=True, **EXTENT
+    )
+
+
+def swept():
+    """Columns of a sweep of the same machines, by the tasks of a sweep."""
+    runs = [
+        {RADIAL: r, RESTITUTION: e, 'drive.speed': f'{s} rpm'}
+        for r, e, s in zip(*TABLE.values(), strict=True)
+    ]
+    source = {'scene': SCENE, 'runs': runs, **EXTENT}
+    plan = read_plan(source, ['top = highest(velocity.rocker)'])
+    rows = [
+        compute(SweepTask(r.key, r.name, r.scene, plan.extent, measures=r.measures)).row
+        for r in plan.runs
+    ]
+    return plan.table(rows)
+
+
+def test_columns_units_and_figures_are_those_of_a_sweep(table):
+    for column in swept():
+        assert table.units[column.name] == column.unit
+        given = np.array([np.nan if x is None else x for x in column.values])
+        assert (table[column.name] == given).all() or np.isnan(given.astype(float)).all()
+    assert list(table) == [c.name for c in swept()]
+
+
+def test_the_run_that_is_kept_is_that_of_simulate(table):
+    overrides = {RADIAL: '0.2 mm', RESTITUTION: 0.5, 'drive.speed': '350 rpm'}
+    alone = ms.simulate(ms.load_scene(SCENE, overrides), revolutions=3)
+    kept = table.solutions[1]
+    assert kept.impacts == alone.impacts
+    assert (kept.motion.curve.coefficients == alone.motion.curve.coefficients).all()
+
+
+def rows_of(table):
+    names = list(table)
+    return [dict(zip(names, row, strict=True)) for row in zip(*table.values(), strict=True)]
+
+
+def structured(table):
+    names = [n for n in table if n != RADIAL]
+    kinds = [(n, float) for n in names]
+    return np.array([tuple(r[n] for n in names) for r in rows_of(table)], dtype=kinds)
+
+
+@pytest.mark.parametrize('form', [rows_of, structured, 'pandas'])
+def test_a_table_is_rows_an_array_or_a_frame(form):
+    if form == 'pandas':
+        form = pytest.importorskip('pandas').DataFrame
+    wanted = {'columns': ['impacts', 'impulse'], 'revolutions': 1}
+    values = {RADIAL: [1e-4, 2e-4], RESTITUTION: np.array([0.4, 0.6])}
+    if form is structured:
+        values = {RESTITUTION: values[RESTITUTION], 'drive.speed [rpm]': [300, 350]}
+    one, other = (ms.ensemble(SCENE, x, **wanted) for x in (values, form(values)))
+    assert list(one) == list(other)
+    assert all((one[name] == other[name]).all() for name in one)
+    assert 'impulse' in other.to_frame().columns
+
+
+def test_only_columns_that_are_wanted_are_there(table):
+    some = ms.ensemble(
+        SCENE, TABLE, columns=['impacts', 'largest_impulse.coupler_rocker'], **EXTENT
+    )
+    assert list(some) == [
+        'run', RADIAL, RESTITUTION, 'drive.speed', 'impacts', 'largest_impulse.coupler_rocker',
+        'status',
+    ]  # fmt: skip
+    assert all((some[name] == table[name]).all() for name in some)
+
+
+def test_a_row_that_fails_says_why_and_others_go_on():
+    given = {'start': 'centred', 'initial.position.rocker': [2.0, 2.1257118]}
+    found = ms.ensemble(SCENE, given, revolutions=1, keep=True, columns=['steps', 'digest'])
+    assert 'initial.position puts the pin' in found['status'][0]
+    assert found['status'][1] == 'done'
+    assert np.isnan(found['steps'][0])
+    assert found['digest'][0] is None
+    assert found.solutions[0] is None
+    assert found.solutions[1].digest() == found['digest'][1]
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        ({'drive.speed': []}, 'no rows'),
+        ({'drive.sped': [30]}, "run 0 .*unknown key 'drive.sped'; did you mean 'speed'"),
+        ({'drive.speed': [30, float('nan')]}, r'run 1 .*drive.speed = nan must be finite'),
+        ({'drive.speed': [30, 31], RADIAL: [1e-4]}, 'columns must be of equal length'),
+        ({'drive.speed [rmp]': [30]}, 'rmp'),
+        ([30.0], 'row 0 is 30.0'),
+        (30.0, 'row 0 is 30.0'),
+    ],
+)
+def test_a_wrong_table_is_refused_in_one_sentence(given, said):
+    with pytest.raises(InputError, match=said) as refused:
+        ms.ensemble(SCENE, given, revolutions=1)
+    assert '\n' not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ('how', 'said'),
+    [
+        ({'columns': ['impact']}, "there is no 'impact'; did you mean 'impacts'"),
+        ({'keep': True, 'workers': 2}, 'workers=1'),
+        ({'duration': '1 s'}, "either 'revolutions' or 'duration'"),
+        ({'skip': 1}, 'skip = 1'),
+    ],
+)
+def test_options_that_cannot_be_are_refused(how, said):
+    with pytest.raises(InputError, match=said):
+        ms.ensemble(SCENE, {'drive.speed': [30]}, **{'revolutions': 1, **how})
