@@ -308,6 +308,26 @@ def draw_chain(machine: Machine, solution: Solution) -> Figure:
     return figure
 
 
+def draw_derivatives(path: str, end: float) -> Figure:
+    """The rocker's speed, and its derivative by a number beside differences of whole runs."""
+    solution = ms.simulate(SCENE, duration=end, derivatives=[path])
+    known = solution.derivatives[path]
+    t = np.linspace(0.0, end, 3000)
+    figure = Figure(figsize=(9.0, 4.0), layout='constrained')
+    speed, slope = figure.subplots(2, 1, sharex=True)
+    speed.plot(1e3 * t, solution.sample(t, 'velocity.rocker')['velocity.rocker'], 'k', lw=0.8)
+    slope.plot(1e3 * t, 1e-3 * known.sample(t, 'velocity.rocker')['velocity.rocker'], 'k', lw=0.8)
+    few, h = np.linspace(0.0, end, 90), 1e-5 * known.value
+    runs = [ms.load_scene(SCENE, {path: known.value + x}) for x in (h, -h)]
+    ends = [ms.simulate(m, duration=end).sample(few, 'velocity.rocker') for m in runs]
+    ratio = (ends[0]['velocity.rocker'] - ends[1]['velocity.rocker']) / (2.0 * h)
+    slope.plot(1e3 * few, 1e-3 * ratio, 'o', ms=3, mfc='none', mec=GREY)
+    speed.set_ylabel('speed of the rocker [rad/s]')
+    slope.set_ylabel('derivative by the\nclearance [rad/s/mm]')
+    slope.set_xlabel('time [ms]')
+    return figure
+
+
 def main() -> None:
     """Write all pictures."""
     machine = ms.load_scene(SCENE)
@@ -321,6 +341,7 @@ def main() -> None:
             ('four_bar', draw_mechanism(machine, released)),
             ('bearing_force', draw_result(solution, nominal, machine.drive.period)),
             ('measurement_chain', draw_chain(measured, solution)),
+            ('derivatives', draw_derivatives(f'joints.{JOINT}.clearance.radial', 0.23)),
         ):
             file = FOLDER / f'{name}.svg'
             figure.savefig(file, facecolor='white', metadata={'Date': None})

@@ -158,7 +158,7 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
                 yield ('spectra', name, f'octave at {middle:g} Hz', signal.unit), math.sqrt(part)
 
 
-def to_json(found: list[Difference]) -> list[dict[str, object]]:
+def to_json(found: Sequence[Difference]) -> list[dict[str, object]]:
     """SI units; what is not known is null. Of two runs with change and ratio."""
     rows = []
     for d in found:
@@ -171,7 +171,7 @@ def to_json(found: list[Difference]) -> list[dict[str, object]]:
     return rows
 
 
-def render(found: list[Difference], names: Sequence[str]) -> str:
+def render(found: Sequence[Difference], names: Sequence[str]) -> str:
     """For people: a row for each figure."""
     rows = [['', '', 'unit', *names, *(['change', 'ratio'] if len(names) == 2 else [])]]
     rows += [[d.subject, d.name, *texts(d)] for d in found]

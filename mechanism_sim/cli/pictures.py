@@ -119,8 +119,8 @@ def _animate(options: argparse.Namespace) -> int:
         print(
             f'{where}: {len(chosen.t)} frames of {width} by {height} pixels, '
             f'{len(chosen.t) / chosen.fps:.3g} s at {chosen.fps:g} a second\n'
-            f'{chosen.start:.6g} s to {chosen.end:.6g} s of {record.end:.6g} s, '
-            f'{chosen.speed:.3g} of real time'
+            f'from {chosen.start:.6g} s to {chosen.end:.6g} s of a run of {record.end:.6g} s, '
+            f'at {chosen.speed:.3g} times real time'
         )
     return 0
 

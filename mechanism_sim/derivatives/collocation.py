@@ -19,7 +19,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.linearised import Slopes
 from mechanism_sim.numerics.polynomials import Nodes
 
-COUNT = 10
+COUNT = 8
 """Nodes of a step, which is an eighth of the radius of convergence of its series."""
 
 
@@ -90,12 +90,12 @@ def solve(slopes: Slopes, free: list[int], h: Array, forced: Array) -> Steps:
     Jq, Jv, Js = (nodes(x) for x in (slopes.q[:, free], slopes.v[:, free], slopes.states))
     wide = h[:, None, None, None]
     # rates U at node j by those at node k, coordinates and rates being integrals of them
-    M = np.zeros((count, K, w, K, w))
-    M[..., :f] = -np.einsum('njil,jk->njikl', Jq * wide * wide, known.twice)
-    M[..., :f] -= np.einsum('njil,jk->njikl', Jv * wide, known.once)
+    parts = np.zeros((count, K, w, K, w))
+    parts[..., :f] = -np.einsum('njil,jk->njikl', Jq * wide * wide, known.twice)
+    parts[..., :f] -= np.einsum('njil,jk->njikl', Jv * wide, known.once)
     if s:
-        M[..., f:] = -np.einsum('njil,jk->njikl', Js * wide, known.once)
-    M = M.reshape(count, K * w, K * w)
+        parts[..., f:] = -np.einsum('njil,jk->njikl', Js * wide, known.once)
+    M = parts.reshape(count, K * w, K * w)
     M[:, range(K * w), range(K * w)] += 1.0
     since = np.array(known.nodes.fractions)[:, None, None]
     right = np.concatenate([Jq, Jv + Jq * (wide * since), Js, forced], axis=3)

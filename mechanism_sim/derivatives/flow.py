@@ -5,15 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
-from mechanism_sim.derivatives.influences import NUMBERS, Influence, LawTable, own
+from mechanism_sim.derivatives.influences import (
+    NUMBERS,
+    Influence,
+    LawTable,
+    built_in,
+    nothing,
+    own,
+)
 from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
+from mechanism_sim.derivatives.numeric_keys import NumericKey
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
@@ -83,9 +92,16 @@ class Flows:
     machine : whose equations are integrated
     influence : derivatives (..., P) of what its runs are made of
     end : [s] up to which its laws are asked for
+    keys : by whose values the derivatives are
     """
 
-    def __init__(self, machine: Machine, influence: Influence, end: float) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        influence: Influence,
+        end: float,
+        keys: Sequence[NumericKey] = (),
+    ) -> None:
         physics = machine.physics
         assert isinstance(physics, DynamicPhysics)  # noqa: S101 - its equations are integrated
         self.system = system = physics.system
@@ -99,10 +115,32 @@ class Flows:
         for table, symbols in zip(powered, index.torques, strict=True):
             columns = table.numbers.swapaxes(0, 1).reshape(len(symbols), -1)
             moved |= {i for i, m in zip(symbols, _moves(columns), strict=True) if m}
-        self.equations = LinearEquations(physics, sorted(moved))
+        beside = {}
+        for column, key in enumerate(keys):
+            if built_in(key):
+                others = [m.physics for m in key.beside]
+                known = [LinearEquations(x, []) for x in others if isinstance(x, DynamicPhysics)]
+                beside[column] = key.step, known
+        self.equations = LinearEquations(physics, sorted(moved), beside)
         self.jumps = Jumps(self.equations, influence)
         self.free = [system.coordinates.index(c) for c in system.free]
         self.width = len(self.free) + len(system.states)
+
+    @classmethod
+    def by_state(cls, machine: Machine, end: float) -> Flows:
+        """Derivatives by the 2f + s numbers of a state at the start of runs up to `end` [s]."""
+        return cls(machine, nothing(own(machine, end), machine.equations.system.width), end)
+
+    def transition(
+        self, motion: Motion, impacts: Sequence[Impact]
+    ) -> tuple[Array, tuple[DerivativeLimit, ...]]:
+        """State transition matrix (2f + s, 2f + s) of a motion, and where it has limits.
+
+        Rows are free coordinates, their rates and states of first order at the end, columns those
+        at the start. Directions that a closed contact or loop forbids decay to nothing.
+        """
+        flow = self.along(motion, impacts, np.eye(self.count))
+        return flow.final, flow.limits
 
     def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:
         """Derivatives along a motion that begins as the machine does, or with others `start`.
@@ -164,7 +202,16 @@ def _moves(rows: Array) -> NDArray[np.bool_]:
 def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
     """Which of consecutive laws hold at times (N,), at the start of one that one."""
     slack = 4.0 * np.spacing(np.abs(t).max(initial=1e-300))
-    return np.maximum(np.searchsorted(table.start, t + slack, side='right') - 1, 0)
+    found = np.searchsorted(table.start, t + slack, side='right') - 1
+    return np.asarray(np.maximum(found, 0), dtype=np.intp)
+
+
+def _derivative(powers: Array, x: Any, order: int) -> Array:
+    """Derivatives (..., P) of polynomials (..., d, P) of x."""
+    value = np.zeros(())
+    for j in range(powers.shape[-2] - 1, order - 1, -1):
+        value = value * x + math.perm(j, order) * powers[..., j, :]
+    return np.asarray(value)
 
 
 class _Walk:
@@ -224,21 +271,24 @@ class _Walk:
         places, curve, P = rule().nodes, self._motion.curve, self._of.count
         at = of.equations.points(motion, k, places)
         slopes = of.equations.slopes(at)
-        beginning = Points(*(x[:, ::COUNT] for x in at))
-        given = of.parameters(motion, beginning, k)
+        self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
+        begun = curve.start[k] + curve.start_low[k]
+        self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
+        h = curve.duration[k, None]
+        self._ends = [[_derivative(x, h, order) for order in range(3)] for x in self._laws]
         count, w = len(k), of.width
-        t = (curve.start[k, None] + curve.start_low[k, None]
-             + np.outer(curve.duration[k], places.fractions)).ravel()  # fmt: skip
-        own_ = slopes.parameters.reshape(w, -1, count, COUNT)
-        forced = np.einsum('wcnk,ncp->wnkp', own_, given).reshape(w, -1, P)
-        for j, i in enumerate(system.prescribed_index):
-            moved = of.prescribed(t, j)
-            forced += slopes.q[:, i, :, None] * moved[:, 0]
-            forced += slopes.v[:, i, :, None] * moved[:, 1]
-            forced += slopes.a_p[:, j, :, None] * (2.0 * moved[:, 2])
+        own_ = slopes.parameters.reshape(w, given.shape[1], count, COUNT)
+        forced = np.einsum('wcnk,ncp->wnkp', own_, given)
+        for column, x in slopes.built_in.items():
+            forced[..., column] += x.reshape(w, count, COUNT)
+        dt = np.outer(curve.duration[k], places.fractions)
+        for j, (i, law) in enumerate(zip(system.prescribed_index, self._laws, strict=True)):
+            for order, slope in enumerate((slopes.q[:, i], slopes.v[:, i], slopes.a_p[:, j])):
+                moved = _derivative(law[:, None], dt[:, :, None], order)
+                forced += slope.reshape(w, count, COUNT, 1) * moved
         touches = [of.equations.chosen.index(i) for i in system.parameters.approach]
-        columns = np.concatenate([slopes.parameters[:, touches].swapaxes(1, 2), forced], axis=2)
-        columns = np.moveaxis(columns.reshape(w, count, COUNT, -1), 0, 2)
+        touched = slopes.parameters[:, touches].swapaxes(1, 2).reshape(w, count, COUNT, -1)
+        columns = np.moveaxis(np.concatenate([touched, forced], axis=3), 0, 2)
         steps = solve(slopes, of.free, curve.duration[k], columns)
         events = self._events(first, last)
         starts = np.empty((count, f + w, P))
@@ -250,7 +300,7 @@ class _Walk:
             self._approaches[first + j] = self._approach
             W = extended.shape[1]
             self._state = steps.end[j, :, :W] @ extended[j] + steps.end[j, :, W:]
-            if j in events and not self._jump(first + j + 1, *events[j]):
+            if j in events and not self._jump(first + j + 1, j, *events[j]):
                 alive, done = False, j + 1
                 self._state = np.full_like(self._state, np.nan)
                 self._shift[first + j + 1 :] = np.nan
@@ -263,9 +313,8 @@ class _Walk:
         self._coefficients[kept] = 0.0
         self._coefficients[kept, of.free, : q.shape[2]] = q
         self._states[kept] = states
-        for j, i in enumerate(system.prescribed_index):
-            moved = of.prescribed(curve.start[kept] + curve.start_low[kept], j)
-            self._coefficients[kept, i, : moved.shape[1]] = moved
+        for i, law in zip(system.prescribed_index, self._laws, strict=True):
+            self._coefficients[kept, i, : law.shape[1]] = law[:done]
         return alive
 
     # --- events -------------------------------------------------------------------------------
@@ -302,10 +351,10 @@ class _Walk:
         a[of.system.prescribed_index] = at.a_p[:, j]
         return Side(Points(*(x[:, j : j + 1] for x in at)), slopes.rate[:, j], a)
 
-    def _jump(self, k: int, before: Side, after: Side) -> bool:
+    def _jump(self, k: int, j: int, before: Side, after: Side) -> bool:
         """Take derivatives across the event at the start of segment k; False if there are none."""
         of, t = self._of, float(self._motion.curve.start[k])
-        x = self._variation(k - 1, before)
+        x = self._variation(j)
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
         where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
@@ -328,26 +377,17 @@ class _Walk:
         self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
         return True
 
-    def _variation(self, k: int, side: Side) -> Variation:
-        """Derivatives at the end of segment k."""
+    def _variation(self, j: int) -> Variation:
+        """Derivatives at the end of the j-th segment of the chunk."""
         of, system = self._of, self._of.system
         n, f, P = len(system.coordinates), len(of.free), of.count
         q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
         q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
-        curve = self._motion.curve
-        t = curve.start[[k]] + (curve.start_low[[k]] + curve.duration[[k]])
-        base = curve.start[[k]]
-        for j, i in enumerate(system.prescribed_index):
-            # the law of the segment, at its end
-            known = of.prescribed(base, j)[0]
-            since = float((t - base)[0])
-            orders = np.arange(len(known))
-            q[i] = (since**orders) @ known
-            v[i] = (orders[1:] * since ** orders[:-1]) @ known[1:]
-            a_p[j] = (orders[2:] * orders[1:-1] * since ** orders[:-2]) @ known[2:]
-        parameters = of.parameters(self._motion, side.at, np.array([k]))[0]
-        for j, i in enumerate(system.parameters.approach):
-            parameters[of.equations.chosen.index(i)] = self._approach[j]
+        for m, (i, ends) in enumerate(zip(system.prescribed_index, self._ends, strict=True)):
+            q[i], v[i], a_p[m] = (x[j] for x in ends)
+        parameters = self._given[j].copy()
+        for m, i in enumerate(system.parameters.approach):
+            parameters[of.equations.chosen.index(i)] = self._approach[m]
         return Variation(q, v, a_p, self._state[2 * f :], parameters, self._approach)
 
     def _passed(self, k: int, before: Side, after: Side, x: Variation) -> Saltation:

@@ -73,13 +73,14 @@ def of_one(theta: Array, slopes: Array, hypothesis: int) -> tuple[Array, Array]:
     theta : (7,) compliances nn, nt, tt, rates, coefficients of restitution and friction
     slopes : (7, P)
     """
+    columns = [[0.0] * 7, *np.eye(7).tolist()]
     found = [
         _path([complex(x, _TINY * dx) for x, dx in zip(theta.tolist(), column, strict=True)],
               hypothesis)
-        for column in [[0.0] * 7, *slopes.T.tolist()]
+        for column in columns
     ]  # fmt: skip
     values = np.array(found).T
-    return values[:, 0].real, values[:, 1:].imag / _TINY
+    return values[:, 0].real, values[:, 1:].imag / _TINY @ slopes
 
 
 def of_several(
@@ -157,5 +158,4 @@ def _linear(
         elif grips[i] in (FORWARD, BACKWARD):
             sign = 1.0 if grips[i] == FORWARD else -1.0
             M[m + i, i], right[m + i] = sign * mu[i], -sign * dmu[i] * x[i]
-    solved: Array = np.linalg.lstsq(M, right, rcond=1e-13)[0]
-    return solved
+    return np.asarray(np.linalg.lstsq(M, right, rcond=1e-13)[0], dtype=float)

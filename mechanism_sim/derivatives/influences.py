@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import islice
@@ -54,10 +55,30 @@ def influences(machine: Machine, keys: Sequence[NumericKey], end: float) -> Infl
     return base.split(np.array(columns).reshape(len(keys), len(base.values)).T)
 
 
+def built_in(key: NumericKey) -> bool:
+    """True if a number stands in the equations themselves, not only in their parameters."""
+    some, other = (_terms(m.equations.system) for m in (key.machine, key.beside[0]))
+    return not compiled.alike(some, other)
+
+
 def own(machine: Machine, end: float) -> Influence:
     """The numbers themselves."""
     base = _Parts(machine, end)
     return base.split(base.values)
+
+
+def nothing(known: Influence, count: int) -> Influence:
+    """Derivatives of such numbers by `count` keys on which none depends."""
+
+    def zeros(x: Array) -> Array:
+        return np.zeros((*x.shape, count))
+
+    laws = [LawTable(*map(zeros, table)) for table in known.laws]
+    rows, e, mu = [zeros(x) for x in known.rows], zeros(known.restitution), zeros(known.friction)
+    return Influence(
+        zeros(known.parameters), zeros(known.start), laws, e, mu, zeros(known.approach), rows,
+        zeros(known.struck),
+    )  # fmt: skip
 
 
 class _Parts:
@@ -67,7 +88,7 @@ class _Parts:
         plan, self._system = machine.plan, machine.equations.system
         self._driven = [*plan.prescribed, *plan.powered]
         self._laws = [plan.laws_until(c, end) for c in self._driven]
-        self._terms = _terms(self._system)
+        self._names = _names(self._system)
         self._begun: tuple[object, ...] | None = None
         self._shapes: list[tuple[int, ...]] = []
         self.values = self.of(machine)
@@ -75,11 +96,8 @@ class _Parts:
     def of(self, machine: Machine) -> Array:
         """The vector of a machine."""
         system, run = machine.equations.system, machine.start()
-        if not compiled.alike(_terms(system), self._terms):
-            raise InputError(
-                f'{machine.name}: a number of this key is built into its equations, or shapes '
-                'them: no derivative'
-            )
+        if _names(system) != self._names:
+            return np.zeros(0)
         assert isinstance(run, EventLoop)  # noqa: S101 - its equations are integrated
         state = run.state
         turned = np.array(state.q) + 2.0 * np.pi * np.array(state.turns, dtype=float)
@@ -96,7 +114,7 @@ class _Parts:
             np.array([*turned, *state.v, *scaled]),
             *(x for table in self._tables(machine) for x in table),
             np.array([gap.restitution for gap in system.gaps]),
-            np.array([gap.friction for gap in system.gaps]),
+            np.array([g.friction if math.isfinite(g.friction) else 0.0 for g in system.gaps]),
             np.array(snapshot.approach),
             *(np.array(s.every_row) for s in system.switches),
             np.array([[getattr(i, n) for n in NUMBERS] for i in impacts]).reshape(
@@ -132,6 +150,11 @@ class _Parts:
         laws = [LawTable(*parts[2 + k : 4 + k]) for k in range(0, count, 2)]
         e, mu, approach, *rows, struck = parts[2 + count :]
         return Influence(parts[0], parts[1], laws, e, mu, approach, rows, struck)
+
+
+def _names(system: System) -> list[str]:
+    """Of the parameters of a run; observers add others."""
+    return [*system.equations.parameters.names][: len(system.parameters.values)]
 
 
 def _terms(system: System) -> list[object]:

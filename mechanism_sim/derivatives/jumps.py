@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
@@ -23,6 +24,7 @@ from mechanism_sim.hybrid.events import Impact
 
 _ALIKE = 1e-7  # of the largest: what differs by less is equal
 _SMALL = 1e-9
+_DEPTH = 1e-12  # of the mechanism: to which places are known
 
 
 class NoDerivativeError(Exception):
@@ -64,6 +66,22 @@ class Saltation(NamedTuple):
     approach: Array  #: (a, P)
 
 
+class _Terms(NamedTuple):
+    """N terms of contacts at a point."""
+
+    values: Array  #: (N,)
+    slopes: Array  #: (z, N)
+    direct: Array  #: (N, P) derivatives by keys, at a fixed point and fixed parameters
+
+    def moved(self, z: Array) -> Array:
+        """Differentials (N, P), by those of the point (z, P)."""
+        return np.asarray(self.slopes.T @ z + self.direct)
+
+    def some(self, columns: Sequence[int]) -> _Terms:
+        """Some of them."""
+        return _Terms(self.values[columns], self.slopes[:, columns], self.direct[columns])
+
+
 class Jumps:
     """Derivatives across the events of a run.
 
@@ -84,11 +102,16 @@ class Jumps:
         self._laws = np.array([codes[str(getattr(g.hypothesis, 'value', g.hypothesis))]
                                for g in system.gaps], dtype=np.int64)  # fmt: skip
         self._rows = len(system.dynamics.contacts.rows)
+        self._asked: dict[tuple[int, ...], Selected] = {}
 
     # --- terms --------------------------------------------------------------------------------
 
-    def _terms(self, side: Side, chosen: Selected) -> tuple[Array, Array]:
-        return self._eq.selected(side.at, chosen)
+    def _terms(self, side: Side, chosen: Selected) -> _Terms:
+        values, slopes, built_in = self._eq.selected(side.at, chosen)
+        direct = np.zeros((len(values), self._influence.start.shape[1]))
+        for column, x in built_in.items():
+            direct[:, column] = x
+        return _Terms(values, slopes, direct)
 
     def _none(self, count: int) -> Selected:
         return Selected.none(self._eq.sizes, count)
@@ -120,24 +143,42 @@ class Jumps:
         size = np.abs(np.concatenate([after.rates, before.rates, before.a])).max(initial=0.0)
         size = max(size, np.abs(before.at.v).max() ** 2)
         state = np.concatenate([x.q[self._free], x.v[self._free], x.states])
-        none = np.zeros(x.q.shape[1])
-        if np.abs(jump).max(initial=0.0) <= _SMALL * size:
-            return Saltation(state, none if law is None else law, [], x.approach)
+        smooth = np.abs(jump).max(initial=0.0) <= _SMALL * size
+        touches = self._system.compliant and guards.gap.any()
         shifts = [] if law is None else [law]
-        if guards.gap.shape[1]:
-            _, slopes = self._terms(before, guards)
-            rates = slopes.T @ self._flow(before)
+        if guards.gap.shape[1] and not (smooth and not touches):
+            terms, flow = self._terms(before, guards), self._flow(before)
+            rates = terms.slopes.T @ flow
             if (np.abs(rates) <= _SMALL * np.abs(rates).max(initial=0.0)).any():
                 raise NoDerivativeError('it is reached without a rate')
-            shifts += [*(-(slopes.T @ self._differential(x)) / rates[:, None])]
-        if not shifts:
-            raise NoDerivativeError('forces jump there for no reason that has a derivative')
+            shifts += [*(-terms.moved(self._differential(x)) / rates[:, None])]
         for other in shifts[1:]:
             if np.abs(other - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
                 raise NoDerivativeError('several events meet, whose order changes')
+        if not shifts:
+            if not smooth:
+                raise NoDerivativeError('forces jump there for no reason that has a derivative')
+            return Saltation(state, np.zeros(x.q.shape[1]), [], x.approach)
         dt, f = shifts[0], len(self._free)
         state[f:] -= np.outer(jump, dt)
-        return Saltation(state, dt, [], x.approach)
+        approach = self._touched(before, after, x, guards, dt) if touches else x.approach
+        return Saltation(state, dt, [], approach)
+
+    def _touched(
+        self, before: Side, after: Side, x: Variation, guards: Selected, dt: Array
+    ) -> Array:
+        """Derivatives of the speeds to which the damping of touches refers."""
+        z = self._differential(x) + np.outer(self._flow(before), dt)
+        found, index = x.approach.copy(), self._system.parameters.approach
+        for i in np.flatnonzero(guards.gap.any(axis=1)):
+            asked = self._none(1)
+            asked.row[i] = 1.0
+            speed = self._terms(before, asked)
+            given = after.at.parameters[index[i], 0]
+            if abs(given + speed.values[0]) > _ALIKE * abs(given):
+                raise NoDerivativeError('a contact is set down without a speed of its own')
+            found[i] = -speed.moved(z)[0]
+        return found
 
     # --- impacts ------------------------------------------------------------------------------
 
@@ -171,75 +212,116 @@ class Jumps:
         self, now: Side, z: Array, flow: Array, group: list[Impact], dt: Array | None
     ) -> tuple[Side, Array, Array, list[Array]]:
         """One blow: the side after it, total differentials, the shift, those of its log."""
-        m = len(self._names)
-        seen = self._none(m + self._rows)
-        seen.gap[:, :m], seen.row[:, m:] = np.eye(m), np.eye(self._rows)
-        values, slopes = self._terms(now, seen)
         struck = [self._names.index(i.joint) for i in group]
-        touching = self._touching(now, values, struck)
-        if dt is None:
-            dt = self._instant(values[m:], slopes[:, :m], z, flow, struck, now)
-            z = z + np.outer(flow, dt)
+        touching = self._touching(now, struck)
+        m, t = len(self._names), len(touching)
         own = touching + ([m + i for i in touching] if self._rows > m else [])
-        n = len(own)
-        A, dA = self._compliance(now, own, z)
-        rate, drate = values[m:][own], slopes[:, m:][:, own].T @ z
-        ends = {self._names.index(i.joint) for i in group if i.ends_chatter}
+        terms = self._terms(now, self._unit_terms(tuple(touching), tuple(own)))
+        if dt is None:
+            closed = self._closed(now)
+            first = [touching.index(i) for i in struck if not closed[i]]
+            rates = terms.some([2 * t + k for k in first])
+            dt = self._instant(terms.some(first), rates.slopes.T @ flow, z, flow, now)
+            z = z + np.outer(flow, dt)
+        values, moved, n, f = terms.values, terms.moved(z), len(own), len(self._free)
+        # of unit impulses: rates of rows and coordinates, impulses of drives
+        ends = np.cumsum([t, t, n, n * n, n * f]).tolist()
+        (_, _, rate, A, W, D), (_, angle, drate, dA, dW, dD) = (
+            np.split(x, ends) for x in (values, moved)
+        )
+        A, dA = A.reshape(n, n), dA.reshape(n, n, -1)
+        W, D = W.reshape(n, f), D.reshape(n, len(self._system.prescribed))
+        ended = {self._names.index(i.joint) for i in group if i.ends_chatter}
         closed = self._closed(now)
         applies = np.array([
-            rate[k] < 0.0 and not closed[i] and i not in ends for k, i in enumerate(touching)
+            rate[k] < 0.0 and not closed[i] and i not in ended for k, i in enumerate(touching)
         ], dtype=float)  # fmt: skip
-        e, de = (
-            applies * self._e[touching],
-            applies[:, None] * self._influence.restitution[touching],
+        e = applies * self._e[touching], applies[:, None] * self._influence.restitution[touching]
+        mu = self._mu[touching], self._influence.friction[touching]
+        x, dx = (part[:n] for part in self._impulses(touching, (A, dA), (rate, drate), e, mu))
+        after, dafter = rate + A @ x, drate + np.einsum('ijp,j->ip', dA, x) + A @ dx
+        v, later, c = now.at.v.copy(), z.copy(), len(self._system.coordinates)
+        v[self._free, 0] += x @ W
+        later[[c + i for i in self._free]] += (
+            np.einsum('i,ijp->jp', x, dW.reshape(n, f, len(dt))) + W.T @ dx
         )
-        mu, dmu = self._mu[touching], self._influence.friction[touching]
-        x, dx = self._impulses(touching, (A, dA), (rate, drate), (e, de), (mu, dmu))
-        wide = np.zeros(self._rows)
-        wide[own] = x[:n]
-        dwide = np.zeros((self._rows, z.shape[1]))
-        dwide[own] = dx[:n]
-        return self._after(now, z, dt, group, wide, dwide, (values, slopes))
+        index = self._system.prescribed_index
+        speeds = now.at.v[index, 0], z[c : 2 * c][index]
+        rows, unknown = [], np.full(len(dt), np.nan)
+        for i in struck:
+            k = touching.index(i)
+            of = [k, t + k] if n > t else [k]
+            drive = x[of] @ D[of], np.einsum(
+                'i,ijp->jp', x[of], dD.reshape(n, len(index), len(dt))[of]
+            ) + D[of].T @ dx[of]  # fmt: skip
+            mean, dmean = 0.5 * (rate + after)[of], 0.5 * (drate + dafter)[of]
+            known = {
+                't': dt,
+                'normal_angle': angle[k],
+                'approach_speed': -drate[k],
+                'rebound_speed': dafter[k] * (after[k] > 0.0),
+                'normal_impulse': dx[k],
+                'tangential_impulse': dx[of[-1]] * (n > t),
+                'energy_loss': -(x[of] @ dmean + mean @ dx[of]),
+                'drive_impulse': drive[1].sum(axis=0),
+                'drive_work': drive[0] @ speeds[1] + speeds[0] @ drive[1],
+            }
+            rows.append(np.array([known.get(name, unknown) for name in NUMBERS]))
+        return now._replace(at=now.at._replace(v=v)), later, dt, rows
 
-    def _closed(self, side: Side) -> Array:
-        flags: Array = side.at.parameters[self._system.parameters.closed, 0] > 0.0
-        return flags
+    def _unit_terms(self, touching: tuple[int, ...], own: tuple[int, ...]) -> Selected:
+        """Terms that a blow asks for: gaps, angles, rates, and those of unit impulses."""
+        if own in self._asked:
+            return self._asked[own]
+        t, n, f, p = len(touching), len(own), len(self._free), len(self._system.prescribed)
+        asked = self._none(2 * t + n * (1 + n + f + p))
+        for k, i in enumerate(touching):
+            asked.gap[i, k] = asked.angle[i, t + k] = 1.0
+        at = 2 * t
+        for k, r in enumerate(own):
+            asked.row[r, at + k] = 1.0
+            left, free = at + n + k * n, at + n + n * n + k * f
+            drive = at + n + n * (n + f) + k * p
+            asked.left[[*own], range(left, left + n)] = 1.0
+            asked.free[range(f), range(free, free + f)] = 1.0
+            asked.drive[range(p), range(drive, drive + p)] = 1.0
+            for first, count in ((left, n), (free, f), (drive, p)):
+                asked.right[r, first : first + count] = 1.0
+        self._asked[own] = asked
+        return asked
 
-    def _touching(self, now: Side, values: Array, struck: list[int]) -> list[int]:
+    def _closed(self, side: Side) -> NDArray[np.bool_]:
+        return np.asarray(side.at.parameters[self._system.parameters.closed, 0] > 0.0)
+
+    def _touching(self, now: Side, struck: list[int]) -> list[int]:
         """Gaps that take part: those of the blow, closed ones, and what is at zero."""
+        if len(self._names) == 1:
+            return struck
+        asked = self._none(len(self._names))
+        asked.gap[:] = np.eye(len(self._names))
         near = 64.0 * np.spacing(self._system.mechanism.reach)
-        closed = self._closed(now)
-        return [
-            i
-            for i in range(len(self._names))
-            if i in struck or closed[i] or abs(values[i]) <= near
-        ]
+        part = self._closed(now) | (np.abs(self._terms(now, asked).values) <= near)
+        part[struck] = True
+        return [int(i) for i in np.flatnonzero(part)]
 
-    def _instant(
-        self, rates: Array, slopes: Array, z: Array, flow: Array, struck: list[int], now: Side
-    ) -> Array:
-        """Shift (P,) of the instant at which the first gap of a blow closes."""
-        closed = self._closed(now)
-        open_ = [i for i in struck if not closed[i]]
-        if not open_:
+    def _instant(self, gaps: _Terms, opening: Array, z: Array, flow: Array, now: Side) -> Array:
+        """Shift (P,) of the instant at which the open gaps of a blow close.
+
+        Parameters
+        ----------
+        opening : second derivatives of these gaps
+        """
+        if not len(gaps.values):
             raise NoDerivativeError('closed contacts are struck by none')
-        along = slopes[:, open_].T @ flow
-        fastest = np.abs(now.at.v).max() * self._system.mechanism.size
-        if (along >= -_SMALL * fastest).any():
+        along, size = gaps.slopes.T @ flow, self._system.mechanism.size
+        # not deeper than the error of a step: whether it touches at all is rounding
+        grazes = along**2 <= 2.0 * opening * _DEPTH * size
+        if (grazes | (along >= -_SMALL * np.abs(now.at.v).max() * size)).any():
             raise NoDerivativeError('the contact only grazes')
-        shifts = -(slopes[:, open_].T @ z) / along[:, None]
+        shifts = -gaps.moved(z) / along[:, None]
         if np.abs(shifts - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
             raise NoDerivativeError('several contacts meet, whose order changes')
         return np.asarray(shifts[0])
-
-    def _compliance(self, now: Side, own: list[int], z: Array) -> tuple[Array, Array]:
-        """Compliance (n, n) of some rows, and its differentials (n, n, P)."""
-        n = len(own)
-        asked = self._none(n * n)
-        for k in range(n * n):
-            asked.left[own[k // n], k] = asked.right[own[k % n], k] = 1.0
-        values, slopes = self._terms(now, asked)
-        return values.reshape(n, n), (slopes.T @ z).reshape(n, n, -1)
 
     def _impulses(
         self,
@@ -251,6 +333,9 @@ class Jumps:
     ) -> tuple[Array, Array]:
         """Impulses of the rows of a blow, and their differentials."""
         (A, dA), (r, dr), m = compliance, rate, len(touching)
+        if len(r) == m == 1:
+            (e, de), x = restitution, -(1.0 + restitution[0]) * r / A[0]
+            return x, -(de * r + (1.0 + e) * dr + x * dA[0]) / A[0, 0]
         if len(r) == m:  # no friction anywhere: tangents without effect
             wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))
             wide[:m, :m], dwide[:m, :m] = A, dA
@@ -267,111 +352,6 @@ class Jumps:
         if found is None:
             raise NoDerivativeError('no impulses satisfy all contacts')
         return found
-
-    def _after(
-        self,
-        now: Side,
-        z: Array,
-        dt: Array,
-        group: list[Impact],
-        x: Array,
-        dx: Array,
-        seen: tuple[Array, Array],
-    ) -> tuple[Side, Array, Array, list[Array]]:
-        """Rates after a blow of impulses x (r,), and the differentials of what its log says."""
-        s, n = self._system, len(self._system.coordinates)
-        m, f, p = len(self._names), len(self._free), len(s.prescribed)
-        struck = [self._names.index(i.joint) for i in group]
-        count = f + len(struck) * (1 + p)
-        asked = self._none(count)
-        asked.right[:, :f], asked.free[:, :f] = x[:, None], np.eye(f)
-        for k, i in enumerate(struck):
-            own = f + k * (1 + p)
-            asked.angle[i, own] = 1.0
-            for j in range(p):
-                column = own + 1 + j
-                asked.drive[j, column] = 1.0
-                asked.right[i, column] = x[i]
-                if self._rows > m:
-                    asked.right[m + i, column] = x[m + i]
-        values, slopes = self._terms(now, asked)
-        moved = slopes.T @ z
-        response = self._responses(now, [*np.flatnonzero(np.abs(dx).max(axis=1, initial=0.0))])
-        gained, dgained = values[:f], moved[:f] + response.T @ dx
-        v, dv = now.at.v.copy(), z[n : 2 * n].copy()
-        v[self._free, 0] += gained
-        dv[self._free] += dgained
-        side = now._replace(at=now.at._replace(v=v))
-        later = z.copy()
-        later[n : 2 * n] = dv
-        asked_rates = self._none(self._rows)
-        asked_rates.row[:] = np.eye(self._rows)
-        after, slopes_after = self._terms(side, asked_rates)
-        dafter = slopes_after.T @ later
-        before, dbefore = seen[0][m:], seen[1][:, m:].T @ z
-        drives = self._drive_slopes(now, struck, dx)
-        rows = []
-        for k, i in enumerate(struck):
-            own = f + k * (1 + p)
-            rows.append(
-                self._logged(
-                    i, (x, dx), (before, dbefore), (after, dafter), dt, moved[own],
-                    (values[own + 1 : own + 1 + p], moved[own + 1 : own + 1 + p] + drives[k]),
-                    (now.at.v[s.prescribed_index, 0], z[n : 2 * n][s.prescribed_index]),
-                )
-            )  # fmt: skip
-        return side, later, dt, rows
-
-    def _responses(self, now: Side, rows: list[int]) -> Array:
-        """Rates (r, f) of the free coordinates by unit impulses of some rows, else 0."""
-        f, found = len(self._free), np.zeros((self._rows, len(self._free)))
-        asked = self._none(len(rows) * f)
-        for k, r in enumerate(rows):
-            asked.right[r, k * f : (k + 1) * f] = 1.0
-            asked.free[:, k * f : (k + 1) * f] = np.eye(f)
-        if rows:
-            found[rows] = self._terms(now, asked)[0].reshape(len(rows), f)
-        return found
-
-    def _drive_slopes(self, now: Side, struck: list[int], dx: Array) -> Array:
-        """Differentials (k, p, P) of impulses of drives by those of impulses of the gaps."""
-        m, p, both = len(self._names), len(self._system.prescribed), self._rows > len(self._names)
-        found = np.zeros((len(struck), p, dx.shape[1]))
-        if not p:
-            return found
-        for k, i in enumerate(struck):
-            for r in (i, m + i) if both else (i,):
-                asked = self._none(p)
-                asked.right[r], asked.drive[:] = 1.0, np.eye(p)
-                found[k] += np.outer(self._terms(now, asked)[0], dx[r])
-        return found
-
-    def _logged(
-        self,
-        i: int,
-        impulse: tuple[Array, Array],
-        before: tuple[Array, Array],
-        after: tuple[Array, Array],
-        dt: Array,
-        angle: Array,
-        drive: tuple[Array, Array],
-        speeds: tuple[Array, Array],
-    ) -> Array:
-        """Differentials (len(NUMBERS), P) of the fields of an impact."""
-        m, (x, dx) = len(self._names), impulse
-        loss = np.zeros(len(dt))
-        for r in (i, m + i) if self._rows > m else (i,):
-            mean, dmean = 0.5 * (before[0][r] + after[0][r]), 0.5 * (before[1][r] + after[1][r])
-            loss -= dmean * x[r] + mean * dx[r]
-        tangential = dx[m + i] if self._rows > m else 0.0 * dt
-        rebound = after[1][i] if after[0][i] > 0.0 else 0.0 * dt
-        given, work = drive[1].sum(axis=0), drive[0] @ speeds[1] + speeds[0] @ drive[1]
-        known = {
-            't': dt, 'normal_angle': angle, 'approach_speed': -before[1][i],
-            'rebound_speed': rebound, 'normal_impulse': dx[i], 'tangential_impulse': tangential,
-            'energy_loss': loss, 'drive_impulse': given, 'drive_work': work,
-        }  # fmt: skip
-        return np.array([known.get(name, np.full(len(dt), np.nan)) for name in NUMBERS])
 
 
 def _groups(impacts: Sequence[Impact]) -> list[list[Impact]]:

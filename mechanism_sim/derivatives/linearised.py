@@ -6,8 +6,9 @@ switches, torque laws) are parameters here as there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import NamedTuple
 
 import heyoka as hy
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.numeric_keys import WEIGHTS
 from mechanism_sim.hybrid.dense_output import Motion, instants
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
@@ -43,6 +45,7 @@ class Slopes(NamedTuple):
     a_p: Array  #: (f + s, p, N)
     states: Array  #: (f + s, s, N)
     parameters: Array  #: (f + s, c, N)
+    built_in: dict[int, Array]  #: (f + s, N) by keys whose numbers stand in the equations
 
 
 class Selected(NamedTuple):
@@ -70,9 +73,17 @@ class LinearEquations:
     ----------
     physics : of the machine
     chosen : (c,) indices of the parameters by which derivatives are asked for
+    beside : equations at the values of `numeric_keys.OFFSETS`, over their step, by the columns of
+        keys whose numbers stand in the equations: of such a number there are differences only
     """
 
-    def __init__(self, physics: DynamicPhysics, chosen: Sequence[int]) -> None:
+    def __init__(
+        self,
+        physics: DynamicPhysics,
+        chosen: Sequence[int],
+        beside: Mapping[int, tuple[float, list[LinearEquations]]] = MappingProxyType({}),
+    ) -> None:
+        self._beside = beside
         self.physics, self.system = physics, physics.system
         self.chosen = [*chosen]
         frames = self.system.equations.frames
@@ -145,6 +156,14 @@ class LinearEquations:
         every = [*found, *(x for _, x in tensors.get_derivatives(1))]
         return compiled.function(every, [*self._known, *more])
 
+    def _differences(self, value: Callable[[LinearEquations], Array]) -> dict[int, Array]:
+        """Derivatives of values by numbers that stand in the equations."""
+        found = {}
+        for column, (step, others) in self._beside.items():
+            values = [value(other) for other in others]
+            found[column] = sum(w * x for w, x in zip(WEIGHTS, values, strict=True)) / step
+        return found
+
     @property
     def _wanted(self) -> list[hy.expression]:
         """The symbols by which all terms are differentiated, before the parameters."""
@@ -180,7 +199,8 @@ class LinearEquations:
         rates, slopes = found[:count], found[count:].reshape(count, -1, found.shape[1])
         ends = np.cumsum([n, n, p, s, 1]).tolist()
         q, v, a_p, states, _, pars = np.split(slopes, ends, axis=1)
-        return Slopes(rates, q, v, a_p, states, pars)
+        moved = self._differences(lambda other: other._call(other._smooth, at)[:count])
+        return Slopes(rates, q, v, a_p, states, pars, moved)
 
     # --- events -------------------------------------------------------------------------------
 
@@ -212,13 +232,15 @@ class LinearEquations:
         )
         return self._compiled([total], [x for group in groups for x in group])
 
-    def selected(self, at: Points, chosen: Selected) -> tuple[Array, Array]:
+    def selected(self, at: Points, chosen: Selected) -> tuple[Array, Array, dict[int, Array]]:
         """Values (N,) of contact terms at one point, and their derivatives (z, N).
 
-        By coordinates, rates, prescribed accelerations, states, time, parameters.
+        By coordinates, rates, prescribed accelerations, states, time, parameters; and (N,) by keys
+        whose numbers stand in the equations.
         """
         columns = np.concatenate(chosen)
         count = columns.shape[1]
         wide = Points(*(np.repeat(x, count, axis=1) for x in at))
         found = self._call(self._contacts, wide, columns)
-        return found[0], found[1:]
+        moved = self._differences(lambda other: other._call(other._contacts, wide, columns)[0])
+        return found[0], found[1:], moved

@@ -25,12 +25,13 @@ from mechanism_sim.catalogue import scene_names
 from mechanism_sim.editor import palette
 from mechanism_sim.editor.background import Background
 from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.files_beside import FORMATS, FilesBeside
 from mechanism_sim.editor.recovery import UnsavedEdits
 from mechanism_sim.editor.worker import Worker
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
+MODULES = 'svg', 'stage', 'lens', 'player', 'curves', 'canvas', 'fields', 'edit'
 
 PAUSE = 0.1
 """[s] without an edit after which the document is checked and run, as it is dragged."""
@@ -41,7 +42,7 @@ SLOW = 0.4
 _LOOK = 0.05  # [s] between looks at what runs
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
 _WAITING = 2_000, 16_000_000  # messages of pages, and their bytes about; then pages are cut off
-_ANEW = 'text', 'open', 'undo', 'redo'  # what makes another document of it
+_ANEW = 'text', 'open', 'import', 'undo', 'redo'  # what makes another document of it
 _FOLLOWED = 'drag', 'pull'  # of which only the last counts
 
 
@@ -55,10 +56,15 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     """
     key = secrets.token_urlsafe(16)
     desk = Desk(document)
+    files = FilesBeside(desk.say)
+
+    def put(message: Any) -> bool:
+        return files.takes(message, desk.document) or desk.put(message)
+
     server = Server(
         contents_of('edit', MODULES, __package__, scenes=scene_names(),
-                    tools=embedded(palette.to_json())),
-        None if port == PORT else port, lambda: desk.greeting, desk.put,
+                    tools=embedded(palette.to_json()), formats=[*FORMATS]),
+        None if port == PORT else port, lambda: desk.greeting, put,
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
         name='edit',
     )  # fmt: skip
@@ -75,6 +81,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
             print(f'mechanism-sim: what was changed last is not saved; {kept}', file=sys.stderr)
         return 0
     finally:
+        files.close()
         server.close()
     return 0
 
@@ -125,6 +132,11 @@ class Desk:
         self._ring()
         return True
 
+    def say(self, text: str) -> None:
+        """Tell all pages a sentence, from any thread."""
+        self._came.put(('said', text))
+        self._ring()
+
     def keep(self) -> str:
         """Keep what is not saved, at the end; a sentence if that is not possible."""
         self._keeper.shutdown()
@@ -162,6 +174,9 @@ class Desk:
             os.read(self._awake, 4096)
         while not self._came.empty():
             kind, item = self._came.get()
+            if kind == 'said':
+                self._say(item)
+                continue
             if kind == 'page':
                 size, item = item
                 self._waiting -= size

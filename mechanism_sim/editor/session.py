@@ -12,9 +12,10 @@ import numpy as np
 from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.editor import gestures, palette, panel
+from mechanism_sim.editor import gestures, palette, panel, turn_chart
 from mechanism_sim.editor.assembly_choices import as_drawn, choices
 from mechanism_sim.editor.background import Job
+from mechanism_sim.editor.beside import BesideDocument
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.force_arrows import ForceArrows
 from mechanism_sim.editor.layout import coordinates, placed
@@ -72,6 +73,7 @@ class Session:
         self.number, self._heavy = number, dict(heavy or {})
         self._path, self._traced = chosen or ((), {})
         self._picture = nothing(Document().scene())
+        self._beside = BesideDocument()
         self._grabbed: tuple[str, DocumentPicture] | None = None
         self._of: str | None = None  # the text whose picture this is
         self._tried: list[Edit] = []  # what is dragged makes of it
@@ -91,7 +93,9 @@ class Session:
         acts: dict[str, Callable[[Mapping[str, Any]], None]] = {
             'drag': self._drag, 'drop': self._drop, 'pull': self._pull, 'draw': self._draw,
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
-            'select': self._select, 'trace': self._trace, 'save': self._save, 'open': self._open,
+            'select': self._select, 'trace': self._trace,
+            'chart': lambda m: self._beside.choose(str(m['quantity'])),
+            'save': self._save, 'open': self._open, 'import': self._open,
             'undo': lambda _: self.document.undo(), 'redo': lambda _: self.document.redo(),
             'text': lambda m: self.document.replace(str(m['text'])),
         }  # fmt: skip
@@ -147,8 +151,13 @@ class Session:
             'outline': panel.outline(content) if content else [],
             'tracks': picture.tracks(self._path, self._traced),
             'problem': picture.problem,
-            'place': _place_of(picture.problem, content),
-            **picture.to_json(document.name, self._traced, 0.0),
+            'hint': picture.hint,
+            'quantities': turn_chart.names(picture.turn),
+            'chart': self._beside.chart(picture.turn),
+            'place': [] if picture.hint else _place_of(picture.problem, content),
+            **picture.to_json(
+                document.name, self._traced, 0.0, self._beside.colours(picture.scene)
+            ),
         }
 
     @property
@@ -221,7 +230,11 @@ class Session:
         except InputError as error:
             self._picture = self._picture._replace(problem=str(error))
             return
-        self._picture = pictured(self.document.name, scene, self._picture)
+        old = self._picture._replace(
+            poses={**self._picture.poses, **self._beside.lain.get(text, {})}
+        )
+        self._picture = pictured(self.document.name, scene, old)
+        self._beside.lain[text] = self._picture.poses
 
     # --- gestures ---------------------------------------------------------------------------
 
@@ -259,16 +272,20 @@ class Session:
         if list(edits) != self._tried:
             self._tried = list(edits)
             self.number += 1
-        frame = {'type': 'frame', 'number': self.number, 'problem': self._picture.problem}
+        problem, hint = self._picture.problem, self._picture.hint
+        frame = {'type': 'frame', 'number': self.number, 'problem': problem, 'hint': hint}
         symbol = self._shown['stage']['symbol']
-        frame |= self._picture.to_json(self.document.name, self._traced, symbol)
-        frame |= self._arrows.of_drag(self._picture.turn, begun)
+        colours = self._beside.colours(self._picture.scene)
+        frame |= self._picture.to_json(self.document.name, self._traced, symbol, colours)
+        chart = self._beside.chart(self._picture.turn)
+        frame |= self._arrows.of_drag(self._picture.turn, begun) | {'chart': chart}
         self._send(frame)
 
     def _drop(self, message: Mapping[str, Any]) -> None:
         self._of = None  # what was dragged goes back, if it cannot stay
         edits, picture = self._moved(message)
         self.document.change([*edits, *choices(self.document, edits, picture)])
+        self._beside.lain[self.document.text] = picture.poses
 
     def _pull(self, message: Mapping[str, Any]) -> None:
         """Move the machine along its way, so that a handle comes nearest to a place."""
@@ -306,6 +323,7 @@ class Session:
                 edits = [*written, *edits]
         self.document.change([*edits, *as_drawn(self.document, edits, picture, sketch.poses)])
         if self.document.text != before and edits:
+            self._beside.lain[self.document.text] = sketch.poses
             path = edits[0].path
             self._path = path[: 1 if path[0] == 'drive' else 2]
 
@@ -346,6 +364,8 @@ class Session:
             )
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)
+        if path[0] == 'links':
+            self._beside.rename(path[-1], name, self._picture.poses, self.document.text)
         self._path = (*path[:-1], name)
 
     def _select(self, message: Mapping[str, Any]) -> None:
@@ -362,13 +382,16 @@ class Session:
 
     def _open(self, message: Mapping[str, Any]) -> None:
         name = str(message.get('name') or '')
-        if name and name not in scene_names():
+        if 'text' in message:  # of a file that was dropped on a page
+            document = Document.dropped(name, str(message['text']))
+        elif name and name not in scene_names():
             raise InputError(f"there is no scene '{name}' in the package")
-        document = Document.open(name) if name else Document()
+        else:
+            document = Document.open(name) if name else Document()
         document.watch, watch = self.document.watch, self.document.watch
         self.document = document
         watch('opened', document)
-        self._path, self._traced = (), {}
+        self._path, self._traced, self._beside = (), {}, BesideDocument()
         self._picture = nothing(Document().scene())
         self._of = None
 

@@ -70,18 +70,16 @@ class MotionDigest:
         # Columns in use: up to the last power that is not zero for every coordinate.
         used = np.any(powers != 0, axis=1)
         widths = np.where(used.any(axis=1), used.shape[1] - np.argmax(used[:, ::-1], axis=1), 0)
-        # Runs of equal width are hashed in one go.
+        # Runs of equal width are hashed in one go, as rows of a packed structure.
         for first, last in _runs(widths):
-            width = int(widths[first])
-            rows = slice(first, last)
-            columns = (
-                _bytes(times[rows]),
-                _bytes(counts[rows]),
-                _bytes(np.full((last - first, 1), width, '<i8')),
-                _bytes(powers[rows, :, :width]),
-                _bytes(states[rows]),
-            )
-            self._segments.update(np.concatenate(columns, axis=1).tobytes())
+            width, n = int(widths[first]), counts.shape[1]
+            kinds = [('<f8', (3,)), ('<i8', (n,)), ('<i8',), ('<f8', (n, width))]
+            names = [(f'f{k}', *kind) for k, kind in enumerate([*kinds, ('u1', states.shape[1:])])]
+            block, rows = np.empty(last - first, names), slice(first, last)
+            columns = times[rows], counts[rows], width, powers[rows, :, :width], states[rows]
+            for name, column in zip(block.dtype.names or (), columns, strict=True):
+                block[name] = column
+            self._segments.update(block.data if block.nbytes else b'')
 
     def add_impact(self, joint: str, values: Sequence[float]) -> None:
         """Add the next impact.
@@ -108,10 +106,3 @@ def _runs(values: NDArray[Any]) -> list[tuple[int, int]]:
         return []
     edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
     return list(pairwise(edges))
-
-
-def _bytes(block: NDArray[Any]) -> NDArray[np.uint8]:
-    """Return the rows of `block` as bytes, shape (m, bytes of a row)."""
-    if not block.size:
-        return np.empty((len(block), 0), 'u1')
-    return np.frombuffer(block.tobytes(), 'u1').reshape(len(block), -1)

@@ -41,9 +41,13 @@ GLANCES = Nodes(tuple(_FEW.tolist()))
 
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
 _GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
+_DEGREES = np.arange(_COUNT)
+_SLOPE = np.zeros((_COUNT, _COUNT))  # from Chebyshev coefficients to those of the derivative
+_SLOPE[:, :-1] = np.polynomial.chebyshev.chebder(np.eye(_COUNT), axis=1)
 _BETWEEN = 1.0 / np.cos(np.pi / 16.0) - 1.0
 """Rise of a polynomial between the places of the grid, of its range (Ehlich and Zeller)."""
 _BLOCK, _GLANCE = 64, 2048  # intervals at once, to look through and to choose from
+_PRODUCT = 1024  # intervals in one matrix product: BLAS starts no threads for so few
 _MOST = 16  # intervals that are halved at once
 
 
@@ -200,7 +204,7 @@ class ExtremeSearch:
         seen = np.concatenate([high - blur, -low - blur])
         c = chebyshev_coefficients(values.reshape(len(self._group), -1, len(_FEW)))
         above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
-        bound = _bounds(c @ _GRID[: len(_FEW), ::3], above, self._highest)
+        bound = _bounds(c, _GRID[: len(_FEW), ::3], above, self._highest)
         return np.where(bound < seen[:, None], -np.inf, bound)
 
     def _look_through(self, functions: Functions, a: Array, b: Array) -> None:
@@ -262,7 +266,7 @@ class ExtremeSearch:
         self, c: Array, error: Array, wanted: NDArray[np.bool_]
     ) -> tuple[_Pairs, Array, Array]:
         """Where something higher may be: places in [-1, 1], heights by the interpolants."""
-        bound = _bounds(c @ _GRID, 2.0 * error, self._highest)
+        bound = _bounds(c, _GRID, 2.0 * error, self._highest)
         limit, count = self._limit, len(self._group)
         row, interval = np.nonzero(wanted & ~(bound <= limit[:, None]))
         signed = np.where(row < count, 1.0, -1.0)[:, None] * c[row % count, interval]
@@ -292,9 +296,15 @@ class ExtremeSearch:
                 self._top[row], self._time[row] = height, t[i]
 
 
-def _bounds(dense: Array, above: Array, highest: Array) -> Array:
+def _bounds(c: Array, grid: Array, above: Array, highest: Array) -> Array:
     """Upper bounds of heights (2 C, K), by interpolants (C, K, n) and their errors (C, K)."""
-    high, low = dense.max(axis=2), dense.min(axis=2)
+    high, low = np.empty(c.shape[:2]), np.empty(c.shape[:2])
+    for first in range(0, c.shape[1], _PRODUCT):
+        some = slice(first, first + _PRODUCT)
+        # intervals last: extremes over the last axis take several times as long
+        dense = grid.T @ c[:, some].transpose(0, 2, 1)
+        dense.max(axis=1, out=high[:, some])
+        dense.min(axis=1, out=low[:, some])
     above = above + _BETWEEN * (high - low)
     return np.asarray(np.minimum(np.concatenate([high + above, above - low]), highest[:, None]))
 
@@ -317,11 +327,11 @@ def _summit(c: Array) -> Array:
     k = dense.argmax(axis=1)
     low, high = _PLACES[np.maximum(k - 1, 0)], _PLACES[np.minimum(k + 1, len(_PLACES) - 1)]
     x = _PLACES[k]
-    slope = np.polynomial.chebyshev.chebder(c, axis=1)
-    bend = np.polynomial.chebyshev.chebder(slope, axis=1)
+    slope = c @ _SLOPE
+    bend = slope @ _SLOPE
     for _ in range(6):
         at = _chebyshev(x)
-        rate, second = ((s * at[:, : s.shape[1]]).sum(axis=1) for s in (slope, bend))
+        rate, second = np.einsum('pk,pk->p', slope, at), np.einsum('pk,pk->p', bend, at)
         step = np.divide(rate, second, out=np.zeros_like(rate), where=second < 0.0)
         x = np.clip(x - step, low, high)
     best = _PLACES[k]
@@ -330,4 +340,4 @@ def _summit(c: Array) -> Array:
 
 
 def _chebyshev(x: Array) -> Array:
-    return np.asarray(np.polynomial.chebyshev.chebvander(x, _COUNT - 1))
+    return np.asarray(np.cos(np.arccos(x)[:, None] * _DEGREES))

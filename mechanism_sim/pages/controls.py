@@ -86,7 +86,7 @@ def controls(machine: Machine) -> dict[str, Control]:
 
 def _all(machine: Machine) -> Iterator[Control]:
     yield Control(
-        'realtime_factor', 'Pace of time', '×', SLOWEST, 10.0, 0.0, 1.0, 'now',
+        'realtime_factor', 'Real-time factor', '×', SLOWEST, 10.0, 0.0, 1.0, 'now',
         parameter='realtime_factor', logarithmic=True,
     )  # fmt: skip
     yield from _drive(machine)

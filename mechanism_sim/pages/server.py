@@ -104,7 +104,7 @@ class Server:
     def __init__(
         self,
         contents: Mapping[str, Content],
-        port: int,
+        port: int | None,
         greet: Callable[[], Sequence[dict[str, Any] | str]],
         hear: Callable[[Any], object],
         read: Callable[[Any], Any] | None = None,

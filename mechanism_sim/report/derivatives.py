@@ -40,10 +40,10 @@ def sections(found: Mapping[str, RunDerivative], measures: Sequence[Measured]) -
     for path, d in found.items():
         rows = [['quantity at the end', 'derivative']]
         rows += [
-            [f'{kind}.{c}', f'{x:.9g}'] for c, own in d.final.items() for kind, x in own.items()
+            [f'{kind}.{c}', f'{x:.6g}'] for c, own in d.final.items() for kind, x in own.items()
         ]
         if texts:
-            rows += [[name, f'{x:.9g}'] for name, x in d.measures(*texts).items()]
+            rows += [[name, f'{x:.6g}'] for name, x in d.measures(*texts).items()]
         notes = [str(limit) for limit in d.limits if limit.ends]
         if others := len(d.limits) - len(notes):
             notes.append(f'{others} ends of chatter, after which a contact counts as closed')

@@ -68,7 +68,7 @@ def write(
 def render(sound: Sound) -> str:
     """Text for people on the sound that was written."""
     factor = sound.realtime_factor
-    pace = f', {factor:g} of real time' if factor != 1.0 else ''
+    pace = f', at {factor:g} times real time' if factor != 1.0 else ''
     return (
         f'{sound.file}: {sound.duration:.3g} s{pace}\n'
         f'impacts    {sound.impacts}\n'

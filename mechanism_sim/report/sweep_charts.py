@@ -88,7 +88,7 @@ class SweepCharts:
             lines = {'': merged}
         joined = len(lines) > 1 or len(next(iter(lines.values()))) < len(self._done)
         axis, by = self._axis(path)
-        panels = []
+        panels: list[Panel] = []
         for name in measures_of(self.plan)[:_MOST_PANELS]:
             y, scale = self._measure(name)
             curves = [
@@ -187,7 +187,9 @@ class SweepCharts:
                 texts=labels, notes=said[front].tolist(),
             ),
         )  # fmt: skip
-        return Chart('pareto', self.plan.title, (Panel(*axes, curves, height=4.2),), width=6.5)
+        return Chart(
+            'pareto', self.plan.title, (Panel(axes[0], axes[1], curves, height=4.2),), width=6.5
+        )
 
     def surfaces(self) -> Iterator[Chart]:
         """Response surfaces of each measure over the two values with the largest effects.
@@ -226,10 +228,11 @@ class SweepCharts:
                 line[:, 0], line[:, 1], of=name, colour=_ramp(k / (_LEVELS - 1)), look='strong',
                 texts=[digits(level, 3) if n == len(line) // 2 else '' for n in range(len(line))],
             )
-            for k, level in enumerate(levels) for line in lines.lines(level)
+            for k, level in enumerate(levels)
+            for line in map(np.asarray, lines.lines(level))
         ]  # fmt: skip
-        at = places[known][:, [i, j]] * [x_by, y_by]
-        dots = ChartCurve(*at.T, colour=GROUND, form='dots', look='fine', marker='circle')
+        at = x_by * places[known, i], y_by * places[known, j]
+        dots = ChartCurve(at[0], at[1], colour=GROUND, form='dots', look='fine', marker='circle')
         panel = Panel(x_axis, y_axis, (dots, *curves), height=4.2)
         return Chart(f'surface-{name}', f'{axis.title} over two values', (panel,), width=6.5)
 

@@ -20,7 +20,7 @@ from numpy.polynomial import polynomial
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flow, Flows
 from mechanism_sim.derivatives.influences import NUMBERS, influences
-from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS, NumericKey, numeric_keys
+from mechanism_sim.derivatives.numeric_keys import WEIGHTS, NumericKey, numeric_keys
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.audit import Work, work_in
 from mechanism_sim.hybrid.dense_output import Motion
@@ -37,6 +37,16 @@ from mechanism_sim.tables import Table
 
 _SMALL = 2e-3
 """Of clearances and speeds: displacement of a motion whose differences are taken."""
+
+_DEPTH = 0.05
+"""Of a clearance: how deep compliant contacts go, roughly."""
+
+_AROUND = tuple(
+    (sign * k, sign * weight)
+    for k, weight in ((1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0))
+    for sign in (1.0, -1.0)
+)
+"""Places and weights of differences of sixth order."""
 
 _ORDERS = {'position': 0, 'velocity': 1, 'acceleration': 2}
 
@@ -172,11 +182,6 @@ class _Integrated(RunDerivative):
         return Table({'joint': joints} | columns, IMPACT_UNITS)
 
     @cached_property
-    def _beside(self) -> list[Machine]:
-        """The machines with values at `OFFSETS`."""
-        return list(self._key.around())
-
-    @cached_property
     def _growth(self) -> Array:
         """(m,) of every segment, over what its derivatives change by much."""
         piece, curve = self._piece, self._piece.motion.curve
@@ -184,34 +189,31 @@ class _Integrated(RunDerivative):
         size, speed = mechanism.size, np.abs(curve.coefficients[:, :, 1]).max()
         plays = [c.radial for c in machine.plan.clearances.values() if c.radial]
         straight = np.array([c in mechanism.displacements for c in piece.physics.coordinates])
-        least = min([*plays, size])
+        soft = machine.equations.system.compliant
+        least = min([*plays, size]) * (_DEPTH if soft else 1.0)
         powers = curve.duration[:, None, None] ** np.arange(self._coefficients.shape[2])
         moved = np.abs(self._coefficients * powers).max(axis=2)
         faster = np.abs(self._coefficients[:, :, 1])
         far = (moved * np.where(straight, 1.0, size)).max(axis=1) / least
         fast = faster.max(axis=1) / max(speed, 1e-300)
-        return np.maximum(np.maximum(far, fast), 1e-300)
+        return np.asarray(np.maximum(np.maximum(far, fast), 1e-300))
 
     def _partial(self, taken: _Taken) -> Array:
         """By the machine alone, its motion being as it is."""
-        piece, found = self._piece, 0.0
+        piece, found = self._piece, np.zeros(())
         base = taken(piece)
-        for weight, machine in zip(WEIGHTS, self._beside, strict=True):
-            found = found + weight * self._since(taken(_with_machine(piece, machine)), base)
+        for weight, machine in zip(WEIGHTS, self._key.beside, strict=True):
+            found = found + weight * (taken(_with_machine(piece, machine)) - base)
         return np.asarray(found / self._key.step)
-
-    @staticmethod
-    def _since(values: Array, base: Array) -> Array:
-        return np.asarray(values - base)
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         """Derivatives of what is taken at times (N,): each on its own segment."""
         segments, _ = self._piece.motion.curve.find(t)
         step = _SMALL / self._growth
-        base, found = taken(self._piece), 0.0
-        for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+        base, found = taken(self._piece), np.zeros(())
+        for offset, weight in _AROUND:
             moved = self._displaced(offset * step, shifted=False)
-            found = found + weight * self._since(taken(moved), base)
+            found = found + weight * (taken(moved) - base)
         along = found / step[segments]
         return np.asarray(along + self._partial(taken))
 
@@ -222,11 +224,11 @@ class _Integrated(RunDerivative):
         step = _SMALL / float(self._growth.max())
         shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
         step = min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
-        base, found = taken(self._rebalanced(self._piece)), 0.0
-        for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+        base, found = taken(self._rebalanced(self._piece)), np.zeros(())
+        for offset, weight in _AROUND:
             scale = np.full(len(self._shift), offset * step)
             moved = self._rebalanced(self._displaced(scale, shifted=True))
-            found = found + weight * self._since(taken(moved), base)
+            found = found + weight * (taken(moved) - base)
         return np.asarray(found / step) + self._partial(lambda x: taken(self._rebalanced(x)))
 
     def _rebalanced(self, piece: Piece) -> Piece:
@@ -279,13 +281,13 @@ class _Ideal(RunDerivative):
     @cached_property
     def _others(self) -> list[Piece]:
         end = self._piece.motion.curve.end
-        return [_whole(machine, end) for machine in self._key.around()]
+        return [_whole(machine, end) for machine in self._key.beside]
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         return self._of_whole(taken)
 
     def _of_whole(self, taken: _Taken) -> Array:
-        base, found = taken(self._piece), 0.0
+        base, found = taken(self._piece), np.zeros(())
         for weight, piece in zip(WEIGHTS, self._others, strict=True):
             found = found + weight * (taken(piece) - base)
         return np.asarray(found / self._key.step)
@@ -346,7 +348,7 @@ class AskedDerivatives:
         """Derivatives of the whole motion of the run, by path."""
         if self._influence is None:
             return {key.path: _Ideal(key, piece, ()) for key in self._keys}
-        flows = Flows(self._machine, self._influence, self._end)
+        flows = Flows(self._machine, self._influence, self._end, self._keys)
         flow, torques = flows.along(piece.motion, piece.impacts), flows.torques(piece.motion)
         return {
             key.path: _Integrated(key, piece, flow, torques, k) for k, key in enumerate(self._keys)

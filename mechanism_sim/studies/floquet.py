@@ -9,23 +9,29 @@ going ahead on the same motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.flow import Flows
+from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.results.run import Runner
 from mechanism_sim.results.simulate import simulate
+from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
 _SETTLED = 1e-10
-_STEP = 1e-5  # of differences, over the size of coordinates
+_STEP = 5e-4  # of differences of fourth order of positions, over the size of coordinates
 _FADED = 1e-7  # multipliers below it are rounding
 
 
@@ -86,29 +92,52 @@ class FloquetMap:
         v = self._kinematics.rates(q, np.concatenate([still, rates])[:, None])
         return np.asarray(q[:, 0]), np.asarray(v[:, 0])
 
-    def change(self, x: Array, period: float, audited: bool = False) -> Array:
-        """Change of a state (2 k,) in a time [s], whole turns left out; may be `audited`."""
+    def change(self, x: Array, period: float, audited: bool = False) -> tuple[Array, list[Piece]]:
+        """Change of a state (2 k,) in a time [s], whole turns left out, and the motion."""
         q, v = self._motion(x)
         begun = replace(
             self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())
         )
         self._run.restart(begun)
-        for _ in Runner(self._machine, self._run, audited=audited).to(period):
-            pass
+        pieces = list(Runner(self._machine, self._run, audited=audited).to(period))
         end = self._run.state
         moved = np.array(end.q)[self._own] + 2.0 * np.pi * np.array(end.turns)[self._own]
         moved -= np.array(begun.q)[self._own]
         moved -= 2.0 * np.pi * self.angles * np.round(moved / (2.0 * np.pi))
         faster = np.array(end.v)[self._own] - np.array(begun.v)[self._own]
-        return np.asarray(np.concatenate([moved, faster]) / self.scale)
+        return np.asarray(np.concatenate([moved, faster]) / self.scale), pieces
 
-    def jacobian(self, x: Array, period: float) -> Array:
-        """Derivatives (2 k, 2 k) of the later state, by central differences."""
-        columns = [
-            (self.change(x + h, period) - self.change(x - h, period)) / (2.0 * _STEP)
-            for h in _STEP * np.eye(len(x))
-        ]
-        return np.array(columns).T + np.eye(len(x))
+    def jacobian(self, x: Array, pieces: Sequence[Piece]) -> tuple[Array, Array]:
+        """Derivatives (2 k, 2 k) of the later state, and by the time in which it is reached.
+
+        Parameters
+        ----------
+        pieces : the motion from x on
+        """
+        motion = Motion.joined([piece.motion for piece in pieces])
+        J, limits = self._flows.transition(motion, [])
+        if ends := [limit for limit in limits if limit.ends]:
+            raise InputError(f'{self._machine.name}: {ends[0]}')
+        f, k = len(self._free), len(self._own)
+        begun = np.zeros((len(J), 2 * k))
+        for j, direction in enumerate(np.eye(2 * k)):
+            for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
+                q, v = self._motion(x + offset * _STEP * direction)
+                begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[self._whole_state]
+        rows = [*self._own, *(f + i for i in self._own)]
+        last, at = np.array([len(motion) - 1]), motion.curve.duration[-1:]
+        rates = [motion.curve.local(last, at, order)[0, self._free] for order in (1, 2)]
+        flow = np.concatenate(rates)[rows] / self.scale
+        return np.asarray((J @ begun)[rows] / self.scale[:, None]), np.asarray(flow)
+
+    @cached_property
+    def _flows(self) -> Flows:
+        return Flows.by_state(self._machine, 0.0)
+
+    @property
+    def _whole_state(self) -> list[int]:
+        """Indices of the free coordinates, then of their rates, among those of all."""
+        return [*self._free, *(len(self._run_names) + i for i in self._free)]
 
 
 def applies(machine: Machine) -> bool:
@@ -223,12 +252,11 @@ def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array
     """
     x = turns.start
     for _ in range(20):
-        J, off = turns.jacobian(x, period), turns.change(x, period)
+        off, pieces = turns.change(x, period)
+        J, flow = turns.jacobian(x, pieces)
         if np.abs(off).max() <= _SETTLED:
             turns.change(x, period, audited=True)
             return x, period, J
-        before, after = (turns.change(x, period * (1.0 + h)) for h in (-_STEP, _STEP))
-        flow = (after - before) / (2.0 * _STEP * period)
         # no step along the motion itself
         rows = np.vstack([np.column_stack([J - np.eye(len(J)), flow]), [*flow, 0.0]])
         step = np.linalg.lstsq(rows, -np.concatenate([off, [0.0]]))[0]

@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.flow import Flows
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.totals import Totals
@@ -35,7 +38,7 @@ class PeriodicResponse:
     impacts : in a period
     impulse : sum of their normal impulses [N s]
     multipliers : Floquet multipliers, by which a small change of the state grows in a period
-    spread : largest change of a multiplier when the differences behind it are ten times smaller
+    spread : largest change of a multiplier from this period to the next: their error
     """
 
     period: int
@@ -101,6 +104,38 @@ class PoincareMap:
             struck.add(piece.impacts, piece.modes)
         end = run.state
         return replace(end, time=state.time), struck.impacts, struck.normal_impulse
+
+    def growth(self, state: State, revolutions: int) -> tuple[Array, State]:
+        """Derivatives of the state later by the state, in the measure of `difference`; and it.
+
+        Raises
+        ------
+        RunError
+            If there are none.
+        """
+        self._run.restart(replace(state, turns=(0,) * len(state.turns)))
+        runner = Runner(self._machine, self._run, audited=False)
+        pieces = list(runner.to(revolutions * self._period))
+        impacts = [i for piece in pieces for i in piece.impacts]
+        motion = Motion.joined([piece.motion for piece in pieces])
+        J, limits = self._flows.transition(motion, impacts)
+        if ends := [limit for limit in limits if limit.ends]:
+            raise RunError(f'{self._machine.name}: {ends[0]}')
+        end = replace(self._run.state, time=state.time)
+        return np.asarray(J * self.scale / self.scale[:, None]), end
+
+    @cached_property
+    def _flows(self) -> Flows:
+        return Flows.by_state(self._machine, 0.0)
+
+    def directions(self, state: State, h: float = 1e-6) -> Array:
+        """Basis (2 f, r) of the directions in which a state can change: contacts stay closed."""
+        columns = []
+        for direction in np.eye(2 * len(state.q)):
+            ends = [self.start(self.displace(state, x * direction)) for x in (h, -h)]
+            columns.append(self.difference(ends[1], ends[0]))
+        u, s, _ = np.linalg.svd(np.array(columns).T)
+        return np.asarray(u[:, : int((s > 1e-3 * s[0]).sum())])
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
@@ -168,48 +203,19 @@ def _refine(
         residual = float(np.abs(change).max())
         if residual <= tolerance or end.closed != state.closed:
             break
-        basis, J = jacobian(section, state, period)
+        basis, (J, _) = section.directions(state), section.growth(state, period)
+        J = basis.T @ J @ basis
         step = np.linalg.lstsq(J - np.eye(len(J)), -basis.T @ change, rcond=None)[0]
         state = section.displace(state, basis @ step)
     if residual > tolerance:
         return None
     section.map(state, period, audited=True)
-    multipliers, finer = (
-        np.linalg.eigvals(jacobian(section, state, period, h)[1]) for h in (1e-6, 1e-7)
-    )
-    by_size = [sorted(m, key=lambda z: (-abs(z), -z.imag)) for m in (multipliers, finer)]
-    # closed contacts may leave nothing free at the section: then there are no multipliers
+    count = section.directions(state).shape[1]  # closed contacts may leave nothing free at all
+    J, end = section.growth(state, period)
+    again, _ = section.growth(end, period)
+    by_size = [
+        sorted(np.linalg.eigvals(x), key=lambda z: (-abs(z), -z.imag))[:count] for x in (J, again)
+    ]
     spread = max((abs(a - b) for a, b in zip(*by_size, strict=True)), default=0.0)
     found = tuple(complex(m) for m in by_size[0])
     return PeriodicResponse(period, residual, state, impacts, impulse, found, float(spread))
-
-
-def jacobian(
-    section: PoincareMap, state: State, period: int, h: float = 1e-6
-) -> tuple[Array, Array]:
-    """How changes of the state grow in a period, by central differences.
-
-    A closed contact leaves fewer directions free: changes are brought back into contact before
-    they are followed.
-
-    Returns
-    -------
-    (2 f, r) basis of the free directions, and (r, r) the map in it
-    """
-    before, after = [], []
-    size = 2 * len(state.q)
-    for direction in np.eye(size):
-        starts, ends = [], []
-        for sign in (1.0, -1.0):
-            start = section.start(section.displace(state, sign * h * direction))
-            starts.append(start)
-            ends.append(section.map(start, period)[0])
-        before.append(section.difference(starts[1], starts[0]) / (2.0 * h))
-        after.append(section.difference(ends[1], ends[0]) / (2.0 * h))
-    D, R = np.array(before).T, np.array(after).T
-    u, s, _ = np.linalg.svd(D)
-    basis = u[:, : int((s > 1e-3 * s[0]).sum())]
-    J = (basis.T @ R) @ np.linalg.pinv(basis.T @ D, rcond=1e-3)
-    if not np.isfinite(J).all():
-        raise RunError('a small change of the state leads to none at all')
-    return basis, np.asarray(J)

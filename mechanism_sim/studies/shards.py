@@ -168,9 +168,16 @@ class ShardWriter:
 
     def _crank(self, t: float) -> dict[str, float]:
         curve = next(c for c in self._curves if t < c.end or c is self._curves[-1])
-        at, i = curve.find(np.array([t])), self._main
-        angle = float(curve.local(*at)[0, i]) % TWO_PI
-        return {'crank_angle': angle, 'crank_speed': float(curve.local(*at, 1)[0, i])}
+        k = min(max(int(curve.start.searchsorted(t, side='right')) - 1, 0), len(curve) - 1)
+        dt = (t - float(curve.start[k])) - float(curve.start_low[k])
+        # plain numbers, in the order of `PiecewisePolynomial.local`: far faster for one instant
+        powers = curve.coefficients[k, self._main].tolist()
+        angle = speed = 0.0
+        for j in range(len(powers) - 1, -1, -1):
+            angle = angle * dt + powers[j]
+            if j:
+                speed = speed * dt + j * powers[j]
+        return {'crank_angle': angle % TWO_PI, 'crank_speed': speed}
 
     def _flush(self) -> None:
         if not self._rows:

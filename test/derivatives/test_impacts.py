@@ -64,3 +64,31 @@ def test_twenty_impacts_have_the_derivatives_of_80_bits(kind: str, names: list[s
         for own, other in parts:
             assert np.abs(own - other).max() < 1e-8 * np.abs(other).max(), name
         assert not found.limits
+
+
+@pytest.mark.parametrize('off', [10.0, 1e-2, 1e-5])
+def test_a_nearly_grazing_stop_has_the_derivative_of_the_energy(off: float) -> None:
+    """A pendulum let go at -30 deg would turn back at -150 deg: the stop is a little before it."""
+    stop = float(np.radians(-150.0 + off))
+    stops = {'lower': stop, 'restitution': 0.5}
+    machine = ms.load_scene('pendulum', {'joints.ground_bar.stops': stops})
+    path = 'joints.ground_bar.stops.lower'
+    run = ms.simulate(machine, duration=1.0, derivatives=[path])
+    weight, inertia = 1.2 * 9.81 * 0.5, 0.1 + 1.2 * 0.5**2
+    speed = np.sqrt(2.0 * weight * (np.sin(np.radians(-30.0)) - np.sin(stop)) / inertia)
+    assert run.impacts[0].approach_speed == pytest.approx(speed, rel=1e-6)
+    slope = run.derivatives[path].impacts['approach_speed'][0]
+    assert slope == pytest.approx(-weight * np.cos(stop) / (inertia * speed), rel=1e-6)
+
+
+def test_a_stop_that_is_only_touched_has_no_derivative() -> None:
+    stops = {'lower': -150.0 * np.pi / 180.0, 'restitution': 0.5}
+    machine = ms.load_scene('pendulum', {'joints.ground_bar.stops': stops})
+    path = 'joints.ground_bar.stops.lower'
+    run = ms.simulate(machine, duration=1.2, derivatives=[path])
+    known = run.derivatives[path]
+    if run.impacts:  # whether it is, rounding decides
+        assert known.end is not None
+        assert known.end.where == 'ground_bar_lower'
+        assert known.end.t == pytest.approx(run.impacts[0].t)
+        assert np.isnan(known.final['bar']['velocity'])

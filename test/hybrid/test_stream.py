@@ -118,6 +118,23 @@ def test_a_stream_goes_on_where_another_stopped(machine, whole):
     assert after.duration == whole.duration
 
 
+def test_a_run_is_the_same_whoever_used_its_integrator_before(machine):
+    """One that was left in the middle of a flight, at another speed of the drive or its own."""
+    whole = ms.simulate(machine, revolutions=0.6)
+    for left in (machine, ms.load_scene(machine.scene, {'drive.speed': '500 rpm'})):
+        run = left.start()
+        run.advance(0.0123, final=True)
+        used = run._ta
+        del run
+        again = machine.start()
+        assert again._ta is used
+        again.advance(0.0234, final=True)
+        del again
+        assert ms.simulate(machine, revolutions=0.6).digest() == whole.digest()
+    both = machine.start(), machine.start()
+    assert both[0]._ta is not both[1]._ta
+
+
 @pytest.mark.parametrize('length', [{'revolutions': -1.0}, {'revolutions': 1.0, 'duration': 1.0}])
 def test_a_length_that_means_nothing_is_refused_before_anything_runs(machine, length):
     with pytest.raises(InputError):

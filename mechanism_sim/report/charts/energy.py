@@ -83,7 +83,7 @@ def solver(course: ChartedRun) -> ChartSection:
     """Steps, events, errors and digest of the run as a table."""
     rows = tuple((row.label, row.text) for row in facts(course.record))
     text = (
-        'Errors are read from the finished polynomials, independently of the loop that made them. '
-        'Runs with equal digests are equal bit by bit.'
+        'Errors are evaluated on the final polynomials, independently of the solver. Runs with '
+        'equal digests are identical bit by bit.'
     )
     return ChartSection('solver', 'Solver', text, (), rows)

@@ -26,7 +26,7 @@ def loads(course: ChartedRun) -> ChartSection | None:
     known = load_summary(found, peaks.shapes(), angle)
     if known is None:
         return None
-    levels = {}
+    levels: dict[str, float] = {}
     for name in found:
         kind, _, of = name.removesuffix('.size').partition('.')
         drive = kind == 'drive_torque'

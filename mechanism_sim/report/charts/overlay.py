@@ -65,7 +65,8 @@ def _together(charts: Sequence[Chart | None], names: Sequence[str]) -> Iterator[
             yield from _together([chart if i == k else None for i in range(len(names))], names)
         return
     alone = [names[k] for k, _ in known] if len(known) < len(names) else []
-    runs, panels = [(k, names[k]) for k, _ in known], []
+    runs = [(k, names[k]) for k, _ in known]
+    panels: list[Panel] = []
     for same in zip(*(chart.panels for _, chart in known), strict=True):
         panels += _panels(same, runs)
     entries = tuple(
@@ -139,7 +140,8 @@ def _differences(each: Sequence[Sequence[ChartCurve]], runs: Runs) -> tuple[Char
         if two is None:
             continue
         x = np.unique(np.concatenate([one[0], two[0]]))
-        less = np.interp(x, *two, np.nan, np.nan) - np.interp(x, *one, np.nan, np.nan)
+        a, b = (np.interp(x, own[0], own[1], left=np.nan, right=np.nan) for own in (one, two))
+        less = b - a
         size = np.abs(one[1]).max(initial=0.0)
         if np.nanmax(np.abs(less), initial=0.0) > _ALIKE * size:
             found.append(_of(replace(each[0][0], x=x, y=less, when=None, notes=()), *run))

@@ -49,7 +49,7 @@ def _oscillators(course: ChartedRun) -> ChartSection:
                 for window, when, own in course.windows(key)
             ]
     text = (
-        'How far each frame is from where its mounts carry it alone, and what its mounts transmit '
-        'to the ground, less its own weight.'
+        'Displacement of each frame from its static position, and force of its mounts on the '
+        'ground without its weight.'
     )
     return ChartSection('oscillators', 'Frames on springs', text, tuple(charts))

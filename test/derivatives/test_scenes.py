@@ -1,0 +1,154 @@
+"""Derivatives of every kind of machine against differences of its own runs.
+
+Differences of runs in double precision know fewer digits than the derivatives: a disagreement
+counts beyond 1e-8 of the largest, and beyond what extrapolation says that they may be off.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from test.builders import PLAY, ROUGH
+
+TWO_LOOSE = {
+    'joints.crank_coupler.clearance': {'radial': 2e-4, 'restitution': 0.6},
+    f'{PLAY}.restitution': 0.6,
+    'start': 'centred',
+}
+SOFT = {f'{PLAY}.contact': {'law': 'hunt_crossley', 'stiffness': 1e8}}
+FILM = {f'{PLAY}.contact': {'law': 'film', 'viscosity': 0.05, 'width': 0.02, 'radius': 0.008}}
+CASES: dict[str, tuple[str, dict[str, Any], float, list[str]]] = {
+    'slides and sticks': ('four_bar_clearance', ROUGH, 0.03, [f'{PLAY}.friction', 'drive.speed']),
+    'follows': ('four_bar_clearance', {}, 0.15, ['links.coupler.length', f'{PLAY}.radial']),
+    'several loose joints': (
+        'four_bar_clearance', TWO_LOOSE, 0.012,
+        ['joints.crank_coupler.clearance.radial', 'links.rocker.mass'],
+    ),
+    'compliant': ('four_bar_clearance', SOFT, 0.185, ['links.coupler.mass', f'{PLAY}.radial']),
+    'film': ('four_bar_clearance', FILM, 0.05, [f'{PLAY}.contact.viscosity', 'drive.speed']),
+    'cam': ('oscillating_roller', {}, 0.3, ['links.arm.length', 'drive.motor.stall_torque']),
+    'gears': ('gear_four_bar', {}, 0.1, ['links.rocker.mass', 'drive.speed']),
+    'elastic link': ('elastic_slider_crank', {}, 0.02, ['links.rod.elastic.density']),
+    'table of a load': ('slider_crank_engine', {}, 0.1, ['links.crank.length', 'drive.speed']),
+    'motor': ('four_bar_governed', {}, 0.4, ['drive.torque.per_speed', 'links.coupler.length']),
+    'ideal': ('four_bar_nominal', {}, 0.1, ['links.coupler.length', 'drive.speed']),
+    'released': ('catapult', {}, 0.11, ['springs.main.free_length', 'links.arm.mass']),
+    'first-order states': ('hydraulic_arm', {}, 0.5, ['states.pushing.start', 'links.arm.cog']),
+}  # fmt: skip
+QUICK = {'follows', 'ideal', 'motor', 'cam'}
+
+
+@pytest.mark.parametrize(
+    'name', [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
+)
+def test_derivatives_are_those_of_runs(name: str) -> None:
+    scene, overrides, end, paths = CASES[name]
+    machine = ms.load_scene(scene, overrides)
+    run = ms.simulate(machine, duration=end, derivatives=paths)
+    times, names = np.array([0.4, 0.8, 1.0]) * end, machine.physics.coordinates
+    columns = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in names]
+
+    def seen(other: ms.Solution) -> np.ndarray:
+        found = other.sample(times, *columns)
+        return np.array([found[c] for c in columns])
+
+    for path in paths:
+        known = run.derivatives[path]
+        assert not any(limit.ends for limit in known.limits)
+        content = machine.scene.to_document()
+
+        def at(x: float, path: str = path, content: Any = content) -> np.ndarray:
+            other = ms.load_scene(machine, {path: _text(content, path, _at(content, path) + x)})
+            return seen(ms.simulate(other, duration=end))
+
+        wanted, error = _extrapolated(at, 2e-4 * abs(_at(content, path)))
+        own = known.sample(times, *columns)
+        off = np.abs(np.array([own[c] for c in columns]) - wanted)
+        for kind in (slice(0, len(names)), slice(len(names), None)):  # rates are larger
+            size = np.abs(wanted[kind]).max()
+            assert off[kind].max() <= max(1e-8 * size, 8.0 * error[kind].max()), (path, kind)
+            assert error[kind].max() <= 1e-5 * size or size < 1e-12
+
+
+def _at(content: Any, path: str) -> float:
+    for part in path.split('.'):
+        content = content[part]
+    return float(content[0] if isinstance(content, tuple) else content)
+
+
+def _text(content: Any, path: str, value: float) -> Any:
+    for part in path.split('.'):
+        content = content[part]
+    return f'{value!r} {content[1]}' if isinstance(content, tuple) else value
+
+
+def _extrapolated(f: Any, h: float, levels: int = 4) -> tuple[np.ndarray, np.ndarray]:
+    """Derivative by differences of halved steps (C. J. F. Ridders, 1982), and its error."""
+    rows: list[list[np.ndarray]] = []
+    for i in range(levels):
+        rows.append([(f(h) - f(-h)) / (2.0 * h)])
+        for j in range(i):
+            rows[i].append((4.0 ** (j + 1) * rows[i][j] - rows[i - 1][j]) / (4.0 ** (j + 1) - 1.0))
+        h /= 2.0
+    best = rows[-1][-1], np.full_like(rows[-1][-1], np.inf)
+    for i in range(1, levels):
+        for j in range(1, i + 1):
+            error = np.maximum(
+                np.abs(rows[i][j] - rows[i][j - 1]), np.abs(rows[i][j] - rows[i - 1][j - 1])
+            )
+            better = error < best[1]
+            best = np.where(better, rows[i][j], best[0]), np.where(better, error, best[1])
+    return best
+
+
+def test_measures_have_the_derivatives_of_runs() -> None:
+    texts = ['largest(reaction.coupler_rocker)', 'mean(velocity.rocker)', 'integral(drive_power)']
+    run = ms.simulate('four_bar_clearance', duration=0.17, derivatives=['links.coupler.mass'])
+    found = ms.measure('four_bar_clearance', run, *texts)
+
+    def measured(x: float) -> np.ndarray:
+        other = ms.load_scene('four_bar_clearance', {'links.coupler.mass': 0.2439 + x})
+        return np.array(
+            [m.value for m in ms.measure(other, ms.simulate(other, duration=0.17), *texts)]
+        )
+
+    wanted, error = _extrapolated(measured, 1e-4)
+    own = np.array([m.derivatives['links.coupler.mass'] for m in found])
+    assert (np.abs(own - wanted) <= np.maximum(1e-7 * np.abs(wanted), 8.0 * error)).all()
+
+
+def test_energies_count_impacts_as_they_move() -> None:
+    run = ms.simulate('four_bar_clearance', duration=0.19, derivatives=['drive.speed'])
+    names = 'energy.drive_work', 'energy.dissipated', 'energy.kinetic', 'energy.potential'
+    slopes = run.derivatives['drive.speed'].sample(0.188, *names)
+    begun = run.derivatives['drive.speed'].sample(0.0, *names)
+    work, lost, kinetic, potential = (float(slopes[n][0] - begun[n][0]) for n in names)
+    assert work - lost == pytest.approx(kinetic + potential, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ('path', 'words'),
+    [
+        ('drive.sped', "did you mean 'drive.speed'"),
+        ('branch', 'is no number of the scene'),
+        (f'{PLAY}.friction', 'at the end of what it may be'),
+        ('solver.rtol', 'is no number of the scene that its motion depends on'),
+        ('initial.velocity.roker', "did you mean 'initial.velocity.rocker'"),
+    ],
+)
+def test_paths_without_a_derivative_are_refused(path: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        ms.simulate('four_bar_clearance', duration=0.01, derivatives=[path])
+
+
+def test_a_chatter_that_is_ended_is_named_with_its_instant_and_joint() -> None:
+    run = ms.simulate('four_bar_clearance', duration=0.19, derivatives=['drive.speed'])
+    limits = run.derivatives['drive.speed'].limits
+    ended = [i for i in run.impacts if i.ends_chatter]
+    assert [(x.t, x.where) for x in limits] == [(i.t, i.joint) for i in ended]
+    assert not any(x.ends for x in limits)

@@ -1,0 +1,53 @@
+"""State transition matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechanism_sim as ms
+from mechanism_sim.derivatives.flow import Flows
+from mechanism_sim.studies.periodic import find_periodic
+from test.builders import PLAY
+
+
+def test_flights_keep_the_volume_of_states_and_impacts_shrink_it() -> None:
+    """Liouville: masses are constant in absolute angles, and a blow scales one rate by -e."""
+    overrides = {f'{PLAY}.restitution': 0.9, 'start': 'centred'}
+    machine = ms.load_scene('four_bar_clearance', overrides)
+    run = ms.simulate(machine, duration=0.02834)
+    matrix, limits = Flows.by_state(machine, run.duration).transition(run.motion, run.impacts)
+    assert len(run.impacts) == 20
+    assert not limits
+    # each blow mirrors a position and a rate: e^2 of its volume is left
+    assert np.linalg.det(matrix) == pytest.approx(0.9 ** (2 * 20), rel=1e-8)
+
+
+def test_a_pendulum_has_the_matrix_of_its_differences() -> None:
+    machine = ms.load_scene('pendulum')
+    run = ms.simulate(machine, duration=0.7)
+    matrix, _ = Flows.by_state(machine, 0.7).transition(run.motion, [])
+
+    def end(path: str, value: float) -> np.ndarray:
+        other = ms.simulate(ms.load_scene(machine, {path: value}), duration=0.7)
+        found = other.sample(0.7, 'position.bar', 'velocity.bar')
+        return np.array([found['position.bar'][0], found['velocity.bar'][0]])
+
+    start, h = machine.initial_state(), 1e-3
+    columns = []
+    for path, value in zip(
+        ('initial.position.bar', 'initial.velocity.bar'), (start.q[0], start.v[0]), strict=True
+    ):
+        first, second = (
+            (end(path, value + x) - end(path, value - x)) / (2.0 * x) for x in (h, 0.5 * h)
+        )
+        columns.append((4.0 * second - first) / 3.0)
+    assert np.abs(matrix - np.array(columns).T).max() < 1e-9
+
+
+def test_multipliers_are_known_to_their_last_digits() -> None:
+    machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})
+    response = find_periodic(machine)
+    assert response is not None
+    assert response.period == 2
+    assert response.spread < 1e-7
