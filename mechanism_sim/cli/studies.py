@@ -71,6 +71,10 @@ def add(command: Command) -> None:
     flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
     option(sub, '--longest', 'P', 'with --periodic: longest period, in revolutions', 8)
     option(sub, '--transient', 'N', 'with --periodic: revolutions until it has settled', 60)
+    text = "instead: four-bars that take the path of a file, with columns as 'x [mm]', 'y [mm]'"
+    option(sub, '--path', 'FILE.csv', text)
+    text = 'with --path: least transmission angle'
+    option(sub, '--transmission', 'ANGLE', text, '20 deg')
     _teeth_options(sub)
     sub = command('sweep', _sweep, 'run a grid or a list of scenes and write one table')
     sub.add_argument('file', metavar='FILE', help='a sweep of the package, or a YAML file')
@@ -164,6 +168,11 @@ _TEETH = 'stages', 'tolerance', 'teeth-range', 'centre-distance', 'modules'
 
 def _find(options: argparse.Namespace) -> int:
     """Search for a value of a key, a speed of lift-off, a periodic response, or teeth."""
+    if options.path is not None:
+        others = ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE, *_TEETH, 'teeth']
+        others.remove('output')
+        refuse_options(options, others, 'does not apply to --path')
+        return _path(options)
     if options.teeth is not None:
         own = 'is for a scene, and --teeth goes without one'
         refuse_options(options, ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE], own)
@@ -171,6 +180,7 @@ def _find(options: argparse.Namespace) -> int:
             raise InputError(f"find --teeth goes without a scene; '{options.scene}' was given")
         return _teeth(options)
     refuse_options(options, _TEETH, 'goes with --teeth')
+    refuse_options(options, ['transmission'], 'goes with --path')
     if options.scene is None:
         raise InputError('find: SCENE is missing; see --help')
     if options.periodic:
@@ -218,6 +228,26 @@ def _find_value(options: argparse.Namespace) -> int:
     if picture:
         figures.save(figures.paint(found.chart(result, machine.scene.title)), picture)
     return print_result(options, result, found.to_json, found.text)
+
+
+def _path(options: argparse.Namespace) -> int:
+    from mechanism_sim.output import write_text  # noqa: PLC0415
+    from mechanism_sim.report import found  # noqa: PLC0415
+    from mechanism_sim.results.path_distance import read_path  # noqa: PLC0415
+    from mechanism_sim.scene import load_scene  # noqa: PLC0415
+    from mechanism_sim.studies.synthesis import path_four_bars  # noqa: PLC0415
+
+    if options.scene is not None:
+        raise InputError(f"find --path goes without a scene; '{options.scene}' was given")
+    scene, *others = _outputs(options)
+    if any(others):
+        raise InputError('--output: find --path writes a scene, NAME.yaml')
+    designs = path_four_bars(
+        read_path(options.path), quantity('--transmission', options.transmission, 'rad')[0]
+    )
+    if scene:
+        write_text(scene, load_scene(designs[0].scene(options.path)).scene.to_yaml())
+    return print_result(options, designs, found.four_bars_json, found.four_bars_text)
 
 
 def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path | None, Path | None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +16,7 @@ from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.find import Finding
 from mechanism_sim.studies.goal import GREATEST
 from mechanism_sim.studies.optimum import Optimum
+from mechanism_sim.studies.synthesis import PathFourBar
 from mechanism_sim.units import for_people
 
 _SHOWN = 5  # failures
@@ -34,6 +36,23 @@ def to_json(found: Finding | Optimum) -> dict[str, Any]:
 def chart(found: Finding | Optimum, title: str) -> Chart:
     """The figure over the parameter, or the front."""
     return _finding_chart(found, title) if isinstance(found, Finding) else _front(found, title)
+
+
+def four_bars_text(found: Sequence[PathFourBar]) -> str:
+    """A line for each four-bar that takes a path."""
+    rows = [['rms [mm]', 'largest [mm]', 'ground, crank, coupler, rocker [mm]', 'point [mm]',
+             'transmission [deg]', 'branch']]  # fmt: skip
+    for one in found:
+        lengths, point = ([f'{1e3 * x:.6g}' for x in row] for row in (one.lengths, one.point))
+        angles = [f'{math.degrees(x):.1f}' for x in one.transmission]
+        rows.append([f'{1e3 * one.rms:.4g}', f'{1e3 * one.largest:.4g}', ', '.join(lengths),
+                     ', '.join(point), ' to '.join(angles), one.branch])  # fmt: skip
+    return '\n'.join(text_table.lines(rows, 0))
+
+
+def four_bars_json(found: Sequence[PathFourBar]) -> dict[str, Any]:
+    """JSON of them, SI units."""
+    return {'four_bars': [plain(one) for one in found]}
 
 
 def _finding_text(finding: Finding) -> str:

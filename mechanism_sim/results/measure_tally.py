@@ -17,6 +17,7 @@ from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
+from mechanism_sim.results.path_distance import PathDistances
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
@@ -62,7 +63,10 @@ class FigureTally:
         figures: Sequence[Figure],
     ) -> None:
         self._machine, self._quantities, self._static = machine, quantities, static
-        self._arguments = list(dict.fromkeys(f.argument for f in figures))
+        self._distances = {
+            f: PathDistances(machine, f.path, f.names) for f in figures if f.path is not None
+        }
+        figures = [f for f in figures if f.path is None]
         self._by_argument = {f.argument: f for f in figures}
         units = {name: quantity.unit for name, quantity in quantities.items()}
         self._units = {a: f.unit(units) for a, f in self._by_argument.items()}
@@ -96,6 +100,10 @@ class FigureTally:
         self._first: Array | None = None
         self._last: Array | None = None
 
+    @property
+    def _arguments(self) -> list[str]:
+        return [*self._by_argument]
+
     def _seen(self, piece: Piece, k: NDArray[np.intp], dt: Array | Nodes) -> dict[str, Array]:
         """The quantities (N,) by name, at instants as those of ``curve.at(k, dt)``."""
         view = View(self._machine, piece.motion, k, dt, piece.balance, static=self._static)
@@ -113,7 +121,11 @@ class FigureTally:
     def add(self, piece: Piece, since: float, until: float) -> None:
         """Enter the part of a piece within a window [s]."""
         motion, curve = piece.motion, piece.motion.curve
-        if not self._arguments or since == math.inf:
+        if since == math.inf:
+            return
+        for distances in self._distances.values():
+            distances.add(piece, since, until, lambda t: self._seen(piece, *curve.find(t)))
+        if not self._arguments:
             return
         start, end = curve.spans(since, until)
         if not len(start):
@@ -242,6 +254,8 @@ class FigureTally:
     def result(self, f: Figure) -> tuple[float, str]:
         """The value of a figure of this window, and its resolution."""
         name, kind, note = f.argument, f.function, EXACT
+        if f in self._distances:
+            return self._distances[f].result(largest=kind == 'largest_distance'), note
         if kind in EXTREMES:
             own, search = next(x for x in self._searches if name in x[0])
             i = own.index(name)

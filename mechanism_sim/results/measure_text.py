@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -22,13 +22,16 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.numerics import expressions
 from mechanism_sim.numerics.expressions import ExpressionNode
+from mechanism_sim.results.path_distance import TargetPath, names_of, read_path
 from mechanism_sim.units import to_si
 
 EXTREMES = 'highest', 'lowest', 'largest', 'range'
 OVER_TIME = (
     *EXTREMES, 'mean', 'rms', 'percentile', 'integral', 'share', 'change', 'initial', 'final',
-    'work',
+    'work', 'distance', 'largest_distance',
 )  # fmt: skip
+DISTANCES = 'distance', 'largest_distance'
+"""Of a path from points of a file: root mean square, and largest."""
 OF_EVENTS = 'count', 'sum'
 FUNCTIONS = *OVER_TIME, *OF_EVENTS
 """Functions that make a figure."""
@@ -66,6 +69,7 @@ class Figure:
     since, until : the window; none is that of the run
     per_revolution : mean over whole revolutions of the figure in each
     tree : the expression
+    path : of a distance, the points of its file
     """
 
     function: str
@@ -76,6 +80,7 @@ class Figure:
     until: Bound | None
     per_revolution: bool
     tree: ExpressionNode = field(compare=False, repr=False)
+    path: TargetPath | None = None
 
     @property
     def of_events(self) -> bool:
@@ -177,23 +182,28 @@ def _named(text: str) -> tuple[str, str]:
 
 
 def _figure(node: ExpressionNode, text: str) -> Figure:
-    function, places = node.name, 2 if node.name == 'percentile' else 1
+    function, places = node.name, 2 if node.name in ('percentile', *DISTANCES) else 1
     if len(node.args) != places:
-        form = f'{function}(EXPRESSION, PERCENT)' if places == 2 else f'{function}(EXPRESSION)'
+        second = '' if places == 1 else ', PERCENT' if node.name == 'percentile' else ', FILE.csv'
+        form = f'{function}(EXPRESSION{second})'
         raise InputError(f'{function} in {quoted(text)} must be of the form {form}')
     given = dict(node.window)
     if len(given) < len(node.window):
         raise InputError(expressions.AFTER.format(quoted(text)))
     if given.get('per') not in (None, 'revolution'):
         raise InputError(f"'per {given['per']}' in {quoted(text)}: it may be per revolution only")
-    argument, percent = node.args[0], None
-    if places == 2:
+    argument, percent, path = node.args[0], None, None
+    if function == 'percentile':
         percent = node.args[1].value
         if node.args[1].kind != 'number' or node.args[1].unit is not None or not percent <= 100.0:
             raise InputError(
                 f'percentile in {quoted(text)} needs a number from 0 to 100 as its second'
             )
     names = tuple(argument.names)
+    if function in DISTANCES:
+        path = read_path(node.args[1].text)
+        names = names_of(argument.text, path)
+        argument = replace(argument, kind='name', args=(), name=names[0])
     since, until = (_bound(given.get(key), text) for key in ('from', 'to'))
     if since and until and since.revolutions == until.revolutions and since.value >= until.value:
         raise InputError(
@@ -201,7 +211,7 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
             'before it begins'
         )
     figure = Figure(
-        function, argument.text, names, percent, since, until, 'per' in given, argument
+        function, argument.text, names, percent, since, until, 'per' in given, argument, path
     )
     of_events = figure.of_events
     if of_events and (len({_series_of(n) for n in names}) > 1 or function not in _EVENTS_TOO):

@@ -86,7 +86,7 @@ def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bo
         if made in content and not instead:
             raise InputError(f"{where}: 'file: {name}' and '{made}' exclude each other: keep one")
         rest = {k: x for k, x in content.items() if k not in (*_OF_FILES, made)}
-        path, units = _allowed(where, folder, name), content.get('units')
+        path, units = allowed_file(where, folder, name), content.get('units')
         if made == 'edges':
             return rest | {made: drawn_edges(path, where, content.get('layer'), units)}
         return rest | {made: _points_of(path, where, content.get('columns'), units)}
@@ -122,7 +122,7 @@ def _is_text(x: Any) -> bool:
     return isinstance(x, str)
 
 
-def _allowed(where: str, folder: Path, name: str) -> Path:
+def allowed_file(where: str, folder: Path, name: str) -> Path:
     """Where a file is, with all links followed: below the folder of the scene, or one allowed."""
     others = [x for x in os.environ.get(TABLE_FOLDERS, '').split(os.pathsep) if x]
     try:

@@ -1,0 +1,158 @@
+"""Distances of points of a file from the path that a point of a link takes.
+
+A file has columns ``x`` and ``y``, or one of another name for a coordinate, and units in its
+headings. With a further column ``angle``, by which the main drive has turned since its start, or
+``t``, each point belongs to an instant; without, the nearest place of the path counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.csv_tables import read_csv
+from mechanism_sim.errors import InputError, quoted
+from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.table_keys import allowed_file
+from mechanism_sim.units import read_common
+
+_LOOKS = np.linspace(0.0, 1.0, 9)
+"""Places in a step between which the nearest is looked for."""
+_CANDIDATES = 3
+"""Nearest places seen, of which each is refined: paths cross themselves."""
+_REFINED = 8
+"""Steps of Newton's method from there; each doubles the digits."""
+_TIMED = {'angle': 'rad', 't': 's'}
+
+Values = Callable[[Array], dict[str, Array]]
+"""Quantities (N,) by name at instants (N,)."""
+
+
+class TargetPath(NamedTuple):
+    """Points of a file, in SI units.
+
+    Attributes
+    ----------
+    points : (n, 2), or (n, 1) of a coordinate
+    by : ``angle`` or ``t`` of each point, at `at` (n,); empty where there is none
+    """
+
+    points: tuple[tuple[float, ...], ...]
+    by: str
+    at: tuple[float, ...]
+
+
+def read_path(name: str) -> TargetPath:
+    """Points of a file below the current folder, or one that is allowed."""
+    table = read_csv(allowed_file('distance', Path.cwd(), name), 'distance')
+    timed = [c for c in table.cells if c in _TIMED][:1]
+    others = [c for c in table.cells if c not in _TIMED]
+    columns = ['x', 'y'] if 'x' in others or len(others) > 1 else others
+    found = []
+    for column in [*columns, *timed]:
+        unit = table.units.get(column, '') if table.column(column) else ''
+        factor, si = 1.0, unit
+        if unit:
+            try:
+                factor, si = read_common('1', unit)
+            except ValueError as error:
+                raise InputError(f"{table.where}: column '{column}' {error}") from error
+        wanted = _TIMED.get(column) or ('m' if column in 'xy' else si)
+        if si != wanted:
+            raise InputError(
+                f"{table.where}: column '{column}' needs a unit of {wanted} in its heading, as in "
+                f"'{column} [{'mm' if wanted == 'm' else 'deg' if wanted == 'rad' else wanted}]'"
+            )
+        found.append(factor * table.numbers(column)[:, 0])
+    if not found or not len(found[0]):
+        raise InputError(f"{table.where} needs columns x and y with units, as 'x [mm]'")
+    points = zip(*(x.tolist() for x in found[: len(columns)]), strict=True)
+    return TargetPath(tuple(points), ''.join(timed), tuple(found[-1].tolist() if timed else ()))
+
+
+def names_of(text: str, path: TargetPath) -> tuple[str, ...]:
+    """Positions, velocities and accelerations that distances of ``position.NAME`` need."""
+    kind, _, rest = text.partition('.')
+    if kind != 'position' or not rest:
+        raise InputError(f'distance is of a position, as position.LINK.POINT, not {quoted(text)}')
+    axes = ('.x', '.y') if len(path.points[0]) == 2 else ('',)
+    return tuple(f'{k}.{rest}{a}' for k in ('position', 'velocity', 'acceleration') for a in axes)
+
+
+class PathDistances:
+    """Least distances (n,) of points from a path that comes in pieces.
+
+    Parameters
+    ----------
+    names : of `names_of`
+    """
+
+    def __init__(self, machine: Machine, path: TargetPath, names: tuple[str, ...]) -> None:
+        self._path, self._names = path, names
+        self._points: Array = np.array(path.points)
+        self._least = np.full(len(self._points), np.inf)
+        self._at, self._turn = np.array(path.at), 0.0
+        if path.by == 'angle':
+            law = machine.plan.laws[machine.plan.main][0] if machine.plan.laws else None
+            if not isinstance(law, DriveLaw) or law.degree != 1:
+                raise InputError('distance: a column angle needs a drive at constant speed')
+            speed = abs(law.coefficients[1])
+            self._turn, self._at = 2.0 * math.pi / speed, self._at / speed
+
+    def add(self, piece: Piece, since: float, until: float, values: Values) -> None:
+        """Enter the part of a piece within a window [s]."""
+        start, end = piece.motion.curve.spans(since, until)
+        if not len(start):
+            return
+        first, last = float(start[0]), float(end[-1])
+        if self._path.by:
+            t = self._at
+            if self._turn:
+                low = max(since, 0.0) - 1e-9 * self._turn
+                t = low + np.mod(t - low, self._turn)
+            inside = np.flatnonzero((t >= first - 1e-9 * (last + 1.0)) & (t <= last))
+            if len(inside):
+                off = self._rows(values(np.clip(t[inside], first, last)))[0]
+                off -= self._points[inside].T
+                self._least[inside] = np.hypot.reduce(off, axis=0)
+            return
+        looks = (start[:, None] + (end - start)[:, None] * _LOOKS).ravel()
+        way = self._rows(values(looks))[0]
+        squares = ((way[:, None] - self._points.T[..., None]) ** 2).sum(axis=0)
+        rows = np.arange(len(squares))
+        for _ in range(_CANDIDATES):
+            near = squares.argmin(axis=1)
+            before, after = np.maximum(near - 1, 0), np.minimum(near + 1, len(looks) - 1)
+            self._refine(looks[near], looks[before], looks[after], values)
+            for k in (before, near, after):
+                squares[rows, k] = np.inf
+
+    def _refine(self, t: Array, low: Array, high: Array, values: Values) -> None:
+        """Enter the nearest places by Newton's method from instants (n,), between limits."""
+        for _ in range(_REFINED + 1):
+            place, rate, second = self._rows(values(t))
+            off = place - self._points.T
+            self._least = np.minimum(self._least, np.sqrt((off**2).sum(axis=0)))
+            slope, square = (off * rate).sum(axis=0), (rate**2).sum(axis=0)
+            bend = square + (off * second).sum(axis=0)
+            bend = np.where(bend > 0.1 * square, bend, square)
+            step = np.divide(slope, bend, out=np.zeros_like(t), where=bend > 0.0)
+            t = np.clip(t - step, low, high)
+
+    def _rows(self, known: dict[str, Array]) -> Array:
+        """Position, velocity and acceleration (3, d, N)."""
+        rows = np.array([known[name] for name in self._names])
+        return rows.reshape(3, len(self._names) // 3, -1)
+
+    def result(self, largest: bool) -> float:
+        """Root mean square, or the largest; not a number where some were not reached."""
+        if not np.isfinite(self._least).all():
+            return math.nan
+        return float(self._least.max() if largest else math.sqrt((self._least**2).mean()))
