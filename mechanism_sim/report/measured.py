@@ -9,7 +9,7 @@ from mechanism_sim import strict_json
 from mechanism_sim.report.sections import Section, SummaryRow
 from mechanism_sim.results.measures import Measured
 from mechanism_sim.results.time_integrals import EXACT
-from mechanism_sim.units import for_people
+from mechanism_sim.units import for_people, number
 
 
 def section(found: Sequence[Measured]) -> list[Section]:
@@ -23,7 +23,7 @@ def rows(found: Sequence[Measured]) -> list[SummaryRow]:
     for m in found:
         unit, scale = for_people(m.unit, abs(m.value))
         half = f' +- {scale * m.half_width:.2g}' if math.isfinite(m.half_width) else ''
-        value = 'none' if math.isnan(m.value) else f'{scale * m.value:.6g}{half}'
+        value = 'none' if math.isnan(m.value) else f'{number(scale * m.value, 6)}{half}'
         said = [m.text] * (m.name != m.text) + [m.resolution] * (m.resolution != EXACT)
         made.append(SummaryRow(m.name, value, unit, '; '.join(said)))
     return made

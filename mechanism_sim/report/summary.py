@@ -245,8 +245,8 @@ def _figures(
 
 
 def _costs(stats: Stats) -> Iterator[SummaryRow]:
-    yield SummaryRow('compilation', f'{stats.compile_time:.3g}', 's')
-    yield SummaryRow('CPU time', f'{stats.cpu_time:.3g}', 's')
+    yield amount('compilation', stats.compile_time, 's', 3)
+    yield amount('CPU time', stats.cpu_time, 's', 3)
 
 
 def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterator[SummaryRow]:
@@ -303,8 +303,8 @@ def facts(record: Record) -> list[SummaryRow]:
             SummaryRow(f'changes to {mode.name.lower().replace("_", " ")}', f'{count}')
             for mode, count in sorted(entered.items())
         ),
-        SummaryRow('mean step', f'{span / steps:.4g}', 's'),
-        SummaryRow('shortest step', f'{piece.motion.curve.duration.min():.4g}', 's'),
+        amount('mean step', span / steps, 's', 4),
+        amount('shortest step', float(piece.motion.curve.duration.min()), 's', 4),
         *costs,
         digest,
     ]
