@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.complementarity import (
@@ -35,8 +34,6 @@ _ROUNDING = TOLERANCES.rounding
 
 NEWTON, POISSON, STRONGE = range(3)  # the hypotheses in arrays
 
-_WEDGED = 'a contact is wedged: no finite impulse ends its approach'
-
 
 class Hypothesis(Enum):
     """Hypothesis of restitution: of which quantities the coefficient e is a ratio.
@@ -54,22 +51,6 @@ class Hypothesis(Enum):
     def code(self) -> int:
         """Its number in arrays."""
         return list(Hypothesis).index(self)
-
-
-@dataclass(frozen=True)
-class ImpactLaw:
-    """Law of an impact of one contact.
-
-    Attributes
-    ----------
-    restitution : e, 0 to 1
-    friction : Coulomb's coefficient; 0 is the smooth and `math.inf` the rough case of [SB] 5.3
-    hypothesis : what e means
-    """
-
-    restitution: float
-    friction: float = 0.0
-    hypothesis: Hypothesis = Hypothesis.NEWTON
 
 
 class ContactImpulse(NamedTuple):
@@ -108,9 +89,10 @@ class ContactCompliance(NamedTuple):
     tt: float
 
 
-def single_impact(
-    Ann: float, Ant: float, Att: float, vn: float, vt: float, law: ImpactLaw
-) -> ContactImpulse:
+@kernel
+def impulses_of_one(
+    A: ContactCompliance, vn: float, vt: float, e: float, mu: float, hypothesis: int
+) -> tuple[float, float, int]:
     """The impact of a single contact, by Routh's method.
 
     The normal impulse grows from 0. While the contact slips, ``dq = -mu sign(vt) dp``. When vt
@@ -136,32 +118,14 @@ def single_impact(
 
     Parameters
     ----------
-    Ann, Ant, Att : [1/kg]
     vn, vt : rates before [m/s]
+    e, mu : coefficients of restitution and friction, 0 smooth and `math.inf` rough ([SB] 5.3)
 
-    Raises
-    ------
-    ArithmeticError
-        If no finite impulse ends the approach: A is singular and the contact is wedged.
+    Returns
+    -------
+    normal and tangential impulse, and sign of the slip afterwards; the first is NaN where no
+    finite impulse ends the approach: A is singular and the contact is wedged
     """
-    p, q, slip = impulses_of_one(
-        ContactCompliance(Ann, Ant, Ant, Att),
-        vn,
-        vt,
-        law.restitution,
-        law.friction,
-        law.hypothesis.code,
-    )
-    if math.isnan(p):
-        raise ArithmeticError(_WEDGED)
-    return ContactImpulse(p, q, slip)
-
-
-@kernel
-def impulses_of_one(
-    A: ContactCompliance, vn: float, vt: float, e: float, mu: float, hypothesis: int
-) -> tuple[float, float, int]:
-    """Normal and tangential impulse, and slip, of `single_impact`; the first is NaN if wedged."""
     if vn >= 0.0:
         return 0.0, 0.0, _sign(vt)
     rebound = -e * vn
@@ -201,8 +165,8 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Conta
     Where ``Ann - mu sign(vt) Ant < 0``, friction presses the bodies together faster than the
     normal force parts them, and no finite force is consistent (P. Painleve, 1895). The normal
     impulse grows until vt = 0, and then until vn is back at 0; there the contact sticks. This is
-    `single_impact` for e = 0 as vn rises to 0: there is no restitution, and energy never rises. A
-    contact that does not jam gets no impulse.
+    `impulses_of_one` for e = 0 as vn rises to 0: there is no restitution, and energy never rises.
+    A contact that does not jam gets no impulse.
 
     Parameters
     ----------
@@ -221,7 +185,7 @@ def jam(Ann: float, Ant: float, Att: float, vt: float, friction: float) -> Conta
         return ContactImpulse(0.0, 0.0, slide.slip)
     last = _last(A, friction, slide)
     if last.rise <= 0.0:
-        raise ArithmeticError(_WEDGED)
+        raise ArithmeticError('a contact is wedged: no finite impulse ends its approach')
     more = -slide.rise * slide.length / last.rise
     return ContactImpulse(
         slide.normal * slide.length + more,
@@ -244,7 +208,7 @@ def shock(
     a time-stepping scheme for rigid-body dynamics and resolution of Painleve's problem, Arch.
     Ration. Mech. Anal. 145, 1998). If forces kept the slip, impulses would vanish with h; as none
     do, they tend to finite ones that stop or turn some slip. That is the compression phase of
-    `simultaneous_impact` at no approach speed: there is no restitution and energy never rises.
+    `simultaneous_impulses` at no approach speed: there is no restitution and energy never rises.
 
     Parameters
     ----------
@@ -295,11 +259,7 @@ def shock(
     impulses[:m] = np.maximum(impulses[:m], 0.0)
     if not np.abs(matrix @ impulses).max() > _IMPACTS.frees * slip:
         raise ArithmeticError('contacts that do not jam cannot be freed by an impact')
-    after = _rates(matrix, before, impulses)
-    return [
-        ContactImpulse(float(p), float(q), _sign(float(vt)))
-        for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
-    ]
+    return contact_impulses(matrix, before, impulses)
 
 
 @kernel
@@ -395,11 +355,7 @@ def stop_slide(
     impulses = (
         basis @ np.linalg.lstsq((matrix @ basis)[rows], -before[rows], rcond=_IMPACTS.jam_rank)[0]
     )
-    after = _rates(matrix, before, impulses)
-    return [
-        ContactImpulse(float(p), float(q), _sign(float(vt)))
-        for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
-    ]
+    return contact_impulses(matrix, before, impulses)
 
 
 @kernel
@@ -428,15 +384,16 @@ def _sign(x: float) -> int:
     return 1 if x > 0.0 else -1 if x < 0.0 else 0
 
 
-def simultaneous_impact(
-    A: Sequence[Sequence[float]], rate: Sequence[float], laws: Sequence[ImpactLaw]
-) -> list[ContactImpulse]:
+@kernel
+def simultaneous_impulses(
+    A: Array, rate: Array, e: Array, friction: Array, hypothesis: Indices
+) -> tuple[Array, bool]:
     """The impulses of m contacts that touch at one instant.
 
     Rows and columns are ordered all normals first, then all tangentials; the tangential rows of a
     frictionless contact may be 0.
 
-    If all laws are Newton's, in Moreau's form: ``p >= 0``, ``vn+ + e vn >= 0``,
+    If all hypotheses are Newton's, in Moreau's form: ``p >= 0``, ``vn+ + e vn >= 0``,
     ``p (vn+ + e vn) = 0``, and Coulomb's law holds between p, q and vt+. (J. J. Moreau, Unilateral
     contact and dry friction in finite freedom dynamics, 1988.)
 
@@ -447,9 +404,9 @@ def simultaneous_impact(
     and counts as Poisson's here. A contact under Newton's, among others, expands without a least
     impulse, so as to end with ``vn+ >= -e vn`` if it was closing.
 
-    Both look at slip at the end of the impact or phase only, `single_impact` all the way. For
+    Both look at slip at the end of the impact or phase only, `impulses_of_one` all the way. For
     m = 1 they agree with it where the direction of slip does not change. A rough contact (mu =
-    inf) that is pressed sticks; else it is the limit of a large mu, as in `single_impact`.
+    inf) that is pressed sticks; else it is the limit of a large mu, as in `impulses_of_one`.
 
     Energy never rises
 
@@ -457,41 +414,21 @@ def simultaneous_impact(
       contact separates beforehand;
     - in two phases, Newton's contacts apart, if e is the same for all or nothing has friction.
 
-    Else it may: with friction in Moreau's form as in `single_impact`, and with friction and
+    Else it may: with friction in Moreau's form as in `impulses_of_one`, and with friction and
     different e in two phases.
 
     Parameters
     ----------
     A : (2m, 2m) rates per unit impulse [1/kg], symmetric positive semidefinite
     rate : (2m,) before [m/s]
-    laws : (m,)
+    e, friction, hypothesis : (m,)
 
-    Raises
-    ------
-    ArithmeticError
-        If there is no solution to rounding. That takes a singular A, with friction and e > 0 in
-        Moreau's form: the bodies are wedged and cannot part at the rates that e asks for.
+    Returns
+    -------
+    impulses (2m,), and whether there are any to rounding. That there are none takes a singular A,
+    with friction and e > 0 in Moreau's form: the bodies are wedged and cannot part at the rates
+    that e asks for.
     """
-    m = len(laws)
-    matrix, before = np.array(A, dtype=float), np.array(rate, dtype=float)
-    e = np.array([law.restitution for law in laws])
-    friction = np.array([law.friction for law in laws])
-    hypotheses = np.array([law.hypothesis.code for law in laws])
-    impulses, found = simultaneous_impulses(matrix, before, e, friction, hypotheses)
-    if not found:
-        raise ArithmeticError('no impulses satisfy all contacts of this instant')
-    after = _rates(matrix, before, impulses)
-    return [
-        ContactImpulse(float(p), float(q), _sign(float(vt)))
-        for p, q, vt in zip(impulses[:m], impulses[m:], after[m:], strict=True)
-    ]
-
-
-@kernel
-def simultaneous_impulses(
-    A: Array, rate: Array, e: Array, friction: Array, hypothesis: Indices
-) -> tuple[Array, bool]:
-    """`simultaneous_impact` of arrays: impulses (2m,), and whether there are any."""
     m = len(e)
     slip, least, b = np.zeros(m, dtype=np.int64), np.zeros(2 * m), rate.copy()
     newton = True
@@ -523,20 +460,12 @@ def simultaneous_impulses(
     return x, found
 
 
-def _rates(
-    A: NDArray[np.float64], before: NDArray[np.float64], impulses: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Rates after impulses; those within rounding of zero are zero."""
-    after = before + A @ impulses
+def contact_impulses(A: Array, before: Array, impulses: Array) -> list[ContactImpulse]:
+    """Impulses (2m,) by contacts; a slip within rounding of zero is none."""
+    m, after = len(before) // 2, before + A @ impulses
     size = np.abs(before) + np.abs(A).sum(axis=1) * np.abs(impulses).max()
-    return np.where(np.abs(after) > _ROUNDING.solved * size, after, 0.0)
-
-
-def energy_change(
-    before: Sequence[float], after: Sequence[float], impulses: Sequence[float]
-) -> float:
-    """Change of kinetic energy by impulses [J]: each times the mean of its rates [m/s].
-
-    Exact whatever happens during the impact; the work of a drive is not in it.
-    """
-    return sum(0.5 * p * (u + v) for u, v, p in zip(before, after, impulses, strict=True))
+    slips = np.where(np.abs(after) > _ROUNDING.solved * size, np.sign(after), 0.0)[m:]
+    return [
+        ContactImpulse(float(p), float(q), int(slip))
+        for p, q, slip in zip(impulses[:m], impulses[m:], slips, strict=True)
+    ]

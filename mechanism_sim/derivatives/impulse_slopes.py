@@ -1,6 +1,6 @@
 """Derivatives of the impulses of an impact, by the impact's own equations.
 
-One contact: the path of impulses of `contact.impact.single_impact` on complex numbers, whose
+One contact: the path of impulses of `contact.impact.impulses_of_one` on complex numbers, whose
 imaginary parts are derivatives to the last digit (W. Squire, G. Trapp, SIAM Rev. 40, 1998).
 Several contacts: which of them stick, slide or part is known, and what is left is linear.
 """

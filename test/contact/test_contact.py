@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from blows import ImpactLaw, simultaneous_impact
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mechanism_sim.contact.chatter import ChatterRule
-from mechanism_sim.contact.impact import ImpactLaw, simultaneous_impact
 from mechanism_sim.numerics.complementarity import solve_frictional_lcp
 
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from blows import ImpactLaw, energy_change, simultaneous_impact, single_impact
 from enumeration import newton_impulses
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
@@ -18,11 +19,7 @@ import mechanism_sim as ms
 from mechanism_sim.contact.impact import (
     ContactImpulse,
     Hypothesis,
-    ImpactLaw,
-    energy_change,
     jam,
-    simultaneous_impact,
-    single_impact,
 )
 from mechanism_sim.numerics.complementarity import Grip, solve_frictional_lcp
 
