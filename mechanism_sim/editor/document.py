@@ -63,6 +63,18 @@ class Document:
         made._saved = text if own else ''
         return made
 
+    @classmethod
+    def dropped(cls, file: Path) -> Document:
+        """A copy of a file that nobody keeps, as `open` has it: it is saved in the folder here."""
+        if file.suffix.lower() not in ('.yaml', '.yml') and not is_importable(file.name):
+            raise InputError(
+                f"'{file.name}' is no machine: drop a scene, .yaml, or a file of another program "
+                "that 'mechanism-sim import' reads"
+            )
+        made = cls.open(str(file))
+        made.file, made._folder, made._saved = Path(f'{made.name}.yaml'), Path(), ''
+        return made
+
     @property
     def changed(self) -> bool:
         """True if there is something that is not in the file."""

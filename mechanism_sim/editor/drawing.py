@@ -11,7 +11,6 @@ import numpy as np
 from mechanism_sim.editor.motion import Turn
 from mechanism_sim.editor.sketch import Handle, Pose, Poses, point, points_of
 from mechanism_sim.editor.tools import TOOLS
-from mechanism_sim.export.palette import index
 from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
@@ -190,5 +189,4 @@ def _stage(scene: Scene, links: list[str], symbol: float, shapes: list[Shape]) -
         'force': 0.0,
         'force_scale': 0.0,
         'bendings': {},
-        'colours': {link: index(k) for k, link in enumerate(links)},
     }

@@ -137,23 +137,51 @@ class Turn:
         """True if it is known how the machine goes on."""
         return bool(self.q.shape[1] > 1)
 
+    @property
+    def along(self) -> tuple[str, Array]:
+        """The variable of a turn in words with its unit, and its values (N,) [°, mm, s]."""
+        count = self.q.shape[1]
+        if len(self._held) > 1:
+            return 'time [s]', self._times[:count]
+        ((c, way),) = self._held.items()
+        slides = c in self.mechanism.displacements
+        return f'{c} [{"mm" if slides else "°"}]', (1e3 if slides else 180.0 / np.pi) * way[:count]
+
+    @property
+    def timed(self) -> bool:
+        """True if it is known when it is where, so that there are rates."""
+        prescribed = [c for c in self.machine.plan.prescribed if c in self._held]
+        return self.moves and len(prescribed) == len(self._held)
+
+    @property
+    def weighed(self) -> bool:
+        """True if forces of ideal joints follow from the motion."""
+        machine, plan = self.machine, self.machine.plan
+        rigid = not (machine.without_forces or plan.ideal.deformations)
+        return plan.weighed and self.timed and rigid
+
+    def motion(self, order: int, count: int = INSTANTS) -> Array:
+        """Coordinates (n, N), their rates or accelerations, under the prescribed drives."""
+        plan, q = self.machine.plan, self.q[:, :count]
+        if not order:
+            return q
+        t = self._times[: q.shape[1]]
+        laws = [plan.laws_until(c, t[-1]) for c in plan.prescribed if c in self._held]
+        rate, second = (np.array([_values(x, t, order) for x in laws]) for order in (1, 2))
+        v = self._kinematics.rates(q, rate)
+        return v if order == 1 else self._kinematics.accelerations(q, v, second)
+
     def forces(self, count: int = INSTANTS) -> IdealForces | None:
         """Of the ideal joints at the first instants; None where they do not follow from motion.
 
         Inverse dynamics under the prescribed drives: rates and accelerations of all coordinates
         follow from those of the drives, forces from both.
         """
-        machine, plan = self.machine, self.machine.plan
-        prescribed = [c for c in plan.prescribed if c in self._held]
-        if not (plan.weighed and self.moves and len(prescribed) == len(self._held)):
+        machine = self.machine
+        if not self.weighed:
             return None
-        if machine.without_forces or plan.ideal.deformations:
-            return None
-        q, t = self.q[:, :count], self._times[:count]
-        known = [plan.laws_until(c, t[-1]) for c in prescribed]
-        rate, second = (np.array([_values(laws, t, order) for laws in known]) for order in (1, 2))
-        v = self._kinematics.rates(q, rate)
-        a = self._kinematics.accelerations(q, v, second)
+        t = self._times[: self.q[:, :count].shape[1]]
+        q, v, a = (self.motion(order, count) for order in (0, 1, 2))
         dynamics = machine.nominal.inverse_dynamics
         outside = np.array([t if x == 'time' else 0.0 * t for x in dynamics.outside])
         o = dynamics(q, v, a, outside.reshape(len(dynamics.outside), len(t)))

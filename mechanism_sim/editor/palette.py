@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mechanism_sim.editor.rounding import degrees, rounded
-from mechanism_sim.editor.sketch import GONE, PLAY, Edit, Sketch, Spot, point
+from mechanism_sim.editor.sketch import GONE, PLAY, Edit, Pose, Sketch, Spot, point
 from mechanism_sim.editor.tool import Draw, Tool
 from mechanism_sim.editor.tools import TOOLS
 from mechanism_sim.errors import InputError
@@ -20,11 +20,9 @@ from mechanism_sim.scene.sensors import SENSORS
 def _link(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A bar, with a pin where it begins or ends on another link or on a point of the ground."""
     a, b, length = sketch.ends(start, end, 'link')
-    name = sketch.name('link')
-    edits = [
-        sketch.link(name, length),
-        Edit(('guess', name), degrees(math.atan2(b[1] - a[1], b[0] - a[0]))),
-    ]
+    name, angle = sketch.name('link'), math.atan2(b[1] - a[1], b[0] - a[0])
+    sketch.poses[name] = Pose(*a, angle)  # where it stays until something holds it
+    edits = [sketch.link(name, length), Edit(('guess', name), degrees(angle))]
     for spot, own in ((start, name), (end, f'{name}.end')):
         if spot.handle or spot.link:
             reference, more = sketch.reference(spot)

@@ -12,6 +12,7 @@ from mechanism_sim.editor.layout import placed
 from mechanism_sim.editor.motion import Turn
 from mechanism_sim.editor.sketch import ORIGIN, Handle, Poses, points_of
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.export.palette import index
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
@@ -43,6 +44,25 @@ class DocumentPicture(NamedTuple):
                 return handle
         raise InputError('there is nothing there any more')
 
+    @property
+    def hint(self) -> str:
+        """Next step of a machine whose links are not joined yet; empty of others."""
+        moving = [link for link in self.scene.links if link != GROUND]
+        if not self.problem:
+            return ''
+        if not moving:
+            return 'Draw a link: press where it begins, and drag (L)'
+        joined, before = {GROUND}, set[str]()
+        while joined != before:
+            before = {*joined}
+            for joint in self.scene.joints.values():
+                ends = {reference.partition('.')[0] for reference in joint.points}
+                joined |= ends if ends & joined else set()
+        free = [link for link in moving if link not in joined]
+        if not free or self.scene.bushings:
+            return ''
+        return f'{free[0]} is not joined to the frame yet: put a pivot on one of its points (G)'
+
     def tracks(self, path: tuple[str, ...], traced: Traced) -> list[tuple[str, bool]]:
         """The points of the link at a path, and whether their paths are drawn."""
         link = path[1] if path[:1] == ('links',) and len(path) == 2 else ''
@@ -51,8 +71,15 @@ class DocumentPicture(NamedTuple):
         points = (f'{link}.{name}' for name in points_of(self.scene.links[link]))
         return [(point, has_path(point, traced)) for point in points]
 
-    def to_json(self, name: str, traced: Traced, symbol: float) -> dict[str, Any]:
-        """All of it for a page; `symbol` [m] is kept through a drag, else 0."""
+    def to_json(
+        self, name: str, traced: Traced, symbol: float, colours: Mapping[str, int]
+    ) -> dict[str, Any]:
+        """All of it for a page; `symbol` [m] is kept through a drag, else 0.
+
+        Parameters
+        ----------
+        colours : numbers of those of links, in whatever order these are
+        """
         curves: dict[str, Any] = {}
         paths: dict[str, Any] = {}
         if self.turn:
@@ -64,8 +91,10 @@ class DocumentPicture(NamedTuple):
             stage, curves = drawing.of_machine(self.turn, paths, symbol)
         else:
             stage = drawing.of_parts(self.scene, self.poses)
+        own = {link: index(colours[link]) for link in stage['links']}
+        shapes = [shape | {'colour': own.get(shape['link'], -1)} for shape in stage['shapes']]
         return {
-            'stage': {'scene': name, **stage},
+            'stage': {'scene': name, **stage, 'shapes': shapes, 'colours': own},
             'poses': [self.poses[link] for link in stage['links']],
             'handles': [h.to_json() for h in drawing.handles(self.scene, self.poses)],
             'curves': curves,

@@ -30,7 +30,7 @@ from mechanism_sim.editor.worker import Worker
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'canvas', 'fields', 'edit'
+MODULES = 'svg', 'stage', 'lens', 'player', 'curves', 'canvas', 'fields', 'edit'
 
 PAUSE = 0.1
 """[s] without an edit after which the document is checked and run, as it is dragged."""
@@ -41,7 +41,7 @@ SLOW = 0.4
 _LOOK = 0.05  # [s] between looks at what runs
 _COMMAND = 400_000  # bytes: a whole document, its quotes escaped
 _WAITING = 2_000, 16_000_000  # messages of pages, and their bytes about; then pages are cut off
-_ANEW = 'text', 'open', 'undo', 'redo'  # what makes another document of it
+_ANEW = 'text', 'open', 'import', 'undo', 'redo'  # what makes another document of it
 _FOLLOWED = 'drag', 'pull'  # of which only the last counts
 
 

@@ -27,6 +27,7 @@ from mechanism_sim.editor.rounding import rounded
 from mechanism_sim.editor.scene_text import renamed, with_value, without
 from mechanism_sim.editor.tools import TOOLS as OF_KINDS
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.loads import LOADS
@@ -705,3 +706,114 @@ def test_bad_input_and_a_taken_port_are_one_sentence(capsys):
 
 def test_yaml_of_a_scene_is_read_by_others():
     assert yaml.safe_load(four_bar().text)['drive']['speed'] == '60 rpm'
+
+
+def test_a_link_drawn_anywhere_stays_there_until_it_is_held():
+    page = Page()
+    page.draw('link', (0.1, 0.05, ''), (0.15, 0.09, ''))
+    page.draw('link', (0.3, 0.05, ''), (0.25, 0.19, ''))
+    assert page.at('link_1.start') == pytest.approx((0.1, 0.05), abs=1e-9)
+    assert page.at('link_2.end') == pytest.approx((0.25, 0.19), abs=1e-3)
+    page.draw('link', (0.15, 0.09, 'link_1.end'), (0.25, 0.19, 'link_2.end'))
+    before = {key: page.at(key) for key in ('link_1.start', 'link_1_link_3', 'link_2.start')}
+    page.drop('link_1.start', 0.12, 0.03)
+    assert page.at('link_1.start') == pytest.approx((0.12, 0.03))
+    page.ask('rename', path=['links', 'link_3'], name='rod')
+    assert page.at('link_1.start') == pytest.approx((0.12, 0.03))
+    page.ask('undo')
+    page.ask('undo')
+    for key, place in before.items():
+        assert page.at(key) == pytest.approx(place)
+    # pivots come after: the four-bar is assembled where it was drawn
+    page.draw('ground', (0.1, 0.05, 'link_1.start'))
+    page.draw('ground', (0.3, 0.05, 'link_2.start'))
+    assert page.state['assembled']
+    assert page.at('ground_link_1') == pytest.approx((0.1, 0.05))
+    assert page.at('link_1_link_3') == pytest.approx((0.15, 0.09), abs=1e-3)
+    assert page.said == []
+
+
+def test_the_next_step_of_a_machine_that_is_begun_is_a_hint():
+    page = Page()
+    assert page.state['hint'].startswith('Draw a link')
+    page.draw('link', (0.1, 0.05, ''), (0.15, 0.09, ''))
+    assert 'link_1 is not joined to the frame yet' in page.state['hint']
+    page.draw('ground', (0.1, 0.05, 'link_1.start'))
+    assert page.state['hint'] == page.state['problem'] == ''
+    page.set('links.link_1.length', '-5 mm')  # that is wrong, and no step
+    assert page.state['problem']
+    assert page.state['hint'] == ''
+
+
+def test_a_chart_over_the_turn_follows_the_drag():
+    """By finite differences of the angles, and by the closed form of a slider-crank."""
+    page = Page('slider_crank')
+    known = page.state['quantities']
+    assert {'piston: displacement', 'piston: acceleration', 'rod: angle'} <= {*known}
+    page.ask('chart', quantity='piston: displacement')
+    chart = page.state['chart']
+    x = np.radians(chart['at'])
+    machine = Machine('slider_crank', page.session.document.scene())
+    crank, rod = (machine.plan.points[link]['end'][0] for link in ('crank', 'rod'))
+    wanted = crank * np.cos(x) + np.sqrt(rod**2 - (crank * np.sin(x)) ** 2)
+    np.testing.assert_allclose(chart['values'], 1e3 * wanted, rtol=1e-9)
+    page.ask('chart', quantity='piston: velocity')
+    rate = np.gradient(1e-3 * np.array(chart['values']), x) * machine.drive.start[1]
+    fine = slice(1, -1)
+    np.testing.assert_allclose(page.state['chart']['values'][fine], rate[fine], atol=2e-2)
+    page.ask('chart', quantity='piston: displacement')
+    page.ask('drag', handle='crank_rod', x=1.2 * crank, y=0.0, step=1e-3)
+    longer = page.heard[-1]['chart']
+    assert page.heard[-1]['type'] == 'frame'
+    assert np.ptp(longer['values']) == pytest.approx(2.4e3 * crank, rel=1e-3)
+    page.ask('chart', quantity='nothing')
+    assert page.state['chart'] is None
+
+
+@pytest.mark.sample(3)
+@pytest.mark.parametrize('name', scene_names())
+def test_every_quantity_that_is_offered_can_be_charted(name):
+    page = Page(name)
+    for quantity in page.state['quantities']:
+        page.ask('chart', quantity=quantity)
+        chart = page.state['chart']
+        assert len(chart['at']) == len(chart['values']) == INSTANTS
+        assert np.isfinite(chart['values']).all()
+
+
+def test_colours_stay_with_their_links():
+    page = Page('four_bar_coupler_curve')
+    before = page.state['stage']['colours']
+    page.ask('remove', path=['links', 'crank'])
+    left = page.state['stage']['colours']
+    assert left == {link: before[link] for link in ('coupler', 'rocker')}
+    page.ask('rename', path=['links', 'rocker'], name='arm')
+    assert page.state['stage']['colours'] == {
+        'coupler': before['coupler'],
+        'arm': before['rocker'],
+    }
+    page.draw('link', (0.0, 0.0, ''), (0.1, 0.0, ''))
+    assert page.state['stage']['colours']['link_1'] == before['crank']
+    assert all(
+        shape['colour'] == page.state['stage']['colours'].get(shape['link'], -1)
+        for shape in page.state['stage']['shapes']
+    )
+
+
+def test_a_file_that_is_dropped_on_the_page_is_opened():
+    page = Page()
+    text = to_urdf(load_scene('four_bar_nominal'))
+    page.ask('import', name='../machine_1.urdf', text=text)
+    assert (page.state['name'], page.state['file']) == ('machine_1', 'machine_1.yaml')
+    assert page.state['assembled']
+    page.ask('import', name='mine.yaml', text=DRAWN_FOUR_BAR)
+    assert page.text == DRAWN_FOUR_BAR
+    for name, content, words in (
+        ('a.docx', 'x', "'a.docx' is no machine"),
+        ('', '', 'is no machine'),
+        ('b.yaml', 'a: [', 'b.yaml'),
+        ('c.csv', 'name,type,x,y', 'c.csv'),
+    ):
+        page.ask('import', name=name, text=content)
+        assert words in page.said[-1]
+        assert page.text == DRAWN_FOUR_BAR

@@ -436,3 +436,48 @@ def test_nobody_gets_in_without_the_key_or_from_another_site(tmp_path, monkeypat
             socket.send('no JSON')
             with pytest.raises(ConnectionClosed, match='no JSON'):
                 list(iter(lambda: socket.recv(PATIENCE), None))
+
+
+@pytest.mark.slow
+def test_a_link_drawn_anywhere_is_grounded_later_and_a_chart_follows_the_drag(
+    tab, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        state = hand.page.locator('#state')
+        assert 'wrong' not in (state.get_attribute('class') or '')
+        assert state.inner_text().startswith('Draw a link')
+        hand.tool('link')
+        hand.drag(0.02, 0.03, 0.02, 0.08)
+        knob = hand.page.locator('[data-handle="link_1.start"]').bounding_box()
+        x, y = hand.at(0.02, 0.03)
+        assert abs(knob['x'] + 0.5 * knob['width'] - x) < 2.0
+        assert abs(knob['y'] + 0.5 * knob['height'] - y) < 2.0
+        assert 'not joined to the frame yet' in state.inner_text()
+        hand.drag(0.22, 0.03, 0.17, 0.18)
+        hand.drag(0.02, 0.08, 0.17, 0.18)
+        for x in (0.02, 0.22):
+            hand.tool('ground')
+            hand.click(x, 0.03)
+        hand.tool('drive')
+        hand.click(0.02, 0.055)
+        assert hand.data('problem') == ''
+        hand.page.locator('#tab-chart').click()
+        hand.page.select_option('#quantity', 'link_2: angle')
+        hand.until(lambda: hand.data('charted') == 'link_2: angle')
+        curve = hand.page.locator('#curves .chosen')
+        before = curve.get_attribute('d')
+        hand.tool('move')
+        hand.mouse.move(*hand.at(0.02, 0.08))
+        hand.mouse.down()
+        hand.mouse.move(*hand.at(0.02, 0.09), steps=4)
+        hand.until(lambda: curve.get_attribute('d') != before)
+        hand.tab.shoot('edit_chart')
+        hand.mouse.up()
+        hand.ran()
+        for width in (1440, 390):
+            hand.page.set_viewport_size({'width': width, 'height': 860})
+            hand.tab.shoot(f'edit_chart_{width}')
+            assert overlapping(boxes(hand.page, '.tabs button')) == []
+        clean(hand)

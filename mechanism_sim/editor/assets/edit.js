@@ -1,4 +1,5 @@
 import { Canvas } from 'canvas';
+import { Curves } from 'curves';
 import { Fields } from 'fields';
 import { lensOf } from 'lens';
 import { Player, Recording } from 'player';
@@ -9,6 +10,7 @@ const AGAIN = 1000; // [ms] until a lost connection is tried again
 const SAID = 6000; // [ms] that a message stays
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
 const TURN = 4; // [s] of ours that a run takes at first, or longer
+const TABS = ['parts', 'chart', 'run', 'yaml'];
 const BOUNDS = [-0.1, -0.1, 0.3, 0.2]; // [m] of a machine that is begun
 
 /** Tools that draw nothing: as those of `Tool.to_json`, which the page has from the kinds. */
@@ -32,6 +34,7 @@ let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
 let flying = false;
 let fitted = null; // the document that was fitted
+let curves = null;
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
@@ -55,6 +58,7 @@ function start() {
   by('fit').addEventListener('click', fit);
   for (const name of ['names', 'forces']) by(name).addEventListener('change', () => canvas.layer(name, by(name).checked));
   by('text').addEventListener('change', () => ask({ type: 'text', text: by('text').value }));
+  by('quantity').addEventListener('change', () => ask({ type: 'chart', quantity: by('quantity').value }));
   by('play').addEventListener('click', toggle);
   by('scrub').addEventListener('input', () => {
     playing(true);
@@ -62,8 +66,14 @@ function start() {
     run.player.seek(run.recording.start + Number(by('scrub').value) * length());
   });
   by('speed').addEventListener('change', () => { run.player.speed = Number(by('speed').value); });
-  for (const name of ['parts', 'run', 'yaml']) by(`tab-${name}`).addEventListener('click', () => tab(name));
+  for (const name of TABS) by(`tab-${name}`).addEventListener('click', () => tab(name));
   document.addEventListener('keydown', key);
+  document.addEventListener('dragover', (event) => event.preventDefault());
+  document.addEventListener('drop', async (event) => {
+    event.preventDefault();
+    const [file] = event.dataTransfer.files;
+    if (file && leaves()) ask({ type: 'import', name: file.name, text: await file.text() });
+  });
   window.addEventListener('beforeunload', (event) => { if (state?.changed) event.preventDefault(); });
   connect();
 }
@@ -138,6 +148,9 @@ function show(news) {
   if (document.activeElement !== by('text')) by('text').value = news.text;
   draw(news);
   fields.show(news, news.stage.colours);
+  by('quantity').replaceChildren(new Option(news.quantities.length ? 'choose …' : 'nothing moves', ''),
+    ...news.quantities.map((name) => new Option(words(name), name, false, name === news.chart?.name)));
+  chart(news.chart);
   if (other && fitted !== news.name) fit();
   fitted = news.name;
   tell();
@@ -179,7 +192,8 @@ function frame(news) {
   }
   if (news.forces === undefined) news.forces = pressed; // those of a frame before
   draw(news);
-  state.problem = news.problem;
+  chart(news.chart);
+  Object.assign(state, { problem: news.problem, hint: news.hint });
   tell();
   root.dataset.frames = Number(root.dataset.frames ?? 0) + 1;
 }
@@ -187,7 +201,21 @@ function frame(news) {
 function pose({ poses, instant: k }) {
   landed();
   canvas.pose({ poses, ...acting(k) });
+  if (curves) curves.drawn.show(curves.at[k]);
   root.dataset.poses = Number(root.dataset.poses ?? 0) + 1;
+}
+
+/** The quantity that is charted, over a turn; pale as it was before a drag. */
+function chart(now) {
+  by('curves').replaceChildren();
+  curves = null;
+  if (!now || by('chart').hidden) return;
+  const run = ({ at, values }) => (at[0] > at.at(-1) ? { at: at.toReversed(), values: values.toReversed() } : { at, values });
+  const before = state.chart?.name === now.name ? state.chart : now;
+  curves = { at: now.at, drawn: new Curves(by('curves'), { ...now, every: now.along.endsWith('[°]') ? 60 : 0, runs: [run(before), run(now)] }) };
+  curves.drawn.choose(1);
+  curves.drawn.show(now.at[0]);
+  root.dataset.charted = now.name;
 }
 
 function fit() {
@@ -197,9 +225,10 @@ function fit() {
 }
 
 function tell(text = '') {
-  const { problem } = state;
-  by('state').classList.toggle('wrong', Boolean(problem));
-  by('state').textContent = problem || text || (run ? by('state').textContent : 'checking …');
+  const { problem, hint } = state;
+  by('state').classList.toggle('wrong', Boolean(problem) && !hint);
+  by('state').classList.toggle('next', Boolean(problem && hint));
+  by('state').textContent = (problem && hint) || problem || text || (run ? by('state').textContent : 'checking …');
   root.dataset.problem = problem;
 }
 
@@ -245,6 +274,7 @@ function progress({ data }) {
 function ran({ data, number }) {
   if (number !== state.number) return;
   const recording = new Recording(data);
+  for (const shape of data.stage.shapes) shape.colour = state.stage.colours[shape.link] ?? -1;
   run = { recording, data, player: new Player(recording, instant) };
   by('play').disabled = by('scrub').disabled = by('speed').disabled = false;
   const wanted = Math.log(length() / TURN);
@@ -424,17 +454,23 @@ function save() {
 
 function open(name) {
   by('scenes').value = '';
+  if (leaves()) ask({ type: 'open', name });
+}
+
+/** Whether the document may be left for another one. */
+function leaves() {
   // eslint-disable-next-line no-alert
-  if (state?.changed && !window.confirm('What was changed is not saved. Leave it?')) return;
+  if (state?.changed && !window.confirm('What was changed is not saved. Leave it?')) return false;
   fitted = null;
-  ask({ type: 'open', name });
+  return true;
 }
 
 function tab(name) {
-  for (const each of ['parts', 'run', 'yaml']) {
+  for (const each of TABS) {
     by(each).hidden = each !== name;
     by(`tab-${each}`).setAttribute('aria-selected', each === name);
   }
+  if (name === 'chart' && state) chart(state.chart);
 }
 
 function key(event) {
