@@ -25,8 +25,10 @@ from mechanism_sim.catalogue import scene_names
 from mechanism_sim.editor import palette
 from mechanism_sim.editor.background import Background
 from mechanism_sim.editor.document import Document
+from mechanism_sim.editor.files_beside import FORMATS, FilesBeside
 from mechanism_sim.editor.recovery import UnsavedEdits
 from mechanism_sim.editor.worker import Worker
+from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
 
@@ -57,7 +59,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     desk = Desk(document)
     server = Server(
         contents_of('edit', MODULES, __package__, scenes=scene_names(),
-                    tools=embedded(palette.to_json())),
+                    tools=embedded(palette.to_json()), formats=[*FORMATS]),
         None if port == PORT else port, lambda: desk.greeting, desk.put,
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
         name='edit',
@@ -92,6 +94,7 @@ class Desk:
         self._recovery = UnsavedEdits()
         self._keeper = ThreadPoolExecutor(1)  # a disk may take long, and nobody waits for it
         self._keeping: Future[str] | None = None
+        self._files = FilesBeside(lambda text: self._came.put(('said', text)))
         self._kept: tuple[Any, ...] | None = None
         self._found: dict[str, str] = {}
         self._number = -1
@@ -145,6 +148,7 @@ class Desk:
                 runs.look(lambda: worker.job)
                 self._show_whether_busy(worker)
         finally:
+            self._files.close()
             runs.close()
             worker.close()
 
@@ -162,6 +166,11 @@ class Desk:
             os.read(self._awake, 4096)
         while not self._came.empty():
             kind, item = self._came.get()
+            if kind == 'page' and item[1].get('type') == 'make':
+                kind, item = 'said', self._begin(item)
+            if kind == 'said':
+                self._say(item)
+                continue
             if kind == 'page':
                 size, item = item
                 self._waiting -= size
@@ -173,6 +182,16 @@ class Desk:
             self._todo.append((kind, item))
         while len(self._todo) > _WAITING[0]:  # nobody can have meant all of them
             self._todo.popleft()
+
+    def _begin(self, asked: tuple[int, dict[str, Any]]) -> str:
+        """Begin to make a file of the document; a sentence about it."""
+        self._waiting -= asked[0]
+        what = str(asked[1].get('what'))
+        try:
+            self._files.make(self.document, what)
+        except InputError as error:
+            return str(error)
+        return f'{what}: it is being made …'
 
     def _work(self, worker: Worker, runs: Background) -> None:
         """Give the worker what is next; where nothing is, run the document or keep it."""

@@ -481,3 +481,29 @@ def test_a_link_drawn_anywhere_is_grounded_later_and_a_chart_follows_the_drag(
             hand.tab.shoot(f'edit_chart_{width}')
             assert overlapping(boxes(hand.page, '.tabs button')) == []
         clean(hand)
+
+
+@pytest.mark.slow
+def test_files_are_made_of_what_is_drawn(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing('slider_crank') as address:
+        hand = Hand(tab, address)
+        said = hand.page.locator('#said')
+        made = {
+            'PNG': ('.png', b'\x89PNG'), 'SVG': ('.svg', b'<?xml'), 'DXF': ('.dxf', b'  0'),
+            'CSV of a turn': ('.csv', b't [s],'), 'report': ('.html', b'<!doctype'),
+            'page with sliders': ('_sliders.html', b'<!doctype'),
+        }  # fmt: skip
+        for what, (end, start) in made.items():
+            hand.page.select_option('#make', what)
+            file = tmp_path.resolve() / f'slider_crank{end}'
+            hand.until(lambda file=file: said.inner_text() == f'saved: {file}')
+            assert file.read_bytes().startswith(start)
+        hand.page.select_option('#make', 'PNG')
+        hand.page.get_by_text('slider_crank_1.png').wait_for()  # nothing is written over
+        hand.page.locator('#tab-yaml').click()
+        hand.page.fill('#text', 'title: Nothing')
+        hand.after(lambda: hand.page.locator('#text').press('Tab'))
+        hand.page.select_option('#make', 'PNG')
+        hand.page.get_by_text("'mechanism' is missing").last.wait_for()
+        clean(hand)

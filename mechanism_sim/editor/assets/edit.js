@@ -53,6 +53,10 @@ function start() {
   by('save').addEventListener('click', save);
   by('new').addEventListener('click', () => open(''));
   by('scenes').addEventListener('change', () => open(by('scenes').value));
+  by('make').addEventListener('change', () => {
+    ask({ type: 'make', what: by('make').value });
+    by('make').value = '';
+  });
   by('in').addEventListener('click', () => canvas.zoom(1.25));
   by('out').addEventListener('click', () => canvas.zoom(0.8));
   by('fit').addEventListener('click', fit);

@@ -1,0 +1,72 @@
+"""Reports, pictures, tables, drawings and films of a document, made by the commands for them."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from itertools import count
+from pathlib import Path
+from subprocess import PIPE, Popen
+from threading import Thread
+from typing import Any
+
+from mechanism_sim import ending, strict_json
+from mechanism_sim.editor.document import Document
+from mechanism_sim.errors import InputError
+
+FORMATS = {
+    'report': ('.html', 'report'), 'page with sliders': ('_sliders.html', 'export'),
+    'PNG': ('.png', 'draw'), 'SVG': ('.svg', 'draw'), 'CSV of a turn': ('.csv', 'cycle'),
+    'DXF': ('.dxf', 'export'), 'film': ('.mp4', 'animate'),
+}  # fmt: skip
+"""Ends of names of files, and commands that write them."""
+
+
+class FilesBeside:
+    """Makes one file after the other, beside that of the document.
+
+    Parameters
+    ----------
+    say : called, from another thread, with a sentence when a file is there, or cannot be
+    """
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self._say = say
+        self._process: Popen[str] | None = None
+
+    def make(self, document: Document, what: str) -> None:
+        """Begin with a file, of the document as it is."""
+        if what not in FORMATS:
+            raise InputError(f"there is no '{what}' to be saved; there are: {', '.join(FORMATS)}")
+        if self._process and self._process.poll() is None:
+            raise InputError('one file after the other: the last is still being made')
+        end, command = FORMATS[what]
+        folder = document.file.parent.resolve() if document.file else Path.cwd()
+        names = (f'{document.name}{f"_{k}" if k else ""}{end}' for k in count())
+        file = next(folder / name for name in names if not (folder / name).exists())
+        text = strict_json.dumps(document.whole())  # with the tables that it names
+        Thread(target=self._made, args=(command, document.name, text, file), daemon=True).start()
+
+    def close(self) -> None:
+        """End what is being made."""
+        if self._process:
+            self._process.kill()
+
+    def _made(self, command: str, name: str, text: str, file: Path) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            scene = Path(folder) / f'{name}.yaml'
+            scene.write_text(text, 'utf-8')
+            told: Any = [
+                sys.executable,
+                '-m',
+                'mechanism_sim',
+                command,
+                str(scene),
+                '-o',
+                str(file),
+            ]
+            self._process = ending.start(told, stdout=PIPE, stderr=PIPE, text=True)
+            _, said = self._process.communicate()
+        last = said.strip().rpartition('\n')[2].removeprefix('mechanism-sim: ')
+        self._say(f'saved: {file}' if self._process.returncode == 0 else last)
