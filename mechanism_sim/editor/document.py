@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import re
+import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -64,14 +65,18 @@ class Document:
         return made
 
     @classmethod
-    def dropped(cls, file: Path) -> Document:
-        """A copy of a file that nobody keeps, as `open` has it: it is saved in the folder here."""
-        if file.suffix.lower() not in ('.yaml', '.yml') and not is_importable(file.name):
+    def dropped(cls, name: str, text: str) -> Document:
+        """A file of any program that nobody keeps, by name and text: it is saved in the folder."""
+        name = Path(name).name
+        if Path(name).suffix.lower() not in ('.yaml', '.yml') and not is_importable(name):
             raise InputError(
-                f"'{file.name}' is no machine: drop a scene, .yaml, or a file of another program "
-                "that 'mechanism-sim import' reads"
+                f"'{name}' is no machine: drop a scene, .yaml, or a file of another program that "
+                "'mechanism-sim import' reads"
             )
-        made = cls.open(str(file))
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / name
+            file.write_text(text, 'utf-8')
+            made = cls.open(str(file))
         made.file, made._folder, made._saved = Path(f'{made.name}.yaml'), Path(), ''
         return made
 

@@ -35,10 +35,21 @@ class FilesBeside:
         self._say = say
         self._process: Popen[str] | None = None
 
-    def make(self, document: Document, what: str) -> None:
-        """Begin with a file, of the document as it is."""
+    def takes(self, message: Any, document: Document) -> bool:
+        """Begin with a file of the document, if a page asks for one; False if it does not."""
+        if message.get('type') != 'make':
+            return False
+        what = str(message.get('what'))
+        try:
+            self._make(document, what)
+            self._say(f'{what}: it is being made …')
+        except InputError as error:
+            self._say(str(error))
+        return True
+
+    def _make(self, document: Document, what: str) -> None:
         if what not in FORMATS:
-            raise InputError(f"there is no '{what}' to be saved; there are: {', '.join(FORMATS)}")
+            raise InputError(f"there is no '{what}' to be made; there are: {', '.join(FORMATS)}")
         if self._process and self._process.poll() is None:
             raise InputError('one file after the other: the last is still being made')
         end, command = FORMATS[what]

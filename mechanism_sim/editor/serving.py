@@ -57,10 +57,15 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     """
     key = secrets.token_urlsafe(16)
     desk = Desk(document)
+    files = FilesBeside(desk.say)
+
+    def put(message: Any) -> bool:
+        return files.takes(message, desk.document) or desk.put(message)
+
     server = Server(
         contents_of('edit', MODULES, __package__, scenes=scene_names(),
                     tools=embedded(palette.to_json()), formats=[*FORMATS]),
-        None if port == PORT else port, lambda: desk.greeting, desk.put,
+        None if port == PORT else port, lambda: desk.greeting, put,
         read=lambda data: data if isinstance(data, dict) else None, key=key, largest=_COMMAND,
         name='edit',
     )  # fmt: skip
@@ -77,6 +82,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
             print(f'mechanism-sim: what was changed last is not saved; {kept}', file=sys.stderr)
         return 0
     finally:
+        files.close()
         server.close()
     return 0
 
@@ -94,7 +100,6 @@ class Desk:
         self._recovery = UnsavedEdits()
         self._keeper = ThreadPoolExecutor(1)  # a disk may take long, and nobody waits for it
         self._keeping: Future[str] | None = None
-        self._files = FilesBeside(lambda text: self._came.put(('said', text)))
         self._kept: tuple[Any, ...] | None = None
         self._found: dict[str, str] = {}
         self._number = -1
@@ -128,6 +133,11 @@ class Desk:
         self._ring()
         return True
 
+    def say(self, text: str) -> None:
+        """Tell all pages a sentence, from any thread."""
+        self._came.put(('said', text))
+        self._ring()
+
     def keep(self) -> str:
         """Keep what is not saved, at the end; a sentence if that is not possible."""
         self._keeper.shutdown()
@@ -148,7 +158,6 @@ class Desk:
                 runs.look(lambda: worker.job)
                 self._show_whether_busy(worker)
         finally:
-            self._files.close()
             runs.close()
             worker.close()
 
@@ -166,8 +175,6 @@ class Desk:
             os.read(self._awake, 4096)
         while not self._came.empty():
             kind, item = self._came.get()
-            if kind == 'page' and item[1].get('type') == 'make':
-                kind, item = 'said', self._begin(item)
             if kind == 'said':
                 self._say(item)
                 continue
@@ -182,16 +189,6 @@ class Desk:
             self._todo.append((kind, item))
         while len(self._todo) > _WAITING[0]:  # nobody can have meant all of them
             self._todo.popleft()
-
-    def _begin(self, asked: tuple[int, dict[str, Any]]) -> str:
-        """Begin to make a file of the document; a sentence about it."""
-        self._waiting -= asked[0]
-        what = str(asked[1].get('what'))
-        try:
-            self._files.make(self.document, what)
-        except InputError as error:
-            return str(error)
-        return f'{what}: it is being made …'
 
     def _work(self, worker: Worker, runs: Background) -> None:
         """Give the worker what is next; where nothing is, run the document or keep it."""

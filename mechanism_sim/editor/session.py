@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-import tempfile
 import time
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +15,7 @@ from mechanism_sim.catalogue import scene_names
 from mechanism_sim.editor import gestures, palette, panel, turn_chart
 from mechanism_sim.editor.assembly_choices import as_drawn, choices
 from mechanism_sim.editor.background import Job
+from mechanism_sim.editor.beside import BesideDocument
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.force_arrows import ForceArrows
 from mechanism_sim.editor.layout import coordinates, placed
@@ -26,7 +25,6 @@ from mechanism_sim.editor.sketch import (
     GONE,
     Edit,
     Grid,
-    Poses,
     Sketch,
     Spot,
 )
@@ -75,9 +73,7 @@ class Session:
         self.number, self._heavy = number, dict(heavy or {})
         self._path, self._traced = chosen or ((), {})
         self._picture = nothing(Document().scene())
-        self._colours: dict[str, int] = {}
-        self._quantity = ''  # that is charted
-        self._lain: dict[str, Poses] = {}  # where links lay, by the text: also of undone ones
+        self._beside = BesideDocument()
         self._grabbed: tuple[str, DocumentPicture] | None = None
         self._of: str | None = None  # the text whose picture this is
         self._tried: list[Edit] = []  # what is dragged makes of it
@@ -97,8 +93,9 @@ class Session:
         acts: dict[str, Callable[[Mapping[str, Any]], None]] = {
             'drag': self._drag, 'drop': self._drop, 'pull': self._pull, 'draw': self._draw,
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
-            'select': self._select, 'trace': self._trace, 'chart': self._chart,
-            'save': self._save, 'open': self._open, 'import': self._import,
+            'select': self._select, 'trace': self._trace,
+            'chart': lambda m: self._beside.choose(str(m['quantity'])),
+            'save': self._save, 'open': self._open, 'import': self._open,
             'undo': lambda _: self.document.undo(), 'redo': lambda _: self.document.redo(),
             'text': lambda m: self.document.replace(str(m['text'])),
         }  # fmt: skip
@@ -156,9 +153,11 @@ class Session:
             'problem': picture.problem,
             'hint': picture.hint,
             'quantities': turn_chart.names(picture.turn),
-            'chart': self._charted(),
+            'chart': self._beside.chart(picture.turn),
             'place': [] if picture.hint else _place_of(picture.problem, content),
-            **picture.to_json(document.name, self._traced, 0.0, self._coloured()),
+            **picture.to_json(
+                document.name, self._traced, 0.0, self._beside.colours(picture.scene)
+            ),
         }
 
     @property
@@ -199,15 +198,6 @@ class Session:
             self._found['forces'] = {'type': 'forces', 'number': self.number, 'data': data}
             self._send(self._found['forces'])
 
-    def _coloured(self) -> dict[str, int]:
-        """Numbers of the colours of links: each keeps its own, whatever becomes of others."""
-        links = [link for link in self._picture.scene.links if link != GROUND]
-        for link in links:
-            taken = {self._colours[x] for x in links if x in self._colours}
-            free = next(k for k in range(len(links) + 1) if k not in taken)
-            self._colours.setdefault(link, free)
-        return self._colours
-
     def _show(self) -> None:
         self._shown = self.state()
         self._send(self._shown)
@@ -240,9 +230,11 @@ class Session:
         except InputError as error:
             self._picture = self._picture._replace(problem=str(error))
             return
-        old = self._picture._replace(poses={**self._picture.poses, **self._lain.get(text, {})})
+        old = self._picture._replace(
+            poses={**self._picture.poses, **self._beside.lain.get(text, {})}
+        )
         self._picture = pictured(self.document.name, scene, old)
-        self._lain[text] = self._picture.poses
+        self._beside.lain[text] = self._picture.poses
 
     # --- gestures ---------------------------------------------------------------------------
 
@@ -283,16 +275,17 @@ class Session:
         problem, hint = self._picture.problem, self._picture.hint
         frame = {'type': 'frame', 'number': self.number, 'problem': problem, 'hint': hint}
         symbol = self._shown['stage']['symbol']
-        colours = self._coloured()
+        colours = self._beside.colours(self._picture.scene)
         frame |= self._picture.to_json(self.document.name, self._traced, symbol, colours)
-        frame |= self._arrows.of_drag(self._picture.turn, begun) | {'chart': self._charted()}
+        chart = self._beside.chart(self._picture.turn)
+        frame |= self._arrows.of_drag(self._picture.turn, begun) | {'chart': chart}
         self._send(frame)
 
     def _drop(self, message: Mapping[str, Any]) -> None:
         self._of = None  # what was dragged goes back, if it cannot stay
         edits, picture = self._moved(message)
         self.document.change([*edits, *choices(self.document, edits, picture)])
-        self._lain[self.document.text] = picture.poses
+        self._beside.lain[self.document.text] = picture.poses
 
     def _pull(self, message: Mapping[str, Any]) -> None:
         """Move the machine along its way, so that a handle comes nearest to a place."""
@@ -330,7 +323,7 @@ class Session:
                 edits = [*written, *edits]
         self.document.change([*edits, *as_drawn(self.document, edits, picture, sketch.poses)])
         if self.document.text != before and edits:
-            self._lain[self.document.text] = sketch.poses
+            self._beside.lain[self.document.text] = sketch.poses
             path = edits[0].path
             self._path = path[: 1 if path[0] == 'drive' else 2]
 
@@ -371,11 +364,8 @@ class Session:
             )
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)
-        named = {path[-1]: name} if path[0] == 'links' else {}
-        self._colours |= {new: self._colours[old] for old, new in named.items()}
-        self._lain[self.document.text] = {
-            named.get(link, link): pose for link, pose in self._picture.poses.items()
-        }
+        if path[0] == 'links':
+            self._beside.rename(path[-1], name, self._picture.poses, self.document.text)
         self._path = (*path[:-1], name)
 
     def _select(self, message: Mapping[str, Any]) -> None:
@@ -385,16 +375,6 @@ class Session:
         point = str(message['point'])
         self._traced[point] = not has_path(point, self._traced)
 
-    def _chart(self, message: Mapping[str, Any]) -> None:
-        self._quantity = str(message['quantity'])
-
-    def _charted(self) -> dict[str, Any] | None:
-        """The quantity that is charted, of the machine as it is shown; None if there is none."""
-        try:
-            return turn_chart.chart(self._picture.turn, self._quantity)
-        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
-            return None
-
     # --- files ------------------------------------------------------------------------------
 
     def _save(self, message: Mapping[str, Any]) -> None:
@@ -402,22 +382,16 @@ class Session:
 
     def _open(self, message: Mapping[str, Any]) -> None:
         name = str(message.get('name') or '')
-        if name and name not in scene_names():
+        if 'text' in message:  # of a file that was dropped on a page
+            document = Document.dropped(name, str(message['text']))
+        elif name and name not in scene_names():
             raise InputError(f"there is no scene '{name}' in the package")
-        self._become(Document.open(name) if name else Document())
-
-    def _import(self, message: Mapping[str, Any]) -> None:
-        """Open a file of this or another program that was dropped on a page."""
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / (Path(str(message['name'])).name or 'machine')
-            file.write_text(str(message['text']), 'utf-8')
-            self._become(Document.dropped(file))
-
-    def _become(self, document: Document) -> None:
+        else:
+            document = Document.open(name) if name else Document()
         document.watch, watch = self.document.watch, self.document.watch
         self.document = document
         watch('opened', document)
-        self._path, self._traced, self._colours, self._lain = (), {}, {}, {}
+        self._path, self._traced, self._beside = (), {}, BesideDocument()
         self._picture = nothing(Document().scene())
         self._of = None
 

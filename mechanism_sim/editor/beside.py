@@ -1,0 +1,54 @@
+"""Choices and places that an editor keeps beside the text of a document while it is open."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.editor import turn_chart
+from mechanism_sim.editor.motion import Turn
+from mechanism_sim.editor.sketch import Poses
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.schema import Scene
+
+
+class BesideDocument:
+    """Where links lie that nothing holds, their colours, and the quantity that is charted.
+
+    Attributes
+    ----------
+    lain : poses of links by the text of the document, also of texts that undo goes back to
+    """
+
+    def __init__(self) -> None:
+        self.lain: dict[str, Poses] = {}
+        self._quantity = ''
+        self._colours: dict[str, int] = {}
+
+    def colours(self, scene: Scene) -> Mapping[str, int]:
+        """Numbers of the colours of links: each keeps its own, whatever becomes of others."""
+        links = [link for link in scene.links if link != GROUND]
+        for link in links:
+            taken = {self._colours[x] for x in links if x in self._colours}
+            free = next(k for k in range(len(links) + 1) if k not in taken)
+            self._colours.setdefault(link, free)
+        return self._colours
+
+    def rename(self, old: str, new: str, poses: Poses, text: str) -> None:
+        """A link has another name from this text on."""
+        self._colours[new] = self._colours[old]
+        self.lain[text] = {new if link == old else link: pose for link, pose in poses.items()}
+
+    def choose(self, quantity: str) -> None:
+        """Chart a quantity, as of `turn_chart.names`; of another name none."""
+        self._quantity = quantity
+
+    def chart(self, turn: Turn | None) -> dict[str, Any] | None:
+        """The quantity of a machine that is charted; None if there is none."""
+        try:
+            return turn_chart.chart(turn, self._quantity)
+        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+            return None
