@@ -215,14 +215,12 @@ class Jumps:
         struck = [self._names.index(i.joint) for i in impacts]
         if self._closed(now).any():
             return False
-        own = struck + (
-            [len(self._names) + i for i in struck] if self._rows > len(self._names) else []
-        )
-        asked, k = self._none(len(own) ** 2), len(own)
-        for column in range(k * k):
-            asked.left[own[column // k], column] = asked.right[own[column % k], column] = 1.0
-        A = self._terms(now, asked).values.reshape(k, k)
-        same = np.equal.outer(np.arange(k) % len(struck), np.arange(k) % len(struck))
+        count, m = len(struck), len(self._names)
+        own = [*struck, *(m + i for i in struck if self._rows > m)]
+        k = len(own)
+        terms = self._terms(now, self._unit_terms(tuple(struck), tuple(own)))
+        A = terms.values[2 * count + k : 2 * count + k + k * k].reshape(k, k)
+        same = np.equal.outer(np.arange(k) % count, np.arange(k) % count)
         return bool((np.abs(A[~same]) <= _SMALL * np.abs(A).max()).all())
 
     def _apart(
