@@ -9,11 +9,11 @@ only an integrator needs.
 
 from __future__ import annotations
 
-from fractions import Fraction
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Legendre, Polynomial, legendre
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.linearised import Slopes
@@ -35,30 +35,19 @@ class Collocation(NamedTuple):
 
 @cache
 def rule() -> Collocation:
-    """The rule, in exact arithmetic but for the nodes."""
-    x = [Fraction(0.5 + 0.5 * t) for t in np.polynomial.legendre.leggauss(COUNT)[0].tolist()]
-    polynomials = []
-    for k, own in enumerate(x):
-        found = [Fraction(1)]
-        for other in x[:k] + x[k + 1 :]:
-            shifted = [Fraction(0), *found]
-            found = [
-                (a - other * b) / (own - other)
-                for a, b in zip(shifted, [*found, Fraction(0)], strict=True)
-            ]
-        polynomials.append(found)
-    once = [[Fraction(0), *(c / (i + 1) for i, c in enumerate(p))] for p in polynomials]
-    twice = [[Fraction(0), *(c / (i + 1) for i, c in enumerate(p))] for p in once]
-
-    def at(group: list[list[Fraction]], place: Fraction) -> list[float]:
-        return [float(sum(c * place**i for i, c in enumerate(p))) for p in group]
-
+    """The rule, by Legendre polynomials, whose sums at these nodes are well conditioned."""
+    x, w = legendre.leggauss(COUNT)
+    shares = legendre.legvander(x, COUNT - 1) * w[:, None] * (np.arange(COUNT) + 0.5)
+    each = [Legendre(row, domain=[0.0, 1.0]) for row in shares]
+    nodes = 0.5 + 0.5 * x
+    ends = [*nodes, 1.0]
+    once, twice = (np.array([p.integ(m, lbnd=0.0)(ends) for p in each]).T for m in (1, 2))
     return Collocation(
-        Nodes(tuple(map(float, x))),
-        np.array([[float(c) for c in p] for p in polynomials]),
-        np.array([at(once, place) for place in x]),
-        np.array([at(twice, place) for place in x]),
-        np.array([at(once, Fraction(1)), at(twice, Fraction(1))]),
+        Nodes(tuple(nodes.tolist())),
+        np.array([p.convert(kind=Polynomial).coef for p in each]),
+        once[:-1],
+        twice[:-1],
+        np.array([once[-1], twice[-1]]),
     )
 
 

@@ -243,9 +243,7 @@ class _Walk:
         found: dict[int, list[int]] = {}
         for i, k in zip(rigid, begun.tolist(), strict=True):
             found.setdefault(k, []).append(i)
-        first = found.pop(0, [])
-        if len(first) == len(self._of.influence.struck):
-            self._logged[first] = self._of.influence.struck
+        found.pop(0, None)  # those of the start belong to it
         return found
 
     def flow(self) -> Flow:

@@ -45,7 +45,6 @@ class Influence(NamedTuple):
     friction: Array  #: (m,)
     approach: Array  #: (a,) [m/s] of compliant contacts that touch at the start
     rows: list[Array]  #: (rows, symbols) of every switch
-    struck: Array  #: (i, len(NUMBERS)) impacts at the start
 
 
 def influences(machine: Machine, keys: Sequence[NumericKey], end: float) -> Influence:
@@ -75,10 +74,8 @@ def nothing(known: Influence, count: int) -> Influence:
 
     laws = [LawTable(*map(zeros, table)) for table in known.laws]
     rows, e, mu = [zeros(x) for x in known.rows], zeros(known.restitution), zeros(known.friction)
-    return Influence(
-        zeros(known.parameters), zeros(known.start), laws, e, mu, zeros(known.approach), rows,
-        zeros(known.struck),
-    )  # fmt: skip
+    parameters, start, approach = map(zeros, (known.parameters, known.start, known.approach))
+    return Influence(parameters, start, laws, e, mu, approach, rows)
 
 
 class _Parts:
@@ -102,7 +99,7 @@ class _Parts:
         state = run.state
         turned = np.array(state.q) + 2.0 * np.pi * np.array(state.turns, dtype=float)
         scaled = [x * s.scale for x, s in zip(state.states, system.states, strict=True)]
-        snapshot, (_, impacts, _) = run.snapshot(), run.drain()
+        snapshot = run.snapshot()
         begun = snapshot.modes, snapshot.switches, snapshot.rubbing
         self._begun = self._begun or begun
         if begun != self._begun:
@@ -117,9 +114,6 @@ class _Parts:
             np.array([g.friction if math.isfinite(g.friction) else 0.0 for g in system.gaps]),
             np.array(snapshot.approach),
             *(np.array(s.every_row) for s in system.switches),
-            np.array([[getattr(i, n) for n in NUMBERS] for i in impacts]).reshape(
-                -1, len(NUMBERS)
-            ),
         ]
         shapes = [x.shape for x in parts]
         self._shapes = self._shapes or shapes
@@ -148,8 +142,8 @@ class _Parts:
             at += size
         count = 2 * len(self._driven)
         laws = [LawTable(*parts[2 + k : 4 + k]) for k in range(0, count, 2)]
-        e, mu, approach, *rows, struck = parts[2 + count :]
-        return Influence(parts[0], parts[1], laws, e, mu, approach, rows, struck)
+        e, mu, approach, *rows = parts[2 + count :]
+        return Influence(parts[0], parts[1], laws, e, mu, approach, rows)
 
 
 def _names(system: System) -> list[str]:

@@ -189,9 +189,11 @@ class Jumps:
         if self._system.dynamics.rubs:
             raise NoDerivativeError('friction in ideal joints takes part in the impact')
         z, flow = self._differential(x), self._flow(before)
-        n = len(self._system.coordinates)
+        n, groups = len(self._system.coordinates), _groups(impacts)
+        if len(groups) == 1 < len(impacts) and self._independent(before, impacts):
+            return self._apart(before, after, x, impacts)
         now, dt, rows = before, None, []
-        for group in _groups(impacts):
+        for group in groups:
             found = self._together(now, z, flow, group, dt)
             now, z, dt, more = found
             rows += more
@@ -208,18 +210,61 @@ class Jumps:
         states = z[at : at + s] - np.outer(after.rates[f:], dt)
         return Saltation(np.concatenate([moved, faster, states]), dt, rows, x.approach)
 
+    def _independent(self, now: Side, impacts: Sequence[Impact]) -> bool:
+        """True if open gaps are struck that do not feel each other."""
+        struck = [self._names.index(i.joint) for i in impacts]
+        if self._closed(now).any():
+            return False
+        count, m = len(struck), len(self._names)
+        own = [*struck, *(m + i for i in struck if self._rows > m)]
+        k = len(own)
+        terms = self._terms(now, self._unit_terms(tuple(struck), tuple(own)))
+        A = terms.values[2 * count + k : 2 * count + k + k * k].reshape(k, k)
+        same = np.equal.outer(np.arange(k) % count, np.arange(k) % count)
+        return bool((np.abs(A[~same]) <= _SMALL * np.abs(A).max()).all())
+
+    def _apart(
+        self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
+    ) -> Saltation:
+        """Across impacts at one instant that do not feel each other, each at its own."""
+        n, f, free = len(self._system.coordinates), len(self._free), np.array(self._free)
+        z, flow = self._differential(x), self._flow(before)
+        state = np.concatenate([x.q[free], x.v[free], x.states])
+        rates, rows, shift = before.rates.copy(), [], np.zeros(z.shape[1])
+        for impact in impacts:
+            side, moved, dt, row = self._together(before, z, flow, [impact], None, alone=True)
+            jump = self._eq.slopes(side.at).rate[:, 0] - before.rates
+            state[:f] -= np.outer((side.at.v - before.at.v)[free, 0], dt)
+            state[f : 2 * f] += moved[n + free] - z[n + free] - np.outer(before.rates[:f], dt)
+            state[f:] -= np.outer(jump, dt)
+            rates, rows, shift = rates + jump, rows + row, dt
+        size = max(np.abs(after.rates).max(), np.abs(after.at.v).max() ** 2)
+        if np.abs(rates - after.rates).max() > _SMALL * size:
+            raise NoDerivativeError('several contacts meet, whose order matters')
+        return Saltation(state, shift, rows, x.approach)
+
     def _together(
-        self, now: Side, z: Array, flow: Array, group: list[Impact], dt: Array | None
+        self,
+        now: Side,
+        z: Array,
+        flow: Array,
+        group: list[Impact],
+        dt: Array | None,
+        alone: bool = False,
     ) -> tuple[Side, Array, Array, list[Array]]:
         """One blow: the side after it, total differentials, the shift, those of its log."""
         struck = [self._names.index(i.joint) for i in group]
-        touching = self._touching(now, struck)
+        touching = struck if alone else self._touching(now, struck)
         m, t = len(self._names), len(touching)
         own = touching + ([m + i for i in touching] if self._rows > m else [])
         terms = self._terms(now, self._unit_terms(tuple(touching), tuple(own)))
         if dt is None:
             closed = self._closed(now)
-            first = [touching.index(i) for i in struck if not closed[i]]
+            speeds = terms.values[2 * t : 3 * t]
+            near = speeds < -_ALIKE * np.abs(speeds).max()  # one may take all of a blow
+            first = [
+                k for k, i in enumerate(touching) if not closed[i] and (near[k] or i in struck)
+            ]
             rates = terms.some([2 * t + k for k in first])
             dt = self._instant(terms.some(first), rates.slopes.T @ flow, z, flow, now)
             z = z + np.outer(flow, dt)

@@ -92,3 +92,51 @@ def test_a_stop_that_is_only_touched_has_no_derivative() -> None:
         assert known.end.where == 'ground_bar_lower'
         assert known.end.t == pytest.approx(run.impacts[0].t)
         assert np.isnan(known.final['bar']['velocity'])
+
+
+TWO = """
+title: Two bars that strike their stops at one instant
+mechanism: linkage
+links:
+  ground: {points: {other: [1 m, 0 m]}}
+  a: {length: 1 m, cog: 500 mm, mass: 1.2 kg, inertia: 0.1 kg m^2}
+  b: {length: 1 m, cog: 500 mm, mass: 1.2 kg, inertia: 0.1 kg m^2}
+joints:
+  pa: {revolute: [ground, a], stops: {lower: -140 deg, restitution: 0.5}}
+  pb: {revolute: [ground.other, b], stops: {lower: -140 deg, restitution: 0.5}}
+gravity: [0 m/s^2, -9.81 m/s^2]
+initial: {position: {a: -30 deg, b: -30 deg}}
+duration: 1 s
+"""
+
+
+def test_impacts_at_one_instant_that_do_not_feel_each_other_have_their_own_derivatives() -> None:
+    paths = ['links.b.cog', 'joints.pa.stops.lower']
+    run = ms.simulate(TWO, duration=1.0, derivatives=paths)
+    alone = {'a': run.derivatives[paths[1]], 'b': run.derivatives[paths[0]]}
+    assert run.impacts[0].t == run.impacts[1].t
+    for own, other in ('ab', 'ba'):
+        assert not alone[own].limits
+        assert alone[own].final[other] == {'position': 0.0, 'velocity': 0.0}
+    # the same bar alone, whose only impact is that one
+    text = TWO.replace('initial: {position: {a: -30 deg, ', 'initial: {position: {')
+    single = ms.load_scene(
+        text.replace('  a: {l', '  c: {l').replace('[ground, a]', '[ground, c]')
+    )
+    by_itself = ms.simulate(single, duration=1.0, derivatives=['links.b.cog'])
+    final = by_itself.derivatives['links.b.cog'].final['b']
+    assert alone['b'].final['b'] == pytest.approx(final, rel=1e-9)
+
+
+def test_impacts_at_one_instant_whose_order_matters_end_the_derivatives() -> None:
+    joined = TWO.replace(
+        '  pb:', '  ac: {revolute: [a.end, c]}\n  cb: {revolute: [c.end, b.end]}\n  pb:'
+    )
+    joined = joined.replace(
+        '  b: {l', '  c: {length: 1 m, mass: 0.5 kg, inertia: 0.05, cog: 0.5}\n  b: {l'
+    )
+    run = ms.simulate(joined, duration=1.0, derivatives=['joints.pa.stops.lower'])
+    end = run.derivatives['joints.pa.stops.lower'].end
+    assert end is not None
+    assert end.t == pytest.approx(run.impacts[0].t)
+    assert 'order changes' in end.text
