@@ -28,7 +28,6 @@ from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.files_beside import FORMATS, FilesBeside
 from mechanism_sim.editor.recovery import UnsavedEdits
 from mechanism_sim.editor.worker import Worker
-from mechanism_sim.errors import InputError
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
 
