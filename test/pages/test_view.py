@@ -423,13 +423,16 @@ def test_a_page_that_takes_nothing_is_cut_off_and_pages_are_counted(serving):
             connect(address)
 
 
-def test_two_servers_find_ports_of_their_own():
+def test_two_servers_find_ports_of_their_own(monkeypatch):
     servers = [Server({}, port, list, print) for port in (0, 0)]
-    third = Server({}, servers[0].port, list, print)
-    assert len({s.port for s in (*servers, third)}) == 3
-    for server in (*servers, third):
+    with pytest.raises(InputError, match='is taken: choose another'):
+        Server({}, servers[0].port, list, print)
+    monkeypatch.setattr('mechanism_sim.pages.server.PORT', servers[0].port)
+    servers.append(Server({}, None, list, print))
+    assert len({s.port for s in servers}) == 3
+    for server in servers:
         server.close()
-    assert eventually(lambda: not any(s._thread.is_alive() for s in (*servers, third)))
+    assert eventually(lambda: not any(s._thread.is_alive() for s in servers))
 
 
 # --- the page itself, operated by hand, with a server that answers as a run would ---------------
