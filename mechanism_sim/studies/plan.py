@@ -31,6 +31,7 @@ from mechanism_sim.scene.files import (
     find_file,
     read_yaml,
 )
+from mechanism_sim.scene.gate import admit_turning
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
@@ -246,7 +247,7 @@ def read_plan(
                     for column in own_columns(machine, [*taken, *read]):
                         own.setdefault(column.name, column)
                     limits |= _limits(path.name, file, own)
-                span(machine, extent.revolutions, extent.duration)
+                admit_turning(machine, span(machine, extent.revolutions, extent.duration))
                 if file.windows:
                     edges, skipped = extent.edges(machine)
                     windows.check(file.windows, machine, edges[skipped], edges[-1])

@@ -151,6 +151,6 @@ def test_arrays_and_what_has_no_value():
 
 
 def test_sides_of_an_equals_sign():
-    assert sides('peak = largest(x > 3)') == ('peak', 'largest(x > 3)')
-    assert sides(' rms(x, from 2 s) =20 N m') == ('rms(x, from 2 s)', '20 N m')
+    assert sides('peak = largest(x > 3)') == ('peak', '=', 'largest(x > 3)')
+    assert sides(' rms(x, from 2 s) =20 N m') == ('rms(x, from 2 s)', '=', '20 N m')
     assert sides('x >= 3') is sides('a = b = c') is sides('f(a = b)') is sides('') is None
