@@ -359,8 +359,7 @@ class _Walk:
         try:
             if impacts:
                 found = of.jumps.struck(before, after, x, impacts)
-                if (self._motion.acting[k - 1 : k + 1] != self._motion.acting[k]).any():
-                    raise NoDerivativeError('a load switches at the same instant')
+                of.jumps.check_switches(before, after, self._switched(before, after))
             else:
                 found = self._passed(k, before, after, x)
         except NoDerivativeError as error:
@@ -400,10 +399,7 @@ class _Walk:
                 rows.append(m + i)
             if a == Mode.FREE_FLIGHT < b:
                 gaps.append(i)
-        index, switched = of.system.parameters, []
-        for j, symbols in enumerate(index.switches):
-            if (before.at.parameters[symbols] != after.at.parameters[symbols]).any():
-                switched.append(j)
+        switched = self._switched(before, after)
         guards = Selected.none(sizes, len(rows) + len(gaps) + len(switched))
         for column, row in enumerate(rows):
             guards.row[row, column] = 1.0
@@ -419,6 +415,12 @@ class _Walk:
         if gaps and not of.system.compliant and not of.equations.system.rated[gaps[0]]:
             raise NoDerivativeError('a contact closes without an approach')
         return of.jumps.passed(before, after, x, guards, law)
+
+    def _switched(self, before: Side, after: Side) -> list[int]:
+        """The switches whose rows an event changes."""
+        old, new = before.at.parameters, after.at.parameters
+        index = self._of.system.parameters.switches
+        return [j for j, symbols in enumerate(index) if (old[symbols] != new[symbols]).any()]
 
     def _changed(self, k: int) -> str:
         """Joints whose contact changes where segment k begins."""

@@ -180,6 +180,16 @@ class Jumps:
             found[i] = -speed.moved(z)[0]
         return found
 
+    def check_switches(self, before: Side, after: Side, switched: Sequence[int]) -> None:
+        """Refuse switches of rates that an impact does not take clear across their zeros."""
+        if not switched:
+            return
+        asked = self._none(len(switched))
+        asked.switch[[*switched], range(len(switched))] = 1.0
+        old, new = (self._terms(side, asked).values for side in (before, after))
+        if (old * new >= -((_SMALL * np.abs([old, new]).max()) ** 2)).any():
+            raise NoDerivativeError('a load switches at the same instant')
+
     # --- impacts ------------------------------------------------------------------------------
 
     def struck(
@@ -230,7 +240,8 @@ class Jumps:
         n, f, free = len(self._system.coordinates), len(self._free), np.array(self._free)
         z, flow = self._differential(x), self._flow(before)
         state = np.concatenate([x.q[free], x.v[free], x.states])
-        rates, rows, shift = before.rates.copy(), [], np.zeros(z.shape[1])
+        rates, shift = before.rates.copy(), np.zeros(z.shape[1])
+        rows: list[Array] = []
         for impact in impacts:
             side, moved, dt, row = self._together(before, z, flow, [impact], None, alone=True)
             jump = self._eq.slopes(side.at).rate[:, 0] - before.rates
@@ -291,7 +302,7 @@ class Jumps:
             np.einsum('i,ijp->jp', x, dW.reshape(n, f, len(dt))) + W.T @ dx
         )
         index = self._system.prescribed_index
-        speeds = now.at.v[index, 0], z[c : 2 * c][index]
+        turned = now.at.v[index, 0], z[c : 2 * c][index]
         rows, unknown = [], np.full(len(dt), np.nan)
         for i in struck:
             k = touching.index(i)
@@ -309,7 +320,7 @@ class Jumps:
                 'tangential_impulse': dx[of[-1]] * (n > t),
                 'energy_loss': -(x[of] @ dmean + mean @ dx[of]),
                 'drive_impulse': drive[1].sum(axis=0),
-                'drive_work': drive[0] @ speeds[1] + speeds[0] @ drive[1],
+                'drive_work': drive[0] @ turned[1] + turned[0] @ drive[1],
             }
             rows.append(np.array([known.get(name, unknown) for name in NUMBERS]))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows

@@ -160,8 +160,8 @@ class LinearEquations:
         """Derivatives of values by numbers that stand in the equations."""
         found = {}
         for column, (step, others) in self._beside.items():
-            values = [value(other) for other in others]
-            found[column] = sum(w * x for w, x in zip(WEIGHTS, values, strict=True)) / step
+            values = np.array([value(other) for other in others])
+            found[column] = np.tensordot(np.array(WEIGHTS), values, 1) / step
         return found
 
     @property
