@@ -31,6 +31,7 @@ _ROOMS = {
     'studies.bifurcation': ('bifurcation',),
     'studies.ensemble': ('ensemble',),
     'studies.find': ('find',),
+    'studies.life': ('life',),
     'studies.sweep': ('sweep',),
 }
 _HOMES = {name: module for module, names in _ROOMS.items() for name in names}
@@ -50,6 +51,7 @@ __all__ = [
     'equations',
     'explore',
     'find',
+    'life',
     'load_scene',
     'measure',
     'open_run',
