@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 from pydantic import Field
 
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import AxialPlay, Clearance, Friction, Misalignment, Play
+from mechanism_sim.joints.contact_keys import (
+    AxialPlay,
+    Clearance,
+    Friction,
+    Misalignment,
+    Play,
+)
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends
+from mechanism_sim.joints.revolute.worn import LOOKS, WornShape, worn_shape
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
@@ -75,6 +84,15 @@ class RevoluteKeys(StopKeys):
             )
         if given.axial and given.film:
             return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
+        if given.profile and (given.film or given.length):
+            return (
+                f'has a clearance with profile and {"a film" if given.film else "length"}: worn '
+                'bearings are dry, and their axes in line'
+            )
+        try:
+            worn_of(given)
+        except ValueError as error:
+            return str(error)
         if not given.misalignment or not given.length:
             return ''
         most = 2.0 * given.radial / given.length
@@ -107,6 +125,9 @@ class RevoluteKeys(StopKeys):
                 name, mechanism, reach, play.restitution, play.friction, play.hypothesis, arm,
                 play.law(0.5 if leans else 1.0),
             )  # fmt: skip
+            if isinstance(play, Clearance) and (shape := worn_of(play)):
+                known = {field.name: getattr(gap, field.name) for field in fields(gap)}
+                gap = WornBearing(**known, shape=shape)
             gaps += bearing_ends(gap, *leans) if leans else [gap]
         if isinstance(play, Clearance) and play.axial:
             gaps += _stops(mechanism, name, play, play.axial)
@@ -124,6 +145,13 @@ class RevoluteKeys(StopKeys):
                 f'{joint.name}: stops along the axis, play {play.axial.play:g} m to either, '
                 f'{f"faces of radius {faces:g} m" if faces else "without moments"}'
             ]
+        if play.profile and (shape := worn_of(play)):
+            worn = zip(('bushing', 'pin'), play.profile.depths(LOOKS), strict=True)
+            deep = ', '.join(f'{x} worn up to {d.max():.4g} m' for x, d in worn if d.any())
+            found.append(
+                f'{joint.name}: {deep or "round"}; {play.profile.harmonics} harmonics follow '
+                f'where the pin can be to {shape.off:.2g} m'
+            )
         if not play.length:
             return found
         if leaning(machine.mechanism, joint.name, play) is None:
@@ -143,6 +171,20 @@ class RevoluteKeys(StopKeys):
             f'{joint.name}: contacts at both ends of {play.length:g} m, '
             f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad',
         ]
+
+
+def worn_of(given: Clearance) -> WornShape | None:
+    """The shape of a bearing with a profile.
+
+    Raises
+    ------
+    ValueError
+        One sentence: why there is none.
+    """
+    if not given.profile:
+        return None
+    bushing, pin = (depth.tobytes() for depth in given.profile.depths(LOOKS))
+    return worn_shape(given.radial, given.pin_radius, (bushing, pin), given.profile.harmonics)
 
 
 def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:
