@@ -61,6 +61,7 @@ EXAMPLES = {
     'N m/rad/s': '50 N m/rad/s',
     'N/m/s': '200 N/m/s',
     'm^3': '2 dm^3',
+    'm^3/(N m)': '1e-7 mm^3/(N m)',
     'A': '2 A',
     'V': '24 V',
     'K': '293 K',

@@ -16,6 +16,7 @@ from mechanism_sim.analysis.roses import impact_rose
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.revolute.bearing import BearingClearance
+from mechanism_sim.joints.revolute.worn import WornBearing
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.play import joint_of_gap
@@ -110,11 +111,12 @@ def wear_maps(
 
 
 def _contact(
-    record: Record, joint: str, seen: Observation, clearance: float, radius: float
+    record: Record, joint: str, seen: Observation, clearance: Array | float, radius: float
 ) -> tuple[tuple[Array, Array], Array]:
     """Where the contact lies on bushing and pin (N,) [rad], and the slip (N,) [m/s].
 
-    The slip is that of `BearingClearance.slip`: ``Q'.t + rp w1 - (rp + c) w2``.
+    The slip is that of `BearingClearance.slip`: ``Q'.t + rp w1 - (rp + c) w2``; of a worn bearing
+    the normal is its own, and ``Q.n`` takes the place of c.
     """
     machine = record.machine
     pair = joint_of_gap(machine.mechanism, joint)
@@ -122,11 +124,15 @@ def _contact(
     assert isinstance(gap, BearingClearance)  # noqa: S101 - it is a bearing
     view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
     (x, y), (vx, vy), _ = view.trace(gap.apart)
+    if isinstance(gap, WornBearing):
+        nx, ny = gap.normals(seen.position)
+        clearance = nx * x + ny * y
+    else:
+        nx, ny = (x, y) / np.hypot(x, y)
     first, second = view.turning(pair.first), view.turning(pair.second)
-    tangential = (x * vy - y * vx) / np.hypot(x, y)
-    slip = tangential + radius * first.velocity - (radius + clearance) * second.velocity
-    place = np.arctan2(y, x)
-    return (place - second.position, place - first.position), slip
+    slip = nx * vy - ny * vx + radius * first.velocity - (radius + clearance) * second.velocity
+    on_bushing = np.arctan2(y + radius * ny, x + radius * nx)
+    return (on_bushing - second.position, np.arctan2(ny, nx) - first.position), slip
 
 
 def _binned(angle: Array, values: Array, sectors: int) -> Array:

@@ -6,8 +6,10 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.contact.compliant import (
     Flores,
     Hertz,
@@ -18,6 +20,7 @@ from mechanism_sim.contact.compliant import (
     socket_stiffness,
 )
 from mechanism_sim.keys.quantities import (
+    NOT_NEGATIVE,
     POSITIVE,
     Angle,
     Coefficient,
@@ -31,6 +34,8 @@ from mechanism_sim.keys.quantities import (
 from mechanism_sim.keys.quantities import (
     Friction as FrictionCoefficient,
 )
+from mechanism_sim.numerics.curves import through
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import ForceLaw
 from mechanism_sim.units import to_si, to_stiffness
@@ -248,6 +253,59 @@ class Misalignment(Part):
     """Of the bushing, on the second-named link."""
 
 
+class WornPart(Part):
+    """How deep a surface is worn, by the angle in the frame of its own link."""
+
+    points: Annotated[list[tuple[Angle, Position]], Field(min_length=4)]
+    """Angle and depth along the radius, such as [30 deg, 12 um], with rising angles within a turn,
+    through which a periodic cubic spline goes; what is built up is negative. Or `file` names a file
+    of comma-separated values beside the scene, and `columns` two of its columns.
+    """
+
+    @model_validator(mode='after')
+    def _is_curve(self) -> WornPart:
+        self.depth(np.zeros(1))
+        return self
+
+    def depth(self, angles: Array) -> Array:
+        """At angles (N,) [rad]: (N,) [m]."""
+        points = list(self.points)
+        if points[-1][0] - points[0][0] < (1.0 - 1e-9) * TWO_PI:
+            points.append((points[0][0] + TWO_PI, points[0][1]))
+        return through(points, 'cubic', cyclic=True)(angles)
+
+
+class ProfilesPart(Part):
+    """The shapes of a bushing and of a pin that are not round."""
+
+    bushing: WornPart | None = None
+    """Of the second-named link."""
+    pin: WornPart | None = None
+    """Of the first-named link; with it, pin_radius is required."""
+    harmonics: Annotated[int, Field(ge=4, le=48)] = 16
+    """Of the smooth function that describes the gap: more follow narrower grooves."""
+
+    def depths(self, angles: Array) -> tuple[Array, Array]:
+        """Of bushing and pin at angles (N,) [rad]: (N,) each [m]."""
+        bushing, pin = (
+            x.depth(angles) if x else np.zeros(len(angles)) for x in (self.bushing, self.pin)
+        )
+        return bushing, pin
+
+
+class WearPart(Part):
+    """How much a bearing wears, for `life`: volume by force times path, after Archard."""
+
+    width: Length
+    """Of the bearing along its axis."""
+    bushing: Annotated[float, si('m^3/(N m)'), NOT_NEGATIVE] = 0.0
+    """Volume worn off it by normal force times path slid, such as 1e-7 mm^3/(N m)."""
+    pin: Annotated[float, si('m^3/(N m)'), NOT_NEGATIVE] = 0.0
+    """Likewise."""
+    law: Literal['archard', 'friction_work'] = 'archard'
+    """The volume is in proportion to normal force times path, or to the work of friction."""
+
+
 class AxialPlay(Part):
     """How far a bearing lets its links move along its axis, between stops."""
 
@@ -282,6 +340,14 @@ class Clearance(Play):
     """Stops along the axis, where a link leans (`tilt`): it can then move along it."""
     height: Length | None = None
     """Of a block across its guide; required there."""
+    profile: ProfilesPart | None = None
+    """Of a pin and a bushing that are worn, or not round."""
+    wear: WearPart | None = None
+    """How fast they wear."""
+
+
+OF_PINS = 'misalignment', 'along', 'axial', 'profile', 'wear'
+"""Keys of a clearance that only pins in bushings have."""
 
 
 def in_plane(clearance: Clearance | None) -> Clearance | None:

@@ -12,6 +12,7 @@ from mechanism_sim.hybrid.dynamics import AppliedForces
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
+from mechanism_sim.joints.revolute.worn import WornBearing
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.planar.closures import closures, independent
 from mechanism_sim.planar.configuration import converted
@@ -156,4 +157,5 @@ class EquationsOfMotion:
         many = len(system.free) + rows >= _COMPACT_FROM
         flexible = any(x.flexible for x in self.plan.loose.extensions.values())
         more = system.elements or system.lent or system.dynamics.rubs or flexible
-        return bool(more) or tabulated or many
+        worn = any(isinstance(gap, WornBearing) for gap in system.gaps)
+        return bool(more) or tabulated or many or worn

@@ -27,6 +27,7 @@ from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
+from mechanism_sim.joints.revolute.worn import WornBearing
 from mechanism_sim.joints.revolute.keys import leaning
 from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
@@ -289,10 +290,16 @@ class Start:
         return found
 
     def _leaning_seats(self, found: dict[str, Array], q: Array) -> dict[str, Array]:
-        """Seats where pin and bushing are out of line, at coordinates (n,) of the machine."""
+        """Seats where pin and bushing are out of line or worn, at coordinates (n,)."""
         mechanism = self._loose
         place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
         seated = {}
+        for gap in self.equations.system.gaps:
+            if isinstance(gap, WornBearing) and gap.name in found:
+                angles = [mechanism.angle(link, place) for link in mechanism.joint(gap.name).links]
+                push = found[gap.name] / float(np.hypot(*found[gap.name]))
+                deep = float(np.hypot(*found[gap.name])) - gap.clearance  # of a soft contact
+                seated[gap.name] = gap.seat(push, angles) + deep * push
         for name, centred in found.items():
             if leans := leaning(mechanism, name, self.plan.clearances[name]):
                 joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.joints.contact_keys import Clearance, Friction, Play
+from mechanism_sim.joints.contact_keys import OF_PINS, Clearance, Friction, Play
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
 from mechanism_sim.joints.prismatic.contact import corners
 from mechanism_sim.joints.stops import StopKeys
@@ -69,7 +69,7 @@ class PrismaticKeys(AxisKeys):
             return (
                 "has a clearance that needs 'length' and 'height', those of the block in its guide"
             )
-        if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
+        if wrong := [key for key in OF_PINS if getattr(given, key)]:
             return f'has a clearance with {wrong[0]}, which is of pins in bushings'
         if given.pin_radius:
             return 'has a clearance with pin_radius: a block has none'

@@ -54,9 +54,14 @@ class BearingClearance:
         """From the bushing's centre to the contact [m]."""
         return self.pin_radius + self.clearance
 
+    @property
+    def _room(self) -> float:
+        """Twice the largest value [m]."""
+        return self.clearance
+
     def stretch(self, value: Term) -> Term:
         """``|Q|/c = sqrt(1 - 2 y/c)`` of a value y."""
-        return hy.sqrt(1.0 - (2.0 / self.clearance) * value)
+        return hy.sqrt(1.0 - (2.0 / self._room) * value)
 
     def depth(self, value: Term) -> Term:
         """``|Q| - c = -2 y/(1 + |Q|/c)`` [m]: no difference of nearly equal numbers."""
@@ -99,7 +104,7 @@ class BearingClearance:
 
     def distance(self, value: Array) -> Array:
         """The gap ``c - |Q|`` [m] that belongs to values of ``(c^2 - Q.Q)/(2 c)``."""
-        c = self.clearance
+        c = self._room
         return 2.0 * value / (1.0 + np.sqrt(np.maximum(0.0, 1.0 - 2.0 * value / c)))
 
 

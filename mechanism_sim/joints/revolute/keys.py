@@ -6,17 +6,27 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
 from mechanism_sim.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import AxialPlay, Clearance, Friction, Misalignment, Play
+from mechanism_sim.joints.contact_keys import (
+    AxialPlay,
+    Clearance,
+    Friction,
+    Misalignment,
+    Play,
+    ProfilesPart,
+)
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends
+from mechanism_sim.joints.revolute.worn import LOOKS, WornBearing, worn
 from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import Vector2
@@ -75,6 +85,11 @@ class RevoluteKeys(StopKeys):
             )
         if given.axial and given.film:
             return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
+        if given.profile and (given.film or given.length):
+            return (
+                f"has a clearance with profile and {'a film' if given.film else 'length'}: of worn "
+                'bearings only dry ones are known, whose axes are in line'
+            )
         if not given.misalignment or not given.length:
             return ''
         most = 2.0 * given.radial / given.length
@@ -107,6 +122,8 @@ class RevoluteKeys(StopKeys):
                 name, mechanism, reach, play.restitution, play.friction, play.hypothesis, arm,
                 play.law(0.5 if leans else 1.0),
             )  # fmt: skip
+            if isinstance(play, Clearance) and play.profile:
+                gap = _worn(gap, play.profile)
             gaps += bearing_ends(gap, *leans) if leans else [gap]
         if isinstance(play, Clearance) and play.axial:
             gaps += _stops(mechanism, name, play, play.axial)
@@ -143,6 +160,15 @@ class RevoluteKeys(StopKeys):
             f'{joint.name}: contacts at both ends of {play.length:g} m, '
             f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad',
         ]
+
+
+def _worn(gap: BearingClearance, profile: ProfilesPart) -> WornBearing:
+    """The bearing with its profile."""
+    angles = TWO_PI / LOOKS * np.arange(LOOKS)
+    try:
+        return worn(gap, *profile.depths(angles), profile.harmonics)
+    except ValueError as error:
+        raise InputError(f'joints.{gap.name}.clearance {error}') from error
 
 
 def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:

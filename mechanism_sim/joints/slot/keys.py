@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mechanism_sim.joints.contact_keys import Clearance
+from mechanism_sim.joints.contact_keys import OF_PINS, Clearance
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.prismatic.keys import AxisKeys
 from mechanism_sim.joints.slot.constraint import PinInSlot
@@ -27,7 +27,7 @@ class SlotKeys(AxisKeys):
         """An objection to a clearance of it; empty if there is none."""
         if given.length or given.height:
             return 'has a clearance with length or height, which are of blocks in guides'
-        if wrong := [key for key in ('misalignment', 'along', 'axial') if getattr(given, key)]:
+        if wrong := [key for key in OF_PINS if getattr(given, key)]:
             return f'has a clearance with {wrong[0]}, which is of pins in bushings'
         if given.film:
             return 'has a clearance with a film, which is for pins in bushings'

@@ -1,0 +1,438 @@
+"""A bearing whose pin or bushing is not round: where the pin's centre can be, and the gap.
+
+Depth is measured along the radius, in the frame of the link that is worn. Seen from that link the
+pin's centre can be within a closed curve, its locus: where a pin of radius rp touches a bushing
+``rp + c + h(phi)``, or a pin ``rp - h(phi)`` a bushing of radius ``rp + c``. `locus` finds it for any
+depth, by asking every place of the surface how far it lets the pin go. Where the pin does not reach
+the bottom of a groove, two places touch at once, and the locus has a corner.
+
+The engine needs one function that is smooth wherever the pin can be. With its place z = x + i y,
+``w = z/sqrt(|z|^2 + s^2)`` and s a part of the clearance it is
+
+    y(z) = Re A(w) - Re B(w) |z|^2/(2 c),
+
+A and B polynomials of degree n, fitted so that on the locus y is zero and its gradient is the unit
+normal: then the row of the contact is that of the distance, and its force the normal force. Of a
+circle it is ``(c^2 - |z|^2)/(2 c)``. A corner is rounded, over an angle of about 1/n.
+
+If both surfaces are worn, both functions are added, less that of the circle of the mean depths:
+these are exact, and of the rest the product of both slopes over the clearance is left out.
+`WornSurface.error` and `combined_error` say how far the curve is from the locus.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from math import perm
+from typing import Any, NamedTuple
+
+import heyoka as hy
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.joints.revolute.bearing import BearingClearance
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Wrench, contact_wrench
+from mechanism_sim.planar.play import with_turning
+from mechanism_sim.planar.points import LinkPoint
+
+Complexes = NDArray[np.complex128]
+_Pair = tuple[Term, Term]  # real and imaginary part
+
+LOOKS = 4096
+"""Places of a surface at which its depth is asked for, evenly from angle 0 on."""
+_DIRECTIONS = 512
+_ROUNDS = 30
+_REFINED = 9
+_WINDOW = np.linspace(-1.0, 1.0, 257)
+_FARTHEST = 0.05  # of the clearance, that the gap may be off where they touch
+_SOFT = 0.3  # s, of the least way to the locus: within it the powers of w fall off to zero
+
+
+def locus(depth: Array, clearance: float, radius: float, of_pin: bool = False) -> Array:
+    """How far the pin's centre can go (512,) [m], evenly in all directions from angle 0 on.
+
+    Each place of the worn surface, at phi from the direction, lets it go as far as
+
+        (c + h) (2 i + c + h) / (a cos(phi) + sqrt(b^2 - a^2 sin(phi)^2)),
+
+    with the pin's and the bushing's radius ``i`` and ``i + c + h`` there, a that of the worn
+    surface and b the other. The least of them counts, found between places by a parabola.
+
+    Parameters
+    ----------
+    depth : (4096,) worn off [m]
+    clearance : without wear [m]
+    radius : of the pin without wear [m]; 0 of a point, whose locus is the bushing itself
+    """
+    phi = 2.0 * np.pi / LOOKS * np.arange(-LOOKS // 4, LOOKS // 4 + 1)
+    place = LOOKS // _DIRECTIONS * np.arange(_DIRECTIONS)[:, None] + np.arange(len(phi))
+    room = clearance + depth[(place - LOOKS // 4) % LOOKS]
+    inner = radius + clearance - room if of_pin else np.full_like(room, radius)
+    own, other = (inner, inner + room) if of_pin else (inner + room, inner)
+    with np.errstate(invalid='ignore', divide='ignore'):
+        root = np.sqrt(other**2 - (own * np.sin(phi)) ** 2)
+        reach = room * (2.0 * inner + room) / (own * np.cos(phi) + root)
+    reach[~np.isfinite(reach)] = np.inf  # the pin passes by this place
+    k = np.clip(reach.argmin(axis=1), 1, len(phi) - 2)
+    low, middle, high = (np.take_along_axis(reach, k[:, None] + d, 1)[:, 0] for d in (-1, 0, 1))
+    with np.errstate(invalid='ignore', divide='ignore'):
+        bottom = middle - (high - low) ** 2 / (8.0 * (low - 2.0 * middle + high))
+    return np.where(np.isfinite(bottom) & (bottom > 0.0), bottom, middle)
+
+
+class Touch(NamedTuple):
+    """A worn surface seen from its link: the measure of the gap, and its derivatives there."""
+
+    value: Term  #: y [m]
+    slope: _Pair  #: by x and y
+    slope_rate: _Pair  #: its rate
+
+
+@dataclass(frozen=True)
+class WornSurface:
+    """The measure of the gap between a worn surface and a round one.
+
+    Attributes
+    ----------
+    clearance : c [m]
+    soft : s [m]
+    a : (n + 1,) coefficients of A [m]
+    b : (n + 1,) coefficients of B
+    error : [m] the farthest that its zero is from the locus
+    tilt : [rad] the farthest that its gradient is from the unit normal
+    """
+
+    clearance: float
+    soft: float
+    a: tuple[complex, ...]
+    b: tuple[complex, ...]
+    error: float = 0.0
+    tilt: float = 0.0
+
+    @classmethod
+    def through(cls, reach: Array, clearance: float, degree: int) -> WornSurface:
+        """Of a locus (m,) [m], evenly in all directions, by least squares."""
+        m, c, soft = len(reach), clearance, _SOFT * float(reach.min())
+        none = (0j,) * degree
+        if np.ptp(reach) <= 4.0 * np.spacing(reach.max()):  # a circle
+            r = float(reach[0])
+            return cls(c, soft, (0.5 * r + 0j, *none), (c / r + 0j, *none))
+        turn = np.exp(2j * np.pi / m * np.arange(m))
+        ahead, behind = ([np.roll(reach, -sign * k) for k in (1, 2)] for sign in (1, -1))
+        slope = (8.0 * (ahead[0] - behind[0]) - ahead[1] + behind[1]) * m / (24.0 * np.pi)
+        z, normal = reach * turn, (reach - 1j * slope) * turn
+        normal /= np.abs(normal)
+        shell = cls(c, soft, (1.0 + 0j, *none), (0j, *none))
+        w, w_n = shell._turned(z), shell._turned_along(z, normal)
+        k, half = np.arange(degree + 1), 0.5 * reach**2 / c
+        powers = w[:, None] ** k
+        along = k * w[:, None] ** np.maximum(k - 1, 0) * w_n[:, None]
+        inward = (z.conj() * normal).real / c
+        # of unknowns A/c and B: the measure over c, and its slope along the normal
+        rows = [
+            [powers, -half[:, None] / c * powers],
+            [c * along, -half[:, None] * along - inward[:, None] * powers],
+        ]
+        matrix = np.vstack([np.hstack([x for part in row for x in (part.real, -part.imag)])
+                            for row in rows])  # fmt: skip
+        wanted = np.concatenate([np.zeros(m), np.full(m, -1.0)])
+        p, q, r, s = np.linalg.lstsq(matrix, wanted, rcond=1e-13)[0].reshape(4, degree + 1)
+        q[0] = s[0] = 0.0
+        found = replace(shell, a=tuple(c * (p + 1j * q)), b=tuple(r + 1j * s))
+        value, gradient = found.measure(z)
+        error = float(np.abs(value / (gradient * normal.conj()).real).max())
+        tilt = float(np.abs(gradient + normal).max())
+        return replace(found, error=error, tilt=tilt)
+
+    def _turned(self, z: Complexes) -> Complexes:
+        """``w``."""
+        return np.asarray(z / np.sqrt(np.abs(z) ** 2 + self.soft**2))
+
+    def _turned_along(self, z: Complexes, way: Complexes) -> Complexes:
+        """The derivative of w along a way."""
+        t = np.sqrt(np.abs(z) ** 2 + self.soft**2)
+        return np.asarray(way / t - z * (z.conj() * way).real / t**3)
+
+    def measure(self, z: Complexes) -> tuple[Array, Complexes]:
+        """y [m] at places of the pin (N,) in the link's frame, and its gradient x + i y."""
+        w, half = self._turned(z), 0.5 * np.abs(z) ** 2 / self.clearance
+        A, B = (np.polynomial.Polynomial(x) for x in (self.a, self.b))
+        value = A(w).real - half * B(w).real
+        slope = A.deriv()(w) - half * B.deriv()(w)
+        gradient = [
+            (slope * self._turned_along(z, np.full_like(z, way))).real for way in (1.0, 1j)
+        ]
+        return value, gradient[0] + 1j * gradient[1] - z / self.clearance * B(w).real
+
+    def touch(self, frames: Frames, name: str, x: Jet, y: Jet) -> Touch:
+        """y as an expression of the pin's place in the link's frame; `name` is of parameters."""
+        p, c = frames.parameters, self.clearance
+        vx, vy, x, y = x.rate, y.rate, dense(x.value), dense(y.value)
+        soft = p.reserve(f'{name}.soft_square', self.soft**2)
+        m = p.reserve(f'{name}.curvature', 1.0 / c)
+        square = x * x + y * y
+        half, sway = 0.5 * m * square, dense(add(mul(x, vx), mul(y, vy)))
+        i1 = 1.0 / hy.sqrt(square + soft)
+        i3 = i1 * i1 * i1
+        w = x * i1, y * i1
+        w_rate = tuple(
+            dense(add(mul(i1, v), neg(mul(z, sway * i3)))) for v, z in ((vx, x), (vy, y))
+        )
+        one = hy.expression(1.0), hy.expression(0.0)
+        powers = [one, w]
+        while len(powers) < len(self.a):
+            powers.append(_product(powers[-1], w))
+        series = []
+        for part, numbers in (('a', self.a), ('b', self.b)):
+            known = [
+                (p.reserve(f'{name}.{part}{k}.x', n.real), p.reserve(f'{name}.{part}{k}.y', n.imag))
+                for k, n in enumerate(numbers)
+            ]
+            series.append([_series(known, powers, order) for order in range(3)])
+        (A, A1, A2), (B, B1, B2) = series
+        slope = tuple(f - half * g for f, g in zip(A1, B1, strict=True))  # dy/dw along A and B
+        bend = tuple(f - half * g for f, g in zip(A2, B2, strict=True))
+        turned = _product(bend, w_rate)
+        slope_rate = tuple(t - m * sway * g for t, g in zip(turned, B1, strict=True))
+        # grad y = (conj(slope) i1 - z (i3 Re(slope z) + Re B m)
+        z, z_rate = (x, y), (dense(vx), dense(vy))
+        R = _product(slope, z)[0]
+        R_rate = _product(slope_rate, z)[0] + _product(slope, z_rate)[0]
+        E = i3 * R + m * B[0]
+        E_rate = i3 * R_rate - 3.0 * (i1 * i1 * i3 * sway) * R + m * _product(B1, w_rate)[0]
+        signs = 1.0, -1.0
+        return Touch(
+            A[0] - half * B[0],
+            tuple(n * i1 * f - z * E for n, f, z in zip(signs, slope, z, strict=True)),
+            tuple(
+                n * (i1 * f_rate - i3 * sway * f) - v * E - u * E_rate
+                for n, f, f_rate, u, v in zip(signs, slope, slope_rate, z, z_rate, strict=True)
+            ),
+        )
+
+
+def _product(f: _Pair, g: _Pair) -> _Pair:
+    """Of two complex numbers."""
+    return f[0] * g[0] - f[1] * g[1], f[0] * g[1] + f[1] * g[0]
+
+
+def _series(known: list[_Pair], powers: list[_Pair], order: int) -> _Pair:
+    """A derivative of a polynomial with complex coefficients: products with numbers are cheap."""
+    real, imaginary = [], []
+    for k in range(order, len(known)):
+        scale, (u, v) = float(perm(k, order)), powers[k - order]
+        a, b = known[k]
+        real += [a * (scale * u), -(b * (scale * v))]
+        imaginary += [a * (scale * v), b * (scale * u)]
+    return hy.sum(real), hy.sum(imaginary)
+
+
+class _Pressed(NamedTuple):
+    """Where a worn bearing touches, in the world."""
+
+    gap: Jet  #: [m]
+    place: tuple[Jet, Jet]  #: of the pin, from the bushing's centre [m]
+    normal: tuple[Jet, Jet]  #: from bushing to pin: values and rates
+    on_bushing: tuple[Term, Term]  #: of this the part that does not pass the bushing's centre
+
+
+@dataclass(frozen=True)
+class WornBearing(BearingClearance):
+    """A bearing of which bushing, pin or both are worn.
+
+    Attributes
+    ----------
+    mean : [m] clearance with the mean depths of both
+    bushing, pin : the surfaces that are worn, each beside the other with its mean depth
+    widest : [m] twice the largest value of the gap, which of a circle is its clearance
+    """
+
+    mean: float = 0.0
+    bushing: WornSurface | None = None
+    pin: WornSurface | None = None
+    widest: float = 0.0
+    off: float = 0.0  #: [m] the farthest that the gap is off where they touch
+
+    @property
+    def surfaces(self) -> list[tuple[WornSurface, LinkPoint, str]]:
+        """Those that are worn, the points of their links, names of their parameters."""
+        points = self.mechanism.joint(self.joint).points
+        given = (self.pin, points[0], 'pin'), (self.bushing, points[1], 'bushing')
+        return [(s, at, f'{self.name}.{part}') for s, at, part in given if s is not None]
+
+    def _pressed(self, frames: Frames) -> _Pressed:
+        none = Jet(None, {}, None, None)
+        x, y = self._pin_in_bushing(frames)
+        gap, normal, on_bushing = none, (none, none), (None, None)
+        for surface, (link, at), name in self.surfaces:
+            ux, uy = frames.position(self.mechanism.direction(link, 0.0, at), name)
+            seen = ux * x + uy * y, ux * y - uy * x
+            touch = surface.touch(frames, name, *seen)
+            both = list(zip(touch.slope, touch.slope_rate, seen, strict=True))
+            gap += Jet(
+                touch.value,
+                {c: add(*(mul(slope, jet.gradient.get(c)) for slope, _, jet in both))
+                 for c in {**seen[0].gradient, **seen[1].gradient}},
+                add(*(mul(slope, jet.rate) for slope, _, jet in both)),
+                add(*(mul(slope, jet.curvature) for slope, _, jet in both),
+                    *(mul(bend, jet.rate) for _, bend, jet in both)),
+            )  # fmt: skip
+            gx, gy = (Jet(-slope, {}, -bend, None) for slope, bend, _ in both)
+            own = ux * gx - uy * gy, uy * gx + ux * gy
+            normal = normal[0] + own[0], normal[1] + own[1]
+            if surface is self.bushing:
+                on_bushing = own[0].value, own[1].value
+        if len(self.surfaces) == 2:  # the circle of both counts once
+            mean = dense(frames.parameters(f'{self.name}.mean', self.mean))
+            gap += (x.half_square() + y.half_square()) / mean - 0.5 * mean
+            normal = normal[0] - x / mean, normal[1] - y / mean
+        return _Pressed(gap, (x, y), normal, on_bushing)
+
+    def value(self, frames: Frames) -> Jet:
+        """As `WornSurface` has it, of both surfaces [m]."""
+        return self._pressed(frames).gap
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Across both surfaces, from bushing to pin: of length 1 where they touch."""
+        return self._pressed(frames).normal
+
+    def slip(self, frames: Frames) -> Jet:
+        """``Q'.t + rp w1 - (rp + Q.n) w2`` [m/s]: as of a circle, whose Q.n is c.
+
+        The pin's surface is taken at rp from its centre: of a worn one off by depth over radius.
+        """
+        _, (x, y), (nx, ny), _ = self._pressed(frames)
+        along = Jet(
+            None,
+            {c: add(mul(nx.value, y.gradient.get(c)), neg(mul(ny.value, x.gradient.get(c))))
+             for c in {**x.gradient, **y.gradient}},
+            add(mul(nx.value, y.rate), neg(mul(ny.value, x.rate))),
+            add(mul(nx.value, y.curvature), neg(mul(ny.value, x.curvature)),
+                mul(nx.rate, y.rate), neg(mul(ny.rate, x.rate))),
+        )  # fmt: skip
+        points, radius = self.mechanism.joint(self.joint).points, self.pin_radius
+        slip = with_turning(along, frames, self.mechanism, self.name, points, (radius, -radius))
+        depth: Jet = nx * x + ny * y
+        for c, turn in self.mechanism.turns(*points[1]).items():
+            v = frames.v[c]
+            arm, rate = (neg(mul(hy.expression(turn), term)) for term in (depth.value, depth.rate))
+            slip += Jet(None, {c: arm}, mul(arm, v), mul(rate, v))
+        return slip
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the bushing's link, about the bushing's centre."""
+        _, (x, y), normal, (bx, by) = self._pressed(frames)
+        depth = add(mul(normal[0].value, x.value), mul(normal[1].value, y.value))
+        arm = add(frames.parameters(f'{self.name}.pin_radius', self.pin_radius), depth)
+        force = contact_wrench(normal, N, T, arm)
+        across = add(mul(x.value, by), neg(mul(y.value, bx)))
+        return force._replace(moment=add(force.moment, mul(across, N)))
+
+    @property
+    def _room(self) -> float:
+        return self.widest
+
+    def normals(self, q: Array) -> Array:
+        """Components (2, N) of the normal at coordinates q (n, N)."""
+        x, y = self.mechanism.trace(self.apart, q)[0]
+        ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
+                for _, (link, at), _ in self.surfaces]  # fmt: skip
+        normal = -self._measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
+        return np.array([normal.real, normal.imag]) / np.abs(normal)
+
+    def _measure(self, z: Complexes, ways: Sequence[Any]) -> tuple[Array, Complexes]:
+        """The gap [m] at places of the pin (N,), and its gradient; `ways` of the worn links."""
+        value, gradient = np.zeros(len(z)), np.zeros(len(z), complex)
+        for (surface, _, _), way in zip(self.surfaces, ways, strict=True):
+            own = surface.measure(z * np.conj(way))
+            value, gradient = value + own[0], gradient + own[1] * way
+        if len(self.surfaces) == 2:
+            value = value - 0.5 * (self.mean - np.abs(z) ** 2 / self.mean)
+            gradient = gradient + z / self.mean
+        return value, gradient
+
+    def _edge(self, turn: Complexes, ways: Sequence[Any]) -> Complexes:
+        """Where the gap is zero (N,), in directions (N,) from the middle."""
+        out = np.full(len(turn), self.mean)
+        for _ in range(_ROUNDS):
+            value, gradient = self._measure(out * turn, ways)
+            out = out - value / (gradient * turn.conj()).real
+        return np.asarray(out * turn)
+
+    def seat(self, force: Array, angles: Sequence[float]) -> Array:
+        """Where the pin rests under a force (2,) [m], with pin and bushing turned by angles."""
+        known = zip((self.pin, self.bushing), angles, strict=True)
+        ways = [np.exp(1j * angle) for surface, angle in known if surface is not None]
+        push = complex(*force) / float(np.hypot(*force))
+        middle, half, best = 0.0, 1.5, 0j
+        for refined in range(_REFINED):
+            edge = self._edge(push * np.exp(1j * (middle + half * _WINDOW)), ways)
+            normal = -self._measure(edge, ways)[1] * np.conj(push)
+            off = np.abs(normal.imag / normal.real) if refined else -(edge * np.conj(push)).real
+            k = int(off.argmin())  # the farthest along the force, then where the normal is along it
+            middle, half, best = middle + half * float(_WINDOW[k]), half / 64.0, edge[k]
+        return np.array([best.real, best.imag])
+
+    def inside(self, relative: float) -> tuple[float, float]:
+        """The least of the gap well inside its edge, and the largest [m], by the links' turn."""
+        turn = np.exp(2j * np.pi / 72 * np.arange(72))
+        ways = [np.exp(1j * relative), 1.0][2 - len(self.surfaces):]
+        edge = self._edge(turn, ways)
+        values = self._measure((np.linspace(0.0, 0.95, 20)[:, None] * edge).ravel(), ways)[0]
+        return float(values.min()), float(values.max())
+
+
+def worn(gap: BearingClearance, bushing: Array, pin: Array, degree: int) -> WornBearing:
+    """A bearing with depths (4096,) [m] worn off bushing and pin, at even angles from 0 on.
+
+    Raises
+    ------
+    ValueError
+        One sentence: of depths that leave no room, or of a groove that the pin cannot follow.
+    """
+    c, rp = gap.clearance, gap.pin_radius
+    if pin.any() and pin.max() >= rp:
+        raise ValueError(f"has a worn pin: its 'pin_radius' must be more than {pin.max():g} m")
+    if (least := float(min(bushing.min(), pin.min()))) <= -0.5 * c:
+        raise ValueError(f'has a depth of {least:g} m, which leaves no room')
+    of_bushing, of_pin = float(bushing.mean()), float(pin.mean())
+    mean = c + of_bushing + of_pin
+    on_bushing = on_pin = None
+    if np.ptp(bushing) or not np.ptp(pin):
+        reach = locus(bushing, c + of_pin, rp - of_pin if rp else 0.0)
+        on_bushing = WornSurface.through(reach, mean, degree)
+    if np.ptp(pin):
+        reach = locus(pin, c + of_bushing, rp, of_pin=True)
+        on_pin = WornSurface.through(reach, mean, degree)
+    known = {field.name: getattr(gap, field.name) for field in fields(gap)}
+    found = WornBearing(**known, mean=mean, bushing=on_bushing, pin=on_pin)
+    error = (on_bushing or on_pin).error if len(found.surfaces) == 1 else _combined_error(found, bushing, pin)
+    least, most = np.transpose([found.inside(x) for x in np.linspace(0.0, 6.0, 7)])
+    if not error <= _FARTHEST * c or not least.min() > 0.0:
+        why = (
+            'of a pin and a bushing that are both worn, one must be nearly round'
+            if len(found.surfaces) == 2
+            else 'its grooves are too narrow for the pin; a higher degree follows it nearer'
+        )
+        raise ValueError(
+            f'has a profile that is off by {error:.3g} m where pin and bushing touch, allowed are '
+            f'{_FARTHEST * c:.3g} m: {why}'
+        )
+    return replace(found, widest=2.0 * max(0.5 * mean, *most), off=error)
+
+
+def _combined_error(bearing: WornBearing, bushing: Array, pin: Array) -> float:
+    """How far the sum of both functions is from where the pin can be [m], at worst."""
+    turn, found = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)), 0.0
+    for shift in range(0, LOOKS, LOOKS // 16):
+        depth = bushing + np.roll(pin, shift)
+        reach = locus(depth, bearing.clearance, bearing.pin_radius)
+        ways = np.exp(2j * np.pi / LOOKS * shift), 1.0
+        value, gradient = bearing._measure(reach * turn, ways)
+        found = max(found, float(np.abs(value / (gradient * turn.conj()).real).max()))
+    return found
