@@ -16,7 +16,7 @@ from mechanism_sim.analysis.roses import impact_rose
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.revolute.bearing import BearingClearance
-from mechanism_sim.joints.revolute.worn import WornBearing
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.play import joint_of_gap

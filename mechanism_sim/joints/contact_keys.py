@@ -258,8 +258,8 @@ class WornPart(Part):
 
     points: Annotated[list[tuple[Angle, Position]], Field(min_length=4)]
     """Angle and depth along the radius, such as [30 deg, 12 um], with rising angles within a turn,
-    through which a periodic cubic spline goes; what is built up is negative. Or `file` names a file
-    of comma-separated values beside the scene, and `columns` two of its columns.
+    through which a periodic cubic spline goes; what is built up is negative. Or `file` names a
+    file of comma-separated values beside the scene, and `columns` two of its columns.
     """
 
     @model_validator(mode='after')
@@ -285,10 +285,11 @@ class ProfilesPart(Part):
     harmonics: Annotated[int, Field(ge=4, le=48)] = 16
     """Of the smooth function that describes the gap: more follow narrower grooves."""
 
-    def depths(self, angles: Array) -> tuple[Array, Array]:
-        """Of bushing and pin at angles (N,) [rad]: (N,) each [m]."""
+    def depths(self, count: int) -> tuple[Array, Array]:
+        """Of bushing and pin at even angles from 0 on: (count,) each [m]."""
+        angles = TWO_PI / count * np.arange(count, dtype=np.float64)
         bushing, pin = (
-            x.depth(angles) if x else np.zeros(len(angles)) for x in (self.bushing, self.pin)
+            x.depth(angles) if x else np.zeros(count) for x in (self.bushing, self.pin)
         )
         return bushing, pin
 

@@ -12,7 +12,7 @@ from mechanism_sim.hybrid.dynamics import AppliedForces
 from mechanism_sim.hybrid.observer import Observer
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
-from mechanism_sim.joints.revolute.worn import WornBearing
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.planar.closures import closures, independent
 from mechanism_sim.planar.configuration import converted

@@ -27,8 +27,8 @@ from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
-from mechanism_sim.joints.revolute.worn import WornBearing
 from mechanism_sim.joints.revolute.keys import leaning
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import Constraints, converted, poses
@@ -296,10 +296,12 @@ class Start:
         seated = {}
         for gap in self.equations.system.gaps:
             if isinstance(gap, WornBearing) and gap.name in found:
-                angles = [mechanism.angle(link, place) for link in mechanism.joint(gap.name).links]
+                links = mechanism.joint(gap.name).links
                 push = found[gap.name] / float(np.hypot(*found[gap.name]))
                 deep = float(np.hypot(*found[gap.name])) - gap.clearance  # of a soft contact
-                seated[gap.name] = gap.seat(push, angles) + deep * push
+                seated[gap.name] = (
+                    gap.shape.seat(push, [mechanism.angle(x, place) for x in links]) + deep * push
+                )
         for name, centred in found.items():
             if leans := leaning(mechanism, name, self.plan.clearances[name]):
                 joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)

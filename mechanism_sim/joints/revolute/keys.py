@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import fields
 from typing import Any, NamedTuple
 
-import numpy as np
 from pydantic import Field
 
 from mechanism_sim.contact.film import ShortBearing
@@ -17,16 +17,15 @@ from mechanism_sim.joints.contact_keys import (
     Friction,
     Misalignment,
     Play,
-    ProfilesPart,
 )
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends
-from mechanism_sim.joints.revolute.worn import LOOKS, WornBearing, worn
+from mechanism_sim.joints.revolute.worn import LOOKS, WornShape, worn_shape
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
-from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import Vector2
@@ -87,9 +86,13 @@ class RevoluteKeys(StopKeys):
             return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
         if given.profile and (given.film or given.length):
             return (
-                f"has a clearance with profile and {'a film' if given.film else 'length'}: of worn "
-                'bearings only dry ones are known, whose axes are in line'
+                f'has a clearance with profile and {"a film" if given.film else "length"}: worn '
+                'bearings are dry, and their axes in line'
             )
+        try:
+            worn_of(given)
+        except ValueError as error:
+            return str(error)
         if not given.misalignment or not given.length:
             return ''
         most = 2.0 * given.radial / given.length
@@ -122,8 +125,9 @@ class RevoluteKeys(StopKeys):
                 name, mechanism, reach, play.restitution, play.friction, play.hypothesis, arm,
                 play.law(0.5 if leans else 1.0),
             )  # fmt: skip
-            if isinstance(play, Clearance) and play.profile:
-                gap = _worn(gap, play.profile)
+            if isinstance(play, Clearance) and (shape := worn_of(play)):
+                known = {field.name: getattr(gap, field.name) for field in fields(gap)}
+                gap = WornBearing(**known, shape=shape)
             gaps += bearing_ends(gap, *leans) if leans else [gap]
         if isinstance(play, Clearance) and play.axial:
             gaps += _stops(mechanism, name, play, play.axial)
@@ -141,6 +145,13 @@ class RevoluteKeys(StopKeys):
                 f'{joint.name}: stops along the axis, play {play.axial.play:g} m to either, '
                 f'{f"faces of radius {faces:g} m" if faces else "without moments"}'
             ]
+        if play.profile and (shape := worn_of(play)):
+            worn = zip(('bushing', 'pin'), play.profile.depths(LOOKS), strict=True)
+            deep = ', '.join(f'{x} worn up to {d.max():.4g} m' for x, d in worn if d.any())
+            found.append(
+                f'{joint.name}: {deep or "round"}; {play.profile.harmonics} harmonics follow '
+                f'where the pin can be to {shape.off:.2g} m'
+            )
         if not play.length:
             return found
         if leaning(machine.mechanism, joint.name, play) is None:
@@ -162,13 +173,18 @@ class RevoluteKeys(StopKeys):
         ]
 
 
-def _worn(gap: BearingClearance, profile: ProfilesPart) -> WornBearing:
-    """The bearing with its profile."""
-    angles = TWO_PI / LOOKS * np.arange(LOOKS)
-    try:
-        return worn(gap, *profile.depths(angles), profile.harmonics)
-    except ValueError as error:
-        raise InputError(f'joints.{gap.name}.clearance {error}') from error
+def worn_of(given: Clearance) -> WornShape | None:
+    """The shape of a bearing with a profile.
+
+    Raises
+    ------
+    ValueError
+        One sentence: why there is none.
+    """
+    if not given.profile:
+        return None
+    bushing, pin = (depth.tobytes() for depth in given.profile.depths(LOOKS))
+    return worn_shape(given.radial, given.pin_radius, (bushing, pin), given.profile.harmonics)
 
 
 def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:

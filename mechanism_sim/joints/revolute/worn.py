@@ -2,9 +2,9 @@
 
 Depth is measured along the radius, in the frame of the link that is worn. Seen from that link the
 pin's centre can be within a closed curve, its locus: where a pin of radius rp touches a bushing
-``rp + c + h(phi)``, or a pin ``rp - h(phi)`` a bushing of radius ``rp + c``. `locus` finds it for any
-depth, by asking every place of the surface how far it lets the pin go. Where the pin does not reach
-the bottom of a groove, two places touch at once, and the locus has a corner.
+``rp + c + h(phi)``, or a pin ``rp - h(phi)`` a bushing of radius ``rp + c``. `locus` finds it for
+any depth, by asking every place of the surface how far it lets the pin go. Where the pin does not
+reach the bottom of a groove, two places touch at once, and the locus has a corner.
 
 The engine needs one function that is smooth wherever the pin can be. With its place z = x + i y,
 ``w = z/sqrt(|z|^2 + s^2)`` and s a part of the clearance it is
@@ -17,13 +17,14 @@ circle it is ``(c^2 - |z|^2)/(2 c)``. A corner is rounded, over an angle of abou
 
 If both surfaces are worn, both functions are added, less that of the circle of the mean depths:
 these are exact, and of the rest the product of both slopes over the clearance is left out.
-`WornSurface.error` and `combined_error` say how far the curve is from the locus.
+`WornShape.off` is how far the zero is from where the pin can be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import perm
 from typing import Any, NamedTuple
 
@@ -32,13 +33,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Wrench, contact_wrench
-from mechanism_sim.planar.play import with_turning
-from mechanism_sim.planar.points import LinkPoint
 
 Complexes = NDArray[np.complex128]
 _Pair = tuple[Term, Term]  # real and imaginary part
@@ -159,7 +156,7 @@ class WornSurface:
         return np.asarray(way / t - z * (z.conj() * way).real / t**3)
 
     def measure(self, z: Complexes) -> tuple[Array, Complexes]:
-        """y [m] at places of the pin (N,) in the link's frame, and its gradient x + i y."""
+        """Y [m] at places of the pin (N,) in the link's frame, and its gradient x + i y."""
         w, half = self._turned(z), 0.5 * np.abs(z) ** 2 / self.clearance
         A, B = (np.polynomial.Polynomial(x) for x in (self.a, self.b))
         value = A(w).real - half * B(w).real
@@ -170,7 +167,7 @@ class WornSurface:
         return value, gradient[0] + 1j * gradient[1] - z / self.clearance * B(w).real
 
     def touch(self, frames: Frames, name: str, x: Jet, y: Jet) -> Touch:
-        """y as an expression of the pin's place in the link's frame; `name` is of parameters."""
+        """Y as an expression of the pin's place in the link's frame; `name` is of parameters."""
         p, c = frames.parameters, self.clearance
         vx, vy, x, y = x.rate, y.rate, dense(x.value), dense(y.value)
         soft = p.reserve(f'{name}.soft_square', self.soft**2)
@@ -190,7 +187,10 @@ class WornSurface:
         series = []
         for part, numbers in (('a', self.a), ('b', self.b)):
             known = [
-                (p.reserve(f'{name}.{part}{k}.x', n.real), p.reserve(f'{name}.{part}{k}.y', n.imag))
+                (
+                    p.reserve(f'{name}.{part}{k}.x', n.real),
+                    p.reserve(f'{name}.{part}{k}.y', n.imag),
+                )
                 for k, n in enumerate(numbers)
             ]
             series.append([_series(known, powers, order) for order in range(3)])
@@ -232,123 +232,36 @@ def _series(known: list[_Pair], powers: list[_Pair], order: int) -> _Pair:
     return hy.sum(real), hy.sum(imaginary)
 
 
-class _Pressed(NamedTuple):
-    """Where a worn bearing touches, in the world."""
-
-    gap: Jet  #: [m]
-    place: tuple[Jet, Jet]  #: of the pin, from the bushing's centre [m]
-    normal: tuple[Jet, Jet]  #: from bushing to pin: values and rates
-    on_bushing: tuple[Term, Term]  #: of this the part that does not pass the bushing's centre
-
-
 @dataclass(frozen=True)
-class WornBearing(BearingClearance):
-    """A bearing of which bushing, pin or both are worn.
+class WornShape:
+    """A pin and a bushing of which one or both are worn, each seen from its own link.
+
+    `ways` are unit vectors (numbers or (N,)) along the axes of the links whose surfaces are worn,
+    as complex numbers, the pin's first.
 
     Attributes
     ----------
     mean : [m] clearance with the mean depths of both
-    bushing, pin : the surfaces that are worn, each beside the other with its mean depth
+    pin, bushing : the surfaces that are worn, each beside the other with its mean depth
     widest : [m] twice the largest value of the gap, which of a circle is its clearance
+    off : [m] the farthest that the gap is off where they touch
     """
 
-    mean: float = 0.0
-    bushing: WornSurface | None = None
-    pin: WornSurface | None = None
+    mean: float
+    pin: WornSurface | None
+    bushing: WornSurface | None
     widest: float = 0.0
-    off: float = 0.0  #: [m] the farthest that the gap is off where they touch
+    off: float = 0.0
 
     @property
-    def surfaces(self) -> list[tuple[WornSurface, LinkPoint, str]]:
-        """Those that are worn, the points of their links, names of their parameters."""
-        points = self.mechanism.joint(self.joint).points
-        given = (self.pin, points[0], 'pin'), (self.bushing, points[1], 'bushing')
-        return [(s, at, f'{self.name}.{part}') for s, at, part in given if s is not None]
+    def surfaces(self) -> list[WornSurface]:
+        """Those that are worn."""
+        return [surface for surface in (self.pin, self.bushing) if surface is not None]
 
-    def _pressed(self, frames: Frames) -> _Pressed:
-        none = Jet(None, {}, None, None)
-        x, y = self._pin_in_bushing(frames)
-        gap, normal, on_bushing = none, (none, none), (None, None)
-        for surface, (link, at), name in self.surfaces:
-            ux, uy = frames.position(self.mechanism.direction(link, 0.0, at), name)
-            seen = ux * x + uy * y, ux * y - uy * x
-            touch = surface.touch(frames, name, *seen)
-            both = list(zip(touch.slope, touch.slope_rate, seen, strict=True))
-            gap += Jet(
-                touch.value,
-                {c: add(*(mul(slope, jet.gradient.get(c)) for slope, _, jet in both))
-                 for c in {**seen[0].gradient, **seen[1].gradient}},
-                add(*(mul(slope, jet.rate) for slope, _, jet in both)),
-                add(*(mul(slope, jet.curvature) for slope, _, jet in both),
-                    *(mul(bend, jet.rate) for _, bend, jet in both)),
-            )  # fmt: skip
-            gx, gy = (Jet(-slope, {}, -bend, None) for slope, bend, _ in both)
-            own = ux * gx - uy * gy, uy * gx + ux * gy
-            normal = normal[0] + own[0], normal[1] + own[1]
-            if surface is self.bushing:
-                on_bushing = own[0].value, own[1].value
-        if len(self.surfaces) == 2:  # the circle of both counts once
-            mean = dense(frames.parameters(f'{self.name}.mean', self.mean))
-            gap += (x.half_square() + y.half_square()) / mean - 0.5 * mean
-            normal = normal[0] - x / mean, normal[1] - y / mean
-        return _Pressed(gap, (x, y), normal, on_bushing)
-
-    def value(self, frames: Frames) -> Jet:
-        """As `WornSurface` has it, of both surfaces [m]."""
-        return self._pressed(frames).gap
-
-    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Across both surfaces, from bushing to pin: of length 1 where they touch."""
-        return self._pressed(frames).normal
-
-    def slip(self, frames: Frames) -> Jet:
-        """``Q'.t + rp w1 - (rp + Q.n) w2`` [m/s]: as of a circle, whose Q.n is c.
-
-        The pin's surface is taken at rp from its centre: of a worn one off by depth over radius.
-        """
-        _, (x, y), (nx, ny), _ = self._pressed(frames)
-        along = Jet(
-            None,
-            {c: add(mul(nx.value, y.gradient.get(c)), neg(mul(ny.value, x.gradient.get(c))))
-             for c in {**x.gradient, **y.gradient}},
-            add(mul(nx.value, y.rate), neg(mul(ny.value, x.rate))),
-            add(mul(nx.value, y.curvature), neg(mul(ny.value, x.curvature)),
-                mul(nx.rate, y.rate), neg(mul(ny.rate, x.rate))),
-        )  # fmt: skip
-        points, radius = self.mechanism.joint(self.joint).points, self.pin_radius
-        slip = with_turning(along, frames, self.mechanism, self.name, points, (radius, -radius))
-        depth: Jet = nx * x + ny * y
-        for c, turn in self.mechanism.turns(*points[1]).items():
-            v = frames.v[c]
-            arm, rate = (neg(mul(hy.expression(turn), term)) for term in (depth.value, depth.rate))
-            slip += Jet(None, {c: arm}, mul(arm, v), mul(rate, v))
-        return slip
-
-    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the bushing's link, about the bushing's centre."""
-        _, (x, y), normal, (bx, by) = self._pressed(frames)
-        depth = add(mul(normal[0].value, x.value), mul(normal[1].value, y.value))
-        arm = add(frames.parameters(f'{self.name}.pin_radius', self.pin_radius), depth)
-        force = contact_wrench(normal, N, T, arm)
-        across = add(mul(x.value, by), neg(mul(y.value, bx)))
-        return force._replace(moment=add(force.moment, mul(across, N)))
-
-    @property
-    def _room(self) -> float:
-        return self.widest
-
-    def normals(self, q: Array) -> Array:
-        """Components (2, N) of the normal at coordinates q (n, N)."""
-        x, y = self.mechanism.trace(self.apart, q)[0]
-        ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
-                for _, (link, at), _ in self.surfaces]  # fmt: skip
-        normal = -self._measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
-        return np.array([normal.real, normal.imag]) / np.abs(normal)
-
-    def _measure(self, z: Complexes, ways: Sequence[Any]) -> tuple[Array, Complexes]:
+    def measure(self, z: Complexes, ways: Sequence[Any]) -> tuple[Array, Complexes]:
         """The gap [m] at places of the pin (N,), and its gradient; `ways` of the worn links."""
         value, gradient = np.zeros(len(z)), np.zeros(len(z), complex)
-        for (surface, _, _), way in zip(self.surfaces, ways, strict=True):
+        for surface, way in zip(self.surfaces, ways, strict=True):
             own = surface.measure(z * np.conj(way))
             value, gradient = value + own[0], gradient + own[1] * way
         if len(self.surfaces) == 2:
@@ -360,7 +273,7 @@ class WornBearing(BearingClearance):
         """Where the gap is zero (N,), in directions (N,) from the middle."""
         out = np.full(len(turn), self.mean)
         for _ in range(_ROUNDS):
-            value, gradient = self._measure(out * turn, ways)
+            value, gradient = self.measure(out * turn, ways)
             out = out - value / (gradient * turn.conj()).real
         return np.asarray(out * turn)
 
@@ -372,34 +285,40 @@ class WornBearing(BearingClearance):
         middle, half, best = 0.0, 1.5, 0j
         for refined in range(_REFINED):
             edge = self._edge(push * np.exp(1j * (middle + half * _WINDOW)), ways)
-            normal = -self._measure(edge, ways)[1] * np.conj(push)
+            normal = -self.measure(edge, ways)[1] * np.conj(push)
             off = np.abs(normal.imag / normal.real) if refined else -(edge * np.conj(push)).real
-            k = int(off.argmin())  # the farthest along the force, then where the normal is along it
+            k = int(
+                off.argmin()
+            )  # the farthest along the force, then where the normal is along it
             middle, half, best = middle + half * float(_WINDOW[k]), half / 64.0, edge[k]
         return np.array([best.real, best.imag])
 
     def inside(self, relative: float) -> tuple[float, float]:
         """The least of the gap well inside its edge, and the largest [m], by the links' turn."""
         turn = np.exp(2j * np.pi / 72 * np.arange(72))
-        ways = [np.exp(1j * relative), 1.0][2 - len(self.surfaces):]
+        ways = [np.exp(1j * relative), 1.0][2 - len(self.surfaces) :]
         edge = self._edge(turn, ways)
-        values = self._measure((np.linspace(0.0, 0.95, 20)[:, None] * edge).ravel(), ways)[0]
+        values = self.measure((np.linspace(0.0, 0.95, 20)[:, None] * edge).ravel(), ways)[0]
         return float(values.min()), float(values.max())
 
 
-def worn(gap: BearingClearance, bushing: Array, pin: Array, degree: int) -> WornBearing:
-    """A bearing with depths (4096,) [m] worn off bushing and pin, at even angles from 0 on.
+@lru_cache(maxsize=64)
+def worn_shape(
+    clearance: float, radius: float, depths: tuple[bytes, bytes], degree: int
+) -> WornShape:
+    """Of depths of 4096 places on bushing and pin [m], as bytes of their arrays.
 
     Raises
     ------
     ValueError
         One sentence: of depths that leave no room, or of a groove that the pin cannot follow.
     """
-    c, rp = gap.clearance, gap.pin_radius
+    c, rp = clearance, radius
+    bushing, pin = (np.frombuffer(given) for given in depths)
     if pin.any() and pin.max() >= rp:
         raise ValueError(f"has a worn pin: its 'pin_radius' must be more than {pin.max():g} m")
     if (least := float(min(bushing.min(), pin.min()))) <= -0.5 * c:
-        raise ValueError(f'has a depth of {least:g} m, which leaves no room')
+        raise ValueError(f'has a profile with a depth of {least:g} m, which leaves no room')
     of_bushing, of_pin = float(bushing.mean()), float(pin.mean())
     mean = c + of_bushing + of_pin
     on_bushing = on_pin = None
@@ -409,15 +328,19 @@ def worn(gap: BearingClearance, bushing: Array, pin: Array, degree: int) -> Worn
     if np.ptp(pin):
         reach = locus(pin, c + of_bushing, rp, of_pin=True)
         on_pin = WornSurface.through(reach, mean, degree)
-    known = {field.name: getattr(gap, field.name) for field in fields(gap)}
-    found = WornBearing(**known, mean=mean, bushing=on_bushing, pin=on_pin)
-    error = (on_bushing or on_pin).error if len(found.surfaces) == 1 else _combined_error(found, bushing, pin)
-    least, most = np.transpose([found.inside(x) for x in np.linspace(0.0, 6.0, 7)])
-    if not error <= _FARTHEST * c or not least.min() > 0.0:
+    found = WornShape(mean, on_pin, on_bushing)
+    both = len(found.surfaces) == 2
+    error = (
+        _error_of_both(found, clearance, radius, bushing, pin)
+        if both
+        else (found.surfaces[0].error)
+    )
+    least_inside, most = np.transpose([found.inside(x) for x in np.linspace(0.0, 6.0, 7)])
+    if not error <= _FARTHEST * c or not least_inside.min() > 0.0:
         why = (
             'of a pin and a bushing that are both worn, one must be nearly round'
-            if len(found.surfaces) == 2
-            else 'its grooves are too narrow for the pin; a higher degree follows it nearer'
+            if both
+            else 'its grooves are too narrow for the pin; more harmonics follow it nearer'
         )
         raise ValueError(
             f'has a profile that is off by {error:.3g} m where pin and bushing touch, allowed are '
@@ -426,13 +349,14 @@ def worn(gap: BearingClearance, bushing: Array, pin: Array, degree: int) -> Worn
     return replace(found, widest=2.0 * max(0.5 * mean, *most), off=error)
 
 
-def _combined_error(bearing: WornBearing, bushing: Array, pin: Array) -> float:
+def _error_of_both(
+    shape: WornShape, clearance: float, radius: float, bushing: Array, pin: Array
+) -> float:
     """How far the sum of both functions is from where the pin can be [m], at worst."""
     turn, found = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)), 0.0
     for shift in range(0, LOOKS, LOOKS // 16):
-        depth = bushing + np.roll(pin, shift)
-        reach = locus(depth, bearing.clearance, bearing.pin_radius)
+        reach = locus(bushing + np.roll(pin, shift), clearance, radius)
         ways = np.exp(2j * np.pi / LOOKS * shift), 1.0
-        value, gradient = bearing._measure(reach * turn, ways)
+        value, gradient = shape.measure(reach * turn, ways)
         found = max(found, float(np.abs(value / (gradient * turn.conj()).real).max()))
     return found

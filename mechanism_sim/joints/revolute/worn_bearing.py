@@ -1,0 +1,124 @@
+"""The loose revolute joint whose pin or bushing is worn, as the engine sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import heyoka as hy
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.joints.revolute.bearing import BearingClearance
+from mechanism_sim.joints.revolute.worn import WornShape, WornSurface
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.planar.frames import Frames
+from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.loads import Wrench, contact_wrench
+from mechanism_sim.planar.play import with_turning
+from mechanism_sim.planar.points import LinkPoint
+
+_ROUND = WornShape(0.0, None, None)
+
+
+class _Pressed(NamedTuple):
+    """Where a worn bearing touches, in the world."""
+
+    gap: Jet  #: [m]
+    place: tuple[Jet, Jet]  #: of the pin, from the bushing's centre [m]
+    normal: tuple[Jet, Jet]  #: from bushing to pin: values and rates
+    on_bushing: tuple[Term, Term]  #: of this the part that does not pass the bushing's centre
+
+
+@dataclass(frozen=True)
+class WornBearing(BearingClearance):
+    """A bearing of which bushing, pin or both are worn."""
+
+    shape: WornShape = _ROUND
+
+    @property
+    def _worn(self) -> list[tuple[WornSurface, LinkPoint, str]]:
+        """The surfaces that are worn, the points of their links, names of their parameters."""
+        points, shape = self.mechanism.joint(self.joint).points, self.shape
+        given = (shape.pin, points[0], 'pin'), (shape.bushing, points[1], 'bushing')
+        return [(s, at, f'{self.name}.{part}') for s, at, part in given if s is not None]
+
+    def _pressed(self, frames: Frames) -> _Pressed:
+        none = Jet(None, {}, None, None)
+        x, y = self._pin_in_bushing(frames)
+        gap, normal, on_bushing = none, (none, none), (None, None)
+        for surface, (link, at), name in self._worn:
+            ux, uy = frames.position(self.mechanism.direction(link, 0.0, at), name)
+            seen = ux * x + uy * y, ux * y - uy * x
+            touch = surface.touch(frames, name, *seen)
+            both = list(zip(touch.slope, touch.slope_rate, seen, strict=True))
+            gap += Jet(
+                touch.value,
+                {c: add(*(mul(slope, jet.gradient.get(c)) for slope, _, jet in both))
+                 for c in {**seen[0].gradient, **seen[1].gradient}},
+                add(*(mul(slope, jet.rate) for slope, _, jet in both)),
+                add(*(mul(slope, jet.curvature) for slope, _, jet in both),
+                    *(mul(bend, jet.rate) for _, bend, jet in both)),
+            )  # fmt: skip
+            gx, gy = (Jet(-slope, {}, -bend, None) for slope, bend, _ in both)
+            own = ux * gx - uy * gy, uy * gx + ux * gy
+            normal = normal[0] + own[0], normal[1] + own[1]
+            if surface is self.shape.bushing:
+                on_bushing = own[0].value, own[1].value
+        if len(self._worn) == 2:  # the circle of both counts once
+            mean = dense(frames.parameters(f'{self.name}.mean', self.shape.mean))
+            gap += (x.half_square() + y.half_square()) / mean - 0.5 * mean
+            normal = normal[0] - x / mean, normal[1] - y / mean
+        return _Pressed(gap, (x, y), normal, on_bushing)
+
+    def value(self, frames: Frames) -> Jet:
+        """As `WornSurface` has it, of both surfaces [m]."""
+        return self._pressed(frames).gap
+
+    def normal(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Across both surfaces, from bushing to pin: of length 1 where they touch."""
+        return self._pressed(frames).normal
+
+    def slip(self, frames: Frames) -> Jet:
+        """``Q'.t + rp w1 - (rp + Q.n) w2`` [m/s]: as of a circle, whose Q.n is c.
+
+        The pin's surface is taken at rp from its centre: of a worn one off by depth over radius.
+        """
+        _, (x, y), (nx, ny), _ = self._pressed(frames)
+        along = Jet(
+            None,
+            {c: add(mul(nx.value, y.gradient.get(c)), neg(mul(ny.value, x.gradient.get(c))))
+             for c in {**x.gradient, **y.gradient}},
+            add(mul(nx.value, y.rate), neg(mul(ny.value, x.rate))),
+            add(mul(nx.value, y.curvature), neg(mul(ny.value, x.curvature)),
+                mul(nx.rate, y.rate), neg(mul(ny.rate, x.rate))),
+        )  # fmt: skip
+        points, radius = self.mechanism.joint(self.joint).points, self.pin_radius
+        slip = with_turning(along, frames, self.mechanism, self.name, points, (radius, -radius))
+        depth: Jet = nx * x + ny * y
+        for c, turn in self.mechanism.turns(*points[1]).items():
+            v = frames.v[c]
+            arm, rate = (neg(mul(hy.expression(turn), term)) for term in (depth.value, depth.rate))
+            slip += Jet(None, {c: arm}, mul(arm, v), mul(rate, v))
+        return slip
+
+    def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
+        """On the bushing's link, about the bushing's centre."""
+        _, (x, y), normal, (bx, by) = self._pressed(frames)
+        depth = add(mul(normal[0].value, x.value), mul(normal[1].value, y.value))
+        arm = add(frames.parameters(f'{self.name}.pin_radius', self.pin_radius), depth)
+        force = contact_wrench(normal, N, T, arm)
+        across = add(mul(x.value, by), neg(mul(y.value, bx)))
+        return force._replace(moment=add(force.moment, mul(across, N)))
+
+    @property
+    def _room(self) -> float:
+        return self.shape.widest
+
+    def normals(self, q: Array) -> Array:
+        """Components (2, N) of the normal at coordinates q (n, N)."""
+        x, y = self.mechanism.trace(self.apart, q)[0]
+        ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
+                for _, (link, at), _ in self._worn]  # fmt: skip
+        normal = -self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
+        return np.array([normal.real, normal.imag]) / np.abs(normal)
