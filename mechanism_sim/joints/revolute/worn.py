@@ -82,7 +82,7 @@ def locus(depth: Array, clearance: float, radius: float, of_pin: bool = False) -
     return np.where(np.isfinite(bottom) & (bottom > 0.0), bottom, middle)
 
 
-class Touch(NamedTuple):
+class SurfaceTouch(NamedTuple):
     """A worn surface seen from its link: the measure of the gap, and its derivatives there."""
 
     value: Term  #: y [m]
@@ -166,7 +166,7 @@ class WornSurface:
         ]
         return value, gradient[0] + 1j * gradient[1] - z / self.clearance * B(w).real
 
-    def touch(self, frames: Frames, name: str, x: Jet, y: Jet) -> Touch:
+    def touch(self, frames: Frames, name: str, x: Jet, y: Jet) -> SurfaceTouch:
         """Y as an expression of the pin's place in the link's frame; `name` is of parameters."""
         p, c = frames.parameters, self.clearance
         vx, vy, x, y = x.rate, y.rate, dense(x.value), dense(y.value)
@@ -206,7 +206,7 @@ class WornSurface:
         E = i3 * R + m * B[0]
         E_rate = i3 * R_rate - 3.0 * (i1 * i1 * i3 * sway) * R + m * _product(B1, w_rate)[0]
         signs = 1.0, -1.0
-        return Touch(
+        return SurfaceTouch(
             A[0] - half * B[0],
             tuple(n * i1 * f - z * E for n, f, z in zip(signs, slope, z, strict=True)),
             tuple(
