@@ -1,0 +1,117 @@
+"""What wears a bearing, summed by direction on bushing and pin, and by parts of a run.
+
+Archard's law: the volume worn off is in proportion to the integral of normal force times the way
+slid (J. F. Archard, Contact and rubbing of flat surfaces, J. Appl. Phys. 24 (1953) 981). Where the
+contact follows, the integrals run over the motion's polynomials; an impact adds its impulse times
+the way slid in a unit of time, in the mean of before and after.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.joints.revolute.bearing import BearingClearance
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing
+from mechanism_sim.numerics.quadrature import SMOOTH
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
+
+_BLOCK = 512  # segments at once
+LOAD, LOAD_WAY, WORK, STRUCK_WAY, STRUCK_WORK = range(5)
+"""Rows: integrals of normal force [N s], of it times slip speed [N m], of friction times slip
+speed [J]; of impacts, sums of normal impulse times slip speed [N m], and of friction [J]."""
+
+
+def wear_sums(
+    machine: Machine, piece: Piece, joint: str, sectors: int, times: Array, radius: float
+) -> Array:
+    """Sums (2, 5, B, sectors) of bushing and pin, in parts of a run, by sectors from -pi on.
+
+    Normal force, slip and direction are those at 8 Gauss nodes of every step; each node counts in
+    the sector where it lies, and each step in the part in which it begins.
+
+    Parameters
+    ----------
+    times : (B + 1,) between which the parts are [s]
+    radius : of the pin [m]
+    """
+    motion, physics, parts = piece.motion, machine.physics, len(times) - 1
+    gap = physics.clearances.index(joint)
+    sums = np.zeros((2, 5, parts * sectors))
+
+    def enter(begun: Array, places: tuple[Array, Array], rows: dict[int, Array]) -> None:
+        part = np.searchsorted(times, begun, 'right') - 1
+        inside = (part >= 0) & (part < parts)
+        for own, angle in zip(sums, places, strict=True):
+            cell = sectors * part[inside] + _sector(angle[inside], sectors)
+            for row, values in rows.items():
+                own[row] += np.bincount(cell, values[inside], minlength=parts * sectors)
+
+    closed = np.flatnonzero(motion.closed[:, gap])
+    closed = closed[motion.curve.start[closed] >= times[0]]
+    for first in range(0, len(closed), _BLOCK):
+        segments = closed[first : first + _BLOCK]
+        duration = motion.curve.duration[segments, None]
+        seen = physics.observe(motion, segments, duration * SMOOTH.places.fractions)
+        weights = (duration * SMOOTH.weights).ravel()
+        normal, tangential = seen.normal_force[gap], seen.friction_force[gap]
+        places, slip = _touch(machine, joint, seen, radius)
+        begun = np.repeat(motion.curve.start[segments], len(weights) // len(segments))
+        rows = {
+            LOAD: normal, LOAD_WAY: normal * np.abs(slip), WORK: np.abs(tangential * slip),
+        }  # fmt: skip
+        enter(begun, places, {row: weights * values for row, values in rows.items()})
+    struck = [i for i in piece.impacts if i.joint == joint and i.t >= times[0]]
+    if struck and len(motion):
+        t, normal, tangential = np.array(
+            [(i.t, i.normal_impulse, i.tangential_impulse) for i in struck]
+        ).T
+        start, end = motion.curve.start, motion.curve.duration
+        after = np.minimum(np.searchsorted(start, t, 'left'), len(motion) - 1)
+        before = np.maximum(after - (start[after] >= t), 0)
+        ends = (before, np.minimum(t - start[before], end[before])), (after, np.zeros(len(t)))
+        both = [_touch(machine, joint, physics.observe(motion, k, dt), radius) for k, dt in ends]
+        way = 0.5 * (np.abs(both[0][1]) + np.abs(both[1][1]))
+        enter(t, both[0][0], {STRUCK_WAY: normal * way, STRUCK_WORK: np.abs(tangential) * way})
+    return sums.reshape(2, 5, parts, sectors)
+
+
+def _touch(
+    machine: Machine, joint: str, seen: Observation, radius: float
+) -> tuple[tuple[Array, Array], Array]:
+    """Where the contact lies on bushing and pin (N,) [rad], and the slip (N,) [m/s].
+
+    The slip is that of `BearingClearance.slip`: ``Q'.t + rp w1 - (rp + c) w2``; of a worn bearing
+    the normal is its own, and ``Q.n`` takes the place of c.
+    """
+    pair = joint_of_gap(machine.mechanism, joint)
+    gap = machine.equations.system.gaps[machine.physics.clearances.index(joint)]
+    assert isinstance(gap, BearingClearance)  # noqa: S101 - it is a bearing
+    view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
+    (x, y), (vx, vy), _ = view.trace(gap.apart)
+    clearance: Array | float = gap.clearance
+    if isinstance(gap, WornBearing):
+        nx, ny = gap.normals(seen.position)
+        clearance = nx * x + ny * y
+    else:
+        nx, ny = (x, y) / np.hypot(x, y)
+    first, second = view.turning(pair.first), view.turning(pair.second)
+    slip = nx * vy - ny * vx + radius * first.velocity - (radius + clearance) * second.velocity
+    on_bushing = np.arctan2(y + radius * ny, x + radius * nx)
+    return (on_bushing - second.position, np.arctan2(ny, nx) - first.position), slip
+
+
+def _sector(angle: Array, sectors: int) -> NDArray[np.int64]:
+    """Numbers (N,) of the sectors from -pi on in which angles (N,) [rad] lie."""
+    return np.floor((angle / (2.0 * np.pi) + 0.5) * sectors).astype(np.int64) % sectors
+
+
+def binned(angle: Array, values: Array, sectors: int) -> Array:
+    """Sums of values by the sector in which angles (N,) [rad] lie, from -pi on: (sectors,)."""
+    found = np.bincount(_sector(angle, sectors), values, minlength=sectors)
+    return np.asarray(found, np.float64)
