@@ -1,0 +1,578 @@
+"""The life of bearings that wear: runs of a machine whose bearings change, over many cycles.
+
+A run of some cycles tells how deep each place of bushing and pin wears in a cycle, by Archard's
+law. The depths h follow ``dh/dn = R(h)`` over cycles n. A step takes R at its beginning and, with
+half of it worn, at its middle; what a whole step and two halves differ by controls the step, and
+both together give its end (step doubling with extrapolation, which is the midpoint rule). These
+differences, and what R scatters from turn to turn, bound the life.
+
+Where a pin has worn its own shape into a bushing, it touches along an arc. One that is rigid then
+sinks as a whole: of the depths that leave room for it, those count that are nearest to what the
+run would wear off (least squares). What they move over is the pressure along the arc; it keeps the
+force, because ``h + h''`` of such a pressure has no first harmonic.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from mechanism_sim import strict_json
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.joints.contact_keys import Clearance, WearPart
+from mechanism_sim.numerics.batch_means import batches
+from mechanism_sim.results.bearing_wear import (
+    LOAD_WAY,
+    STRUCK_WAY,
+    STRUCK_WORK,
+    WORK,
+    wear_sums,
+)
+from mechanism_sim.results.measure_text import read_all
+from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import Machine, Source, load_scene
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.studies.journal import Journal
+from mechanism_sim.studies.run_bag import RunBag
+from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
+from mechanism_sim.tables import Column, Table
+from mechanism_sim.units import to_si_like
+
+PLACES = 180
+"""Of a surface, evenly from angle 0 on, whose depths are followed."""
+OWN = {'clearance': 'm', 'depth': 'm'}
+"""Figures of worn bearings that a condition may name, the largest of all or of one joint."""
+_ROUNDEST = 0.15  # of the clearance: least radius of what the pin's centre runs along
+_GROWTH = 0.3  # of the clearance, by which it grows in a step at most
+_FIRST = 0.1  # of the clearance, by which it grows in the first step
+_MOST_STEPS = 500
+_LATE, _TRIES = 0.02, 4  # of a step, by which the last may be late; so many are tried
+_CONDITION = re.compile(r'\s*(.+?)\s*([<>])\s*([^<>]+)')
+
+
+class Until(NamedTuple):
+    """When a life ends: a figure passes a limit."""
+
+    figure: str
+    above: bool
+    limit: str
+
+    @classmethod
+    def read(cls, text: str) -> Until:
+        """Of text such as ``clearance > 0.5 mm``."""
+        if not (found := _CONDITION.fullmatch(text)):
+            raise InputError(
+                f"--until '{text}': write a figure and its limit, as 'clearance > 0.5 mm' or "
+                "'rms(acceleration.rocker) > 50 rad/s^2'"
+            )
+        return cls(found[1], found[2] == '>', found[3].strip())
+
+
+@dataclass(frozen=True)
+class LifePlan:
+    """How the life is followed.
+
+    Attributes
+    ----------
+    cycles : turns of the drive after which it ends in any case
+    tolerance : of what the clearance grows by in a step, that a step may be off
+    revolutions, skip : turns of a run that count, and those before them until it has settled
+    """
+
+    cycles: float = 1e7
+    tolerance: float = 0.02
+    revolutions: int = 40
+    skip: int = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A machine at some time of its life.
+
+    Attributes
+    ----------
+    cycles : so far
+    depths : (2, 180) worn off bushing and pin, by joint [m]
+    clearance : (J,) largest of each bearing [m]
+    error : (J,) of the clearance, by the steps [m]
+    scatter : (J,) of the clearance, half of a 95 % interval, by the runs [m]
+    impacts : (J,) in a cycle
+    figures : of the run at this stage, by name
+    """
+
+    cycles: float
+    depths: dict[str, Array]
+    clearance: Array
+    error: Array
+    scatter: Array
+    impacts: Array
+    figures: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Life:
+    """The life of a machine's bearings.
+
+    Attributes
+    ----------
+    machine : as new
+    cycles : of the life; nan if it does not end within those of the plan
+    low, high : of an interval for it
+    stages : from the new machine on, the last at the end
+    units : of the figures of stages
+    runs : that were made
+    """
+
+    machine: Machine
+    until: str
+    plan: LifePlan
+    cycles: float
+    low: float
+    high: float
+    stages: tuple[Stage, ...]
+    units: dict[str, str]
+    runs: int
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The bearings that wear."""
+        return tuple(self.stages[0].depths)
+
+    def scene(self, stage: Stage) -> dict[str, Any]:
+        """The scene of the machine at a stage, as a file gives it."""
+        return worn_scene(self.machine.scene.to_document(), stage.depths)
+
+    def columns(self) -> list[Column]:
+        """A row for each stage."""
+        every, stages = (
+            [Column('cycles', [s.cycles for s in self.stages], '', 'so far')],
+            self.stages,
+        )
+        for k, joint in enumerate(self.joints):
+            for name, values in (
+                ('clearance', [s.clearance[k] for s in stages]),
+                ('clearance_error', [s.error[k] + s.scatter[k] for s in stages]),
+                ('bushing_depth', [s.depths[joint][0].max() for s in stages]),
+                ('pin_depth', [s.depths[joint][1].max() for s in stages]),
+            ):
+                words = name.replace('_', ' ')
+                every.append(Column(f'{name}.{joint}', [float(x) for x in values], 'm', words))
+            counts = [float(s.impacts[k]) for s in stages]
+            every.append(Column(f'impacts.{joint}', counts, '', 'in a cycle'))
+        for name, unit in self.units.items():
+            every.append(Column(name, [s.figures[name] for s in stages], unit, 'of the run'))
+        return every
+
+    def table(self) -> Table:
+        """The same as arrays."""
+        return Table.of(self.columns())
+
+
+class _Rates(NamedTuple):
+    """What a run tells of a machine."""
+
+    depths: dict[str, Array]  #: (2, 180) [m] in a cycle
+    scatter: dict[str, Array]  #: (2, 180) [m], standard error
+    impacts: Array  #: (J,) in a cycle
+    figures: dict[str, float]
+
+
+def life(
+    scene: Source,
+    until: str = '',
+    *,
+    cycles: float = 1e7,
+    measures: Sequence[str] = (),
+    table: str | Path | None = None,
+    restart: bool = False,
+    bags: str | Path | None = None,
+    show: Callable[[str], None] | None = None,
+    **how: Any,
+) -> Life:
+    """How long the bearings of a machine last, and how they and its motion change until then.
+
+    Each bearing with ``clearance.wear`` wears; a cycle is a turn of the drive.
+
+    Parameters
+    ----------
+    until : ``clearance > 0.5 mm``, ``depth.JOINT > 20 um``, or a measure of the run and its limit
+    cycles : after which it ends in any case
+    measures : further figures of every stage
+    table : a table that will be written; beside it the runs are kept, from which it goes on
+    restart : forget those
+    bags : folder for a bag of each stage
+    how : ``tolerance``, ``revolutions``, ``skip`` of `LifePlan`
+    """
+    machine = load_scene(scene)
+    plan = LifePlan(cycles=float(cycles), **how)
+    worn = _worn_bearings(machine, plan)
+    ends = Until.read(until) if until else None
+    asked = _asked(machine, worn, measures, ends)
+    content = machine.scene.to_document()
+    print_of = strict_json.dumps([content, asked, plan.revolutions, plan.skip])
+    with _kept(table, sha256(print_of.encode()).hexdigest(), restart) as rows:
+        runs = _Runs(machine, content, worn, plan, asked, rows, show)
+        found = _follow(runs, ends)
+    result = Life(machine, until, plan, *found, runs.units, runs.count)
+    if bags:
+        for k, stage in enumerate(result.stages):
+            _record(machine.name, result.scene(stage), Path(bags) / f'stage_{k:02d}.mcap', plan)
+    return result
+
+
+def _kept(
+    table: str | Path | None, plan: str, restart: bool
+) -> AbstractContextManager[FinishedRows]:
+    """Where rows of runs are kept: beside a table, or nowhere."""
+    return Journal(Path(table), plan, restart) if table else nullcontext(FinishedRows())
+
+
+def _worn_bearings(machine: Machine, plan: LifePlan) -> dict[str, Clearance]:
+    """The bearings that wear."""
+    if not machine.drive.steady or not machine.drive.fastest:
+        raise InputError(f'{machine.name}: life needs a drive at constant speed')
+    for name, least in (('revolutions', 1), ('skip', 0)):
+        if getattr(plan, name) < least:
+            raise InputError(f'life: {name} must be at least {least}')
+    if not (plan.cycles > 0.0 and 0.0 < plan.tolerance < 1.0):
+        raise InputError('life: cycles must be above 0, and tolerance between 0 and 1')
+    loose = machine.plan.clearances
+    found = {n: c for n, c in loose.items() if isinstance(c, Clearance) and c.wear}
+    if not found:
+        known = ', '.join(loose) or 'none'
+        raise InputError(
+            f'{machine.name}: no bearing wears: give joints.NAME.clearance.wear, as '
+            f'{{width: 10 mm, bushing: 1e-7 mm^3/(N m)}}; loose joints: {known}'
+        )
+    for name, c in found.items():
+        if c.film or c.length:
+            kind = 'a film' if c.film else 'a length'
+            raise InputError(f'joints.{name}.clearance has wear and {kind}: only dry ones wear')
+        if not c.pin_radius:
+            raise InputError(f"joints.{name}.clearance.wear needs 'pin_radius'")
+        if c.wear and c.wear.law == 'friction_work' and not c.friction:
+            raise InputError(f"joints.{name}.clearance.wear.law = friction_work needs 'friction'")
+    return found
+
+
+def _asked(
+    machine: Machine, worn: Mapping[str, Clearance], given: Sequence[str], ends: Until | None
+) -> list[str]:
+    """Texts of the measures of every stage."""
+    forces = [f'largest(normal_force.{joint})' for joint in worn]
+    sensed = [
+        f'rms(sensors.{name})'
+        for name, sensor in machine.scene.sensors.items()
+        if sensor.kind == 'accelerometer'
+    ]
+    asked = list(dict.fromkeys([*forces, *sensed, *machine.scene.measures.values(), *given]))
+    if ends and ends.figure.partition('.')[0] in OWN:
+        joint = ends.figure.partition('.')[2]
+        if joint and joint not in worn:
+            raise InputError(
+                f"--until: '{joint}' is no bearing that wears{nearest(joint, worn)}; such are "
+                f'{", ".join(worn)}'
+            )
+    elif ends and ends.figure not in asked:
+        asked.append(ends.figure)
+    return asked
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+class _Runs:
+    """Runs of a machine at given depths."""
+
+    def __init__(
+        self, machine: Machine, content: dict[str, Any], worn: Mapping[str, Clearance],
+        plan: LifePlan, asked: list[str], rows: FinishedRows, show: Callable[[str], None] | None,
+    ) -> None:  # fmt: skip
+        self.machine, self.worn, self.plan = machine, worn, plan
+        self._content, self._asked, self._rows, self._show = content, asked, rows, show
+        self.units = Measurement(machine, read_all(asked, 'life')).units
+        self.count = 0
+
+    def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
+        """Of the machine with these depths."""
+        key, self.count = str(self.count), self.count + 1
+        if self._show:
+            self._show(f'{cycles:.3g} cycles, clearance {1e3 * last.max():.4g} mm, run {key}')
+        if key not in self._rows.rows:
+            content = worn_scene(self._content, depths)
+            names = tuple(self.worn)
+            task = Call(key, wear_in, (self.machine.name, content, names, self.plan, self._asked))
+            finished = compute(task)
+            if finished.error:
+                raise RunError(f'after {cycles:.4g} cycles: {finished.error}')
+            self._rows.add(finished)
+        row = self._rows.rows[key]
+        found = {j: np.array(row['depths'][j]) for j in self.worn}
+        scatter = {j: np.array(row['scatter'][j]) for j in self.worn}
+        return _Rates(found, scatter, np.array(row['impacts']), row['figures'])
+
+
+def wear_in(
+    name: str, content: dict[str, Any], joints: tuple[str, ...], plan: LifePlan, asked: list[str]
+) -> Row:
+    """What a run wears off in a cycle, by joint, as plain data."""
+    machine = build(name, check_scene(name, content))
+    solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
+    count, size = batches(plan.revolutions)
+    period = machine.drive.period
+    first = plan.skip + plan.revolutions - count * size
+    times = period * (first + size * np.arange(count + 1.0))
+    times[-1] *= 1.0 + 1e-12  # what happens at the very end counts
+    row: Row = {'depths': {}, 'scatter': {}, 'impacts': []}
+    for joint in joints:
+        play = machine.plan.clearances[joint]
+        assert isinstance(play, Clearance) and play.wear  # noqa: S101, PT018 - it wears
+        sums = wear_sums(machine, solution, joint, PLACES, times, play.pin_radius) / size
+        degree = play.profile.harmonics if play.profile else 16
+        worn = np.array([_depth(s, play, play.wear, k, degree) for k, s in enumerate(sums)])
+        row['depths'][joint] = worn.mean(axis=1).tolist()
+        spread = worn.std(axis=1, ddof=1) / math.sqrt(count) if count > 1 else 0.0 * worn[:, 0]
+        row['scatter'][joint] = spread.tolist()
+        struck = sum(i.joint == joint and i.t >= times[0] for i in solution.impacts)
+        row['impacts'].append(struck / (count * size))
+    taken = Measurement(machine, read_all(asked, 'life'), since=float(times[0]))
+    taken.add(solution)
+    row['figures'] = {m.name: m.value for m in taken.found()}
+    return row
+
+
+def _depth(sums: Array, play: Clearance, wear: WearPart, surface: int, degree: int) -> Array:
+    """Depths (B, 180) [m] worn off a surface (bushing 0, pin 1) in each part of a run.
+
+    The measure of wear in sectors is spread by Jackson's kernel of so many harmonics: no depth is
+    negative, and the gap follows what comes out.
+    """
+    rows = (LOAD_WAY, STRUCK_WAY) if wear.law == 'archard' else (WORK, STRUCK_WORK)
+    volume = (wear.bushing, wear.pin)[surface] * (sums[rows[0]] + sums[rows[1]])
+    radius = play.pin_radius + (0.0 if surface else play.radial)
+    middles = -math.pi + 2.0 * math.pi / PLACES * (np.arange(PLACES) + 0.5)
+    angles, k = 2.0 * math.pi / PLACES * np.arange(PLACES), np.arange(1, degree)
+    n = degree + 1
+    kernel = (n - k) * np.cos(math.pi * k / n) + np.sin(math.pi * k / n) / math.tan(math.pi / n)
+    phases = (angles[:, None] - middles)[..., None] * k
+    spread = 1.0 + 2.0 * (np.cos(phases) * kernel / n).sum(axis=-1)  # (180, 180)
+    return np.asarray(volume @ spread.T / (2.0 * math.pi * radius * wear.width))
+
+
+def worn_scene(content: dict[str, Any], depths: Mapping[str, Array]) -> dict[str, Any]:
+    """A scene, as a file gives it, with the depths (2, 180) [m] of bearings, by joint."""
+    angles = 2.0 * np.pi / PLACES * np.arange(PLACES)
+    worn = copy.deepcopy(content)
+    for joint, both in depths.items():
+        clearance = worn['joints'][joint]['clearance']
+        profile = clearance['profile'] = dict(clearance.get('profile') or {})
+        for kind, depth in zip(('bushing', 'pin'), both, strict=True):
+            points = [
+                [a, 0.0 if abs(d) < 1e-15 else d]
+                for a, d in zip(angles, depth.tolist(), strict=True)
+            ]
+            if depth.any():
+                profile[kind] = {'points': points}
+            else:
+                profile.pop(kind, None)
+    return worn
+
+
+def _record(name: str, content: dict[str, Any], file: Path, plan: LifePlan) -> None:
+    """A bag of a run at a stage."""
+    machine = build(name, check_scene(name, content))
+    solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
+    with RunBag(file, machine, solution.duration) as bag:
+        bag.add(solution.motion, solution.impacts, solution.modes)
+
+
+# --- steps ---------------------------------------------------------------------------------------
+
+
+def room_for_pin(depths: Array, clearance: float) -> Array:
+    """The nearest depths (180,) that leave room for the pin everywhere, by least squares [m].
+
+    With ``p = c + h`` the pin touches a place if ``p + p''`` is positive there; it is kept above a
+    part of the clearance, so that no corner comes of it. The multipliers of these conditions are
+    found as non-negative least squares of the dual problem.
+    """
+    step = 2.0 * math.pi / PLACES
+    level = _ROUNDEST * clearance
+    p = clearance + depths - level
+    # it has no value for the sine and cosine of the first harmonic: moved circles stay circles
+    row = np.zeros(PLACES)
+    row[[0, 1, -1]] = -2.0 * math.cos(step), 1.0, 1.0
+    bends = scipy.linalg.circulant(row) / (2.0 - 2.0 * math.cos(step))
+    if (bends @ p >= 0.0).all():
+        return depths
+    pressed = scipy.optimize.nnls(bends.T, -p, maxiter=50 * PLACES)[0]
+    return np.asarray(p + bends.T @ pressed + level - clearance)
+
+
+def _moved(
+    runs: _Runs, depths: dict[str, Array], rates: dict[str, Array], cycles: float
+) -> dict[str, Array]:
+    """Depths after so many cycles at these rates."""
+    moved = {}
+    for joint, own in depths.items():
+        new, c = own + cycles * rates[joint], runs.worn[joint].radial
+        rooms = [c + float(new[other].mean()) for other in (1, 0)]
+        wears = rates[joint].any(axis=1)
+        moved[joint] = np.array(
+            [
+                room_for_pin(depth, room) if worn else depth
+                for depth, room, worn in zip(new, rooms, wears, strict=True)
+            ]
+        )
+    return moved
+
+
+def _clearances(runs: _Runs, depths: Mapping[str, Array]) -> Array:
+    """The largest clearance of each bearing [m]."""
+    worn = runs.worn.items()
+    return np.array([c.radial + depths[j].max(axis=1).sum() for j, c in worn])
+
+
+@dataclass(frozen=True)
+class _End:
+    """The condition that ends a life, with its limit in SI units."""
+
+    until: Until
+    limit: float
+    chosen: tuple[int, ...]  #: numbers of the joints that it is about
+
+    @classmethod
+    def of(cls, until: Until, runs: _Runs) -> _End:
+        name, _, joint = until.figure.partition('.')
+        unit = OWN.get(name) or runs.units[until.figure]
+        try:
+            limit = to_si_like(until.limit, unit)
+        except ValueError as error:
+            raise InputError(f'--until: the limit {until.limit} {error}') from error
+        chosen = tuple(k for k, j in enumerate(runs.worn) if name not in OWN or joint in ('', j))
+        return cls(until, limit, chosen)
+
+    @property
+    def own(self) -> bool:
+        """True if it is about the bearings, not about the motion."""
+        return self.until.figure.partition('.')[0] in OWN
+
+    def past(self, stage: Stage) -> float:
+        """How far a stage is beyond the limit."""
+        name = self.until.figure.partition('.')[0]
+        depths = [*stage.depths.values()]
+        if name == 'clearance':
+            value = max(float(stage.clearance[k]) for k in self.chosen)
+        elif name == 'depth':
+            value = max(float(depths[k].max()) for k in self.chosen)
+        else:
+            value = stage.figures[self.until.figure]
+        return value - self.limit if self.until.above else self.limit - value
+
+    def crossing(self, before: Stage, after: Stage) -> tuple[float, float, float, Stage]:
+        """The life between two stages, its interval by their errors, and the stage then."""
+        low, high = self.past(before), self.past(after)
+        share, span = low / (low - high), after.cycles - before.cycles
+        cycles = before.cycles + share * span
+        doubt = 0.5 * span
+        if self.own:
+            off = float((after.error + after.scatter)[list(self.chosen)].max())
+            doubt = off * span / (high - low)
+        depths = {
+            j: (1.0 - share) * before.depths[j] + share * after.depths[j] for j in before.depths
+        }
+        clearance = (1.0 - share) * before.clearance + share * after.clearance
+        last = replace(after, cycles=cycles, depths=depths, clearance=clearance)
+        return cycles, max(0.0, cycles - doubt), cycles + doubt, last
+
+
+class _Step(NamedTuple):
+    """An accepted step: what came of it, and the cycles of the next."""
+
+    stage: Stage
+    rates: _Rates
+    next: float
+
+
+def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tuple[Stage, ...]]:
+    """The life with its interval, and the stages."""
+    plan, end = runs.plan, _End.of(until, runs) if until else None
+    depths = {
+        j: np.array(c.profile.depths(PLACES)) if c.profile else np.zeros((2, PLACES))
+        for j, c in runs.worn.items()
+    }
+    size, none = _clearances(runs, depths), np.zeros(len(runs.worn))
+    rates = runs.rates(depths, 0.0, size)
+    stages = [Stage(0.0, depths, size, none, none, rates.impacts, rates.figures)]
+    if end and end.past(stages[0]) >= 0.0:
+        return 0.0, 0.0, 0.0, tuple(stages)
+    fastest = np.array([rates.depths[j].max(axis=1).sum() for j in runs.worn])
+    if not fastest.any():
+        raise InputError(f'{runs.machine.name}: nothing wears: no bearing slides under a force')
+    step, tries = _FIRST * float((size / np.maximum(fastest, 1e-300)).min()), 0
+    while len(stages) < _MOST_STEPS:
+        now = stages[-1]
+        left = plan.cycles - now.cycles
+        found = _step(runs, now, rates, min(step, left))
+        if end and (over := end.past(found.stage)) >= 0.0:
+            share = over / (over - end.past(now))
+            if share > _LATE and tries < _TRIES:
+                # again, not so far: the last stage has a run of its own
+                tries += 1
+                step = (found.stage.cycles - now.cycles) * (1.0 - share + 0.5 * _LATE)
+                continue
+            *life, last = end.crossing(now, found.stage)
+            return (*life, (*stages, last))
+        stages.append(found.stage)
+        step, rates = found.next, found.rates
+        if found.stage.cycles >= plan.cycles:
+            return math.nan, plan.cycles, math.inf, tuple(stages)
+    raise RunError(
+        f'the life has not ended after {_MOST_STEPS} steps, {stages[-1].cycles:.4g} cycles: give '
+        'more tolerance, more revolutions, or fewer cycles'
+    )
+
+
+def _step(runs: _Runs, now: Stage, rates: _Rates, step: float) -> _Step:
+    """A step of so many cycles, or of fewer if these change the wear too much."""
+    while True:
+        whole = _moved(runs, now.depths, rates.depths, step)
+        half = _moved(runs, now.depths, rates.depths, 0.5 * step)
+        middle = runs.rates(half, now.cycles + 0.5 * step, _clearances(runs, half))
+        halves = _clearances(runs, _moved(runs, half, middle.depths, 0.5 * step))
+        off = np.abs(halves - _clearances(runs, whole))
+        noise = 0.5 * step * np.hypot(_scatter(rates, half), _scatter(middle, half))
+        wrong = np.maximum(off - noise, 0.0) / np.maximum(halves - now.clearance, 1e-300)
+        share = float((wrong * (halves > now.clearance)).max()) / runs.plan.tolerance
+        large = float(((halves - now.clearance) / now.clearance).max()) / _GROWTH
+        if max(share, large) <= 1.2:
+            break
+        step *= max(0.2, 0.9 / max(share, large))
+    depths = _moved(runs, now.depths, middle.depths, step)
+    size, cycles = _clearances(runs, depths), now.cycles + step
+    ahead = runs.rates(depths, cycles, size)
+    scatter = np.hypot(now.scatter, 1.96 * step * _scatter(middle, depths))
+    stage = Stage(cycles, depths, size, now.error + off, scatter, ahead.impacts, ahead.figures)
+    return _Step(stage, ahead, step * min(3.0, 0.9 / max(share, large, 0.1)))
+
+
+def _scatter(rates: _Rates, depths: Mapping[str, Array]) -> Array:
+    """Standard error of the rate of each clearance, where it is largest [m]."""
+    found = [
+        math.hypot(*(float(own[k, place]) for k, place in enumerate(depths[joint].argmax(axis=1))))
+        for joint, own in rates.scatter.items()
+    ]
+    return np.array(found)
