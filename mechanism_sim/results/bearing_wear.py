@@ -8,6 +8,8 @@ the way slid in a unit of time, in the mean of before and after.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,6 +24,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
 _BLOCK = 512  # segments at once
+_TURNED = 0.3  # [rad] of a step, beyond which it has more nodes
 LOAD, LOAD_WAY, WORK, STRUCK_WAY, STRUCK_WORK = range(5)
 """Rows: integrals of normal force [N s], of it times slip speed [N m], of friction times slip
 speed [J]; of impacts, sums of normal impulse times slip speed [N m], and of friction [J]."""
@@ -32,8 +35,9 @@ def wear_sums(
 ) -> Array:
     """Sums (2, 5, B, sectors) of bushing and pin, in parts of a run, by sectors from -pi on.
 
-    Normal force, slip and direction are those at 8 Gauss nodes of every step; each node counts in
-    the sector where it lies, and each step in the part in which it begins.
+    Normal force, slip and direction are those at 8 Gauss nodes of every step, or of each
+    0.3 rad of one; each node counts in
+    the sector where it lies.
 
     Parameters
     ----------
@@ -44,40 +48,57 @@ def wear_sums(
     gap = physics.clearances.index(joint)
     sums = np.zeros((2, 5, parts * sectors))
 
-    def enter(begun: Array, places: tuple[Array, Array], rows: dict[int, Array]) -> None:
-        part = np.searchsorted(times, begun, 'right') - 1
-        inside = (part >= 0) & (part < parts)
+    def enter(part: Array, places: tuple[Array, Array], rows: dict[int, Array]) -> None:
         for own, angle in zip(sums, places, strict=True):
-            cell = sectors * part[inside] + _sector(angle[inside], sectors)
+            cell = sectors * part + _sector(angle, sectors)
             for row, values in rows.items():
-                own[row] += np.bincount(cell, values[inside], minlength=parts * sectors)
+                own[row] += np.bincount(cell, values, minlength=parts * sectors)
 
-    closed = np.flatnonzero(motion.closed[:, gap])
-    closed = closed[motion.curve.start[closed] >= times[0]]
-    for first in range(0, len(closed), _BLOCK):
-        segments = closed[first : first + _BLOCK]
-        duration = motion.curve.duration[segments, None]
-        seen = physics.observe(motion, segments, duration * SMOOTH.places.fractions)
-        weights = (duration * SMOOTH.weights).ravel()
-        normal, tangential = seen.normal_force[gap], seen.friction_force[gap]
-        places, slip = _touch(machine, joint, seen, radius)
-        begun = np.repeat(motion.curve.start[segments], len(weights) // len(segments))
-        rows = {
-            LOAD: normal, LOAD_WAY: normal * np.abs(slip), WORK: np.abs(tangential * slip),
-        }  # fmt: skip
-        enter(begun, places, {row: weights * values for row, values in rows.items()})
-    struck = [i for i in piece.impacts if i.joint == joint and i.t >= times[0]]
+    slides = machine.mechanism.displacements
+    angles = [i for i, c in enumerate(physics.coordinates) if c not in slides]
+    start = motion.curve.start
+    end = start + motion.curve.duration
+    for part in range(parts):
+        closed = np.flatnonzero(
+            motion.closed[:, gap] & (end > times[part]) & (start < times[part + 1])
+        )
+        for first in range(0, len(closed), _BLOCK):
+            k = closed[first : first + _BLOCK]
+            low = np.maximum(times[part] - start[k], 0.0)
+            high = np.minimum(times[part + 1] - start[k], motion.curve.duration[k])
+            turned = motion.curve.local(k, high) - motion.curve.local(k, low)
+            finer = max(1, math.ceil(np.abs(turned[:, angles]).max(initial=0.0) / _TURNED))
+            fractions = (np.arange(finer)[:, None] + SMOOTH.places.fractions).ravel() / finer
+            width = (high - low)[:, None]
+            seen = physics.observe(motion, k, low[:, None] + width * fractions)
+            weights = (width * np.tile(SMOOTH.weights, finer) / finer).ravel()
+            normal, tangential = seen.normal_force[gap], seen.friction_force[gap]
+            places, slip = _touch(machine, joint, seen, radius)
+            rows = {
+                LOAD: normal, LOAD_WAY: normal * np.abs(slip), WORK: np.abs(tangential * slip),
+            }  # fmt: skip
+            enter(
+                np.full(len(weights), part), places,
+                {row: weights * values for row, values in rows.items()},
+            )  # fmt: skip
+    inside = [i for i in piece.impacts if i.joint == joint]
+    struck = [i for i in inside if times[0] <= i.t < times[-1]]
     if struck and len(motion):
         t, normal, tangential = np.array(
             [(i.t, i.normal_impulse, i.tangential_impulse) for i in struck]
         ).T
-        start, end = motion.curve.start, motion.curve.duration
         after = np.minimum(np.searchsorted(start, t, 'left'), len(motion) - 1)
         before = np.maximum(after - (start[after] >= t), 0)
-        ends = (before, np.minimum(t - start[before], end[before])), (after, np.zeros(len(t)))
+        ends = (
+            (before, np.minimum(t - start[before], motion.curve.duration[before])),
+            (after, np.zeros(len(t))),
+        )
         both = [_touch(machine, joint, physics.observe(motion, k, dt), radius) for k, dt in ends]
         way = 0.5 * (np.abs(both[0][1]) + np.abs(both[1][1]))
-        enter(t, both[0][0], {STRUCK_WAY: normal * way, STRUCK_WORK: np.abs(tangential) * way})
+        part_of = np.searchsorted(times, t, 'right') - 1
+        enter(
+            part_of, both[0][0], {STRUCK_WAY: normal * way, STRUCK_WORK: np.abs(tangential) * way}
+        )
     return sums.reshape(2, 5, parts, sectors)
 
 

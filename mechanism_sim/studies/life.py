@@ -58,6 +58,8 @@ OWN = {'clearance': 'm', 'depth': 'm'}
 _ROUNDEST = 0.15  # of the clearance: least radius of what the pin's centre runs along
 _GROWTH = 0.3  # of the clearance, by which it grows in a step at most
 _FIRST = 0.1  # of the clearance, by which it grows in the first step
+_AHEAD = 1.01  # of the cycles that seem left, in the last step
+_SHORTEST = 2e-4  # of the cycles so far, in the last step
 _MOST_STEPS = 500
 _LATE, _TRIES = 0.02, 4  # of a step, by which the last may be late; so many are tried
 _CONDITION = re.compile(r'\s*(.+?)\s*([<>])\s*([^<>]+)')
@@ -482,6 +484,17 @@ class _End:
             value = stage.figures[self.until.figure]
         return value - self.limit if self.until.above else self.limit - value
 
+    def ahead(self, runs: _Runs, now: Stage, rates: _Rates) -> float:
+        """Cycles to the limit at the present rates, where they are known."""
+        if not self.own:
+            return math.inf
+        size = _clearances(runs, now.depths)
+        one = 1e-3 * float((size / np.maximum(_fastest(rates), 1e-300)).min())
+        later = _moved(runs, now.depths, rates.depths, one)
+        moved = self.past(replace(now, depths=later, clearance=_clearances(runs, later)))
+        rate = (moved - self.past(now)) / one
+        return -self.past(now) / rate if rate > 0.0 else math.inf
+
     def crossing(self, before: Stage, after: Stage) -> tuple[float, float, float, Stage]:
         """The life between two stages, its interval by their errors, and the stage then."""
         low, high = self.past(before), self.past(after)
@@ -519,14 +532,15 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
     stages = [Stage(0.0, depths, size, none, none, rates.impacts, rates.figures)]
     if end and end.past(stages[0]) >= 0.0:
         return 0.0, 0.0, 0.0, tuple(stages)
-    fastest = np.array([rates.depths[j].max(axis=1).sum() for j in runs.worn])
+    fastest = _fastest(rates)
     if not fastest.any():
         raise InputError(f'{runs.machine.name}: nothing wears: no bearing slides under a force')
     step, tries = _FIRST * float((size / np.maximum(fastest, 1e-300)).min()), 0
     while len(stages) < _MOST_STEPS:
         now = stages[-1]
         left = plan.cycles - now.cycles
-        found = _step(runs, now, rates, min(step, left))
+        ahead = _AHEAD * end.ahead(runs, now, rates) + _SHORTEST * now.cycles if end else left
+        found = _step(runs, now, rates, min(step, left, ahead))
         if end and (over := end.past(found.stage)) >= 0.0:
             share = over / (over - end.past(now))
             if share > _LATE and tries < _TRIES:
@@ -567,6 +581,11 @@ def _step(runs: _Runs, now: Stage, rates: _Rates, step: float) -> _Step:
     scatter = np.hypot(now.scatter, 1.96 * step * _scatter(middle, depths))
     stage = Stage(cycles, depths, size, now.error + off, scatter, ahead.impacts, ahead.figures)
     return _Step(stage, ahead, step * min(3.0, 0.9 / max(share, large, 0.1)))
+
+
+def _fastest(rates: _Rates) -> Array:
+    """The largest rates of both surfaces together, by joint [m]."""
+    return np.array([both.max(axis=1).sum() for both in rates.depths.values()])
 
 
 def _scatter(rates: _Rates, depths: Mapping[str, Array]) -> Array:

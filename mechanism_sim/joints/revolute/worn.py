@@ -274,7 +274,10 @@ class WornShape:
         out = np.full(len(turn), self.mean)
         for _ in range(_ROUNDS):
             value, gradient = self.measure(out * turn, ways)
-            out = out - value / (gradient * turn.conj()).real
+            step = value / (gradient * turn.conj()).real
+            out = out - step
+            if np.abs(step).max() <= 4.0 * np.spacing(self.mean):
+                break
         return np.asarray(out * turn)
 
     def seat(self, force: Array, angles: Sequence[float]) -> Array:
