@@ -31,6 +31,7 @@ _ROOMS = {
     'studies.bifurcation': ('bifurcation',),
     'studies.ensemble': ('ensemble',),
     'studies.find': ('find',),
+    'studies.life': ('life',),
     'studies.lyapunov': ('lyapunov',),
     'studies.sweep': ('sweep',),
 }
@@ -51,6 +52,7 @@ __all__ = [
     'equations',
     'explore',
     'find',
+    'life',
     'load_scene',
     'lyapunov',
     'measure',

@@ -13,6 +13,7 @@ from mechanism_sim.cli import (
     bags,
     drawings,
     first,
+    lives,
     machines,
     pages,
     pictures,
@@ -81,8 +82,8 @@ def make_parser() -> Overview:
         return sub
 
     for module in (
-        first, machines, runs, bags, pages, pictures, drawings, studies, responses, thesis,
-        vibrations,
+        first, machines, runs, bags, pages, pictures, drawings, studies, responses, lives,
+        thesis, vibrations,
     ):  # fmt: skip
         module.add(command)
     return parser

@@ -15,13 +15,13 @@ GROUPS = {
     'Look at it': ('draw', 'cycle', 'animate', 'report', 'plot', 'view'),
     'How it vibrates': ('modes', 'response'),
     'Recorded runs': ('analyze', 'bag'),
-    'Many runs': ('sweep', 'find', 'statistics', 'bifurcation', 'thesis'),
+    'Many runs': ('sweep', 'find', 'statistics', 'bifurcation', 'life'),
     'For other programs': ('export',),
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
-FOR_LAUNCH_FILES = ('node',)
-"""Commands that other programs give; `run` starts all nodes of a machine."""
+UNLISTED = 'node', 'thesis'
+"""Commands without a place in `--help`: launch files start nodes, and one source has a thesis."""
 
 VERBS = {
     'bag': 'list what a bag holds, publish it, or close one whose recorder was killed',

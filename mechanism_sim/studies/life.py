@@ -55,7 +55,7 @@ PLACES = 180
 """Of a surface, evenly from angle 0 on, whose depths are followed."""
 OWN = {'clearance': 'm', 'depth': 'm'}
 """Figures of worn bearings that a condition may name, the largest of all or of one joint."""
-_ROUNDEST = 0.15  # of the clearance: least radius of what the pin's centre runs along
+_ROUNDEST = 0.3  # of the clearance: least radius of what the pin's centre runs along
 _GROWTH = 0.3  # of the clearance, by which it grows in a step at most
 _FIRST = 0.1  # of the clearance, by which it grows in the first step
 _AHEAD = 1.01  # of the cycles that seem left, in the last step
@@ -136,6 +136,7 @@ class Life:
     stages : from the new machine on, the last at the end
     units : of the figures of stages
     runs : that were made
+    note : why it could not be followed to the end, if it could not
     """
 
     machine: Machine
@@ -147,6 +148,7 @@ class Life:
     stages: tuple[Stage, ...]
     units: dict[str, str]
     runs: int
+    note: str = ''
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -228,7 +230,7 @@ def life(
     with _kept(table, sha256(print_of.encode()).hexdigest(), restart) as rows:
         runs = _Runs(machine, content, worn, plan, asked, rows, show)
         found = _follow(runs, ends)
-    result = Life(machine, until, plan, *found, runs.units, runs.count)
+    result = Life(machine, until, plan, *found, runs.units, runs.count, runs.stopped)
     if bags:
         for k, stage in enumerate(result.stages):
             _record(machine.name, result.scene(stage), Path(bags) / f'stage_{k:02d}.mcap', plan)
@@ -306,7 +308,7 @@ class _Runs:
         self.machine, self.worn, self.plan = machine, worn, plan
         self._content, self._asked, self._rows, self._show = content, asked, rows, show
         self.units = Measurement(machine, read_all(asked, 'life')).units
-        self.count = 0
+        self.count, self.stopped = 0, ''
 
     def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
         """Of the machine with these depths."""
@@ -540,7 +542,11 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
         now = stages[-1]
         left = plan.cycles - now.cycles
         ahead = _AHEAD * end.ahead(runs, now, rates) + _SHORTEST * now.cycles if end else left
-        found = _step(runs, now, rates, min(step, left, ahead))
+        try:
+            found = _step(runs, now, rates, min(step, left, ahead))
+        except RunError as error:  # the machine as it is worn then cannot be run
+            runs.stopped = str(error)
+            return math.nan, now.cycles, math.inf, tuple(stages)
         if end and (over := end.past(found.stage)) >= 0.0:
             share = over / (over - end.past(now))
             if share > _LATE and tries < _TRIES:

@@ -15,7 +15,7 @@ import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.cli import overview
 from mechanism_sim.cli.entry import main, make_parser
-from mechanism_sim.cli.overview import FOR_LAUNCH_FILES, GROUPS, RENAMED, START
+from mechanism_sim.cli.overview import GROUPS, RENAMED, START, UNLISTED
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance
 from mechanism_sim.keys.quantities import Part, meanings
@@ -42,7 +42,7 @@ def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkey
 def test_the_help_names_every_command_once_by_purpose():
     text = run('--help').stdout
     grouped = [name for names in GROUPS.values() for name in names]
-    for name in make_parser().commands().choices.keys() - {*FOR_LAUNCH_FILES}:
+    for name in make_parser().commands().choices.keys() - {*UNLISTED}:
         assert grouped.count(name) == 1
         assert len(re.findall(rf'^  {name} +\S', text, re.MULTILINE)) == 1
     assert re.fullmatch(r'mechanism-sim \d+\.\d+\S*\n', run('--version').stdout)

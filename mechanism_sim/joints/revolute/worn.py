@@ -6,8 +6,8 @@ pin's centre can be within a closed curve, its locus: where a pin of radius rp t
 any depth, by asking every place of the surface how far it lets the pin go. Where the pin does not
 reach the bottom of a groove, two places touch at once, and the locus has a corner.
 
-The engine needs one function that is smooth wherever the pin can be. With its place z = x + i y,
-``w = z/sqrt(|z|^2 + s^2)`` and s a part of the clearance it is
+The engine needs one function that is smooth wherever the pin can be. With its place z = x + i y
+from the middle of the locus, ``w = z/sqrt(|z|^2 + s^2)`` and s a part of the clearance it is
 
     y(z) = Re A(w) - Re B(w) |z|^2/(2 c),
 
@@ -46,7 +46,7 @@ _DIRECTIONS = 512
 _ROUNDS = 30
 _REFINED = 9
 _WINDOW = np.linspace(-1.0, 1.0, 257)
-_FARTHEST = 0.05  # of the clearance, that the gap may be off where they touch
+_FARTHEST = 0.05  # of the mean clearance, that the gap may be off where they touch
 _SOFT = 0.3  # s, of the least way to the locus: within it the powers of w fall off to zero
 
 
@@ -97,6 +97,7 @@ class WornSurface:
     Attributes
     ----------
     clearance : c [m]
+    centre : from where z is counted, in the link's frame from the joint's point [m]
     soft : s [m]
     a : (n + 1,) coefficients of A [m]
     b : (n + 1,) coefficients of B
@@ -105,6 +106,7 @@ class WornSurface:
     """
 
     clearance: float
+    centre: complex
     soft: float
     a: tuple[complex, ...]
     b: tuple[complex, ...]
@@ -112,21 +114,23 @@ class WornSurface:
     tilt: float = 0.0
 
     @classmethod
-    def through(cls, reach: Array, clearance: float, degree: int) -> WornSurface:
+    def through(
+        cls, reach: Array, clearance: float, degree: int, centre: complex = 0j
+    ) -> WornSurface:
         """Of a locus (m,) [m], evenly in all directions, by least squares."""
-        m, c, soft = len(reach), clearance, _SOFT * float(reach.min())
+        m, c = len(reach), clearance
         none = (0j,) * degree
         if np.ptp(reach) <= 4.0 * np.spacing(reach.max()):  # a circle
             r = float(reach[0])
-            return cls(c, soft, (0.5 * r + 0j, *none), (c / r + 0j, *none))
+            return cls(c, 0j, _SOFT * r, (0.5 * r + 0j, *none), (c / r + 0j, *none))
         turn = np.exp(2j * np.pi / m * np.arange(m))
         ahead, behind = ([np.roll(reach, -sign * k) for k in (1, 2)] for sign in (1, -1))
         slope = (8.0 * (ahead[0] - behind[0]) - ahead[1] + behind[1]) * m / (24.0 * np.pi)
-        z, normal = reach * turn, (reach - 1j * slope) * turn
+        z, normal = reach * turn - centre, (reach - 1j * slope) * turn
         normal /= np.abs(normal)
-        shell = cls(c, soft, (1.0 + 0j, *none), (0j, *none))
+        shell = cls(c, 0j, _SOFT * float(np.abs(z).min()), (1.0 + 0j, *none), (0j, *none))
         w, w_n = shell._turned(z), shell._turned_along(z, normal)
-        k, half = np.arange(degree + 1), 0.5 * reach**2 / c
+        k, half = np.arange(degree + 1), 0.5 * np.abs(z) ** 2 / c
         powers = w[:, None] ** k
         along = k * w[:, None] ** np.maximum(k - 1, 0) * w_n[:, None]
         inward = (z.conj() * normal).real / c
@@ -144,7 +148,7 @@ class WornSurface:
         value, gradient = found.measure(z)
         error = float(np.abs(value / (gradient * normal.conj()).real).max())
         tilt = float(np.abs(gradient + normal).max())
-        return replace(found, error=error, tilt=tilt)
+        return replace(found, centre=centre, error=error, tilt=tilt)
 
     def _turned(self, z: Complexes) -> Complexes:
         """``w``."""
@@ -157,6 +161,7 @@ class WornSurface:
 
     def measure(self, z: Complexes) -> tuple[Array, Complexes]:
         """Y [m] at places of the pin (N,) in the link's frame, and its gradient x + i y."""
+        z = z - self.centre
         w, half = self._turned(z), 0.5 * np.abs(z) ** 2 / self.clearance
         A, B = (np.polynomial.Polynomial(x) for x in (self.a, self.b))
         value = A(w).real - half * B(w).real
@@ -169,6 +174,8 @@ class WornSurface:
     def touch(self, frames: Frames, name: str, x: Jet, y: Jet) -> SurfaceTouch:
         """Y as an expression of the pin's place in the link's frame; `name` is of parameters."""
         p, c = frames.parameters, self.clearance
+        x -= dense(p.reserve(f'{name}.centre.x', self.centre.real))
+        y -= dense(p.reserve(f'{name}.centre.y', self.centre.imag))
         vx, vy, x, y = x.rate, y.rate, dense(x.value), dense(y.value)
         soft = p.reserve(f'{name}.soft_square', self.soft**2)
         m = p.reserve(f'{name}.curvature', 1.0 / c)
@@ -324,22 +331,20 @@ def worn_shape(
         raise ValueError(f'has a profile with a depth of {least:g} m, which leaves no room')
     of_bushing, of_pin = float(bushing.mean()), float(pin.mean())
     mean = c + of_bushing + of_pin
+    both = bool(np.ptp(bushing) and np.ptp(pin))
     on_bushing = on_pin = None
     if np.ptp(bushing) or not np.ptp(pin):
         reach = locus(bushing, c + of_pin, rp - of_pin if rp else 0.0)
-        on_bushing = WornSurface.through(reach, mean, degree)
+        on_bushing = WornSurface.through(reach, mean, degree, 0j if both else _middle(reach))
     if np.ptp(pin):
         reach = locus(pin, c + of_bushing, rp, of_pin=True)
-        on_pin = WornSurface.through(reach, mean, degree)
+        on_pin = WornSurface.through(reach, mean, degree, 0j if both else _middle(reach))
     found = WornShape(mean, on_pin, on_bushing)
-    both = len(found.surfaces) == 2
     error = (
-        _error_of_both(found, clearance, radius, bushing, pin)
-        if both
-        else (found.surfaces[0].error)
+        _error_of_both(found, clearance, radius, bushing, pin) if both else found.surfaces[0].error
     )
     least_inside, most = np.transpose([found.inside(x) for x in np.linspace(0.0, 6.0, 7)])
-    if not error <= _FARTHEST * c or not least_inside.min() > 0.0:
+    if not error <= _FARTHEST * mean or not least_inside.min() > 0.0:
         why = (
             'of a pin and a bushing that are both worn, one must be nearly round'
             if both
@@ -347,9 +352,17 @@ def worn_shape(
         )
         raise ValueError(
             f'has a profile that is off by {error:.3g} m where pin and bushing touch, allowed are '
-            f'{_FARTHEST * c:.3g} m: {why}'
+            f'{_FARTHEST * mean:.3g} m: {why}'
         )
     return replace(found, widest=2.0 * max(0.5 * mean, *most), off=error)
+
+
+def _middle(reach: Array) -> complex:
+    """The middle of a locus (m,) [m] along its longest radius: narrow ones are fitted best so."""
+    z = reach * np.exp(2j * np.pi / len(reach) * np.arange(len(reach)))
+    way = z[int(reach.argmax())] / float(reach.max())
+    along = (z * np.conj(way)).real
+    return complex(0.5 * (along.max() + along.min()) * way)
 
 
 def _error_of_both(

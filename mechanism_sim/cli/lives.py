@@ -1,0 +1,84 @@
+"""How machines change over many cycles."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from mechanism_sim import output, tables
+from mechanism_sim.cli.options import (
+    TABLES,
+    Command,
+    flag,
+    measure_option,
+    option,
+    print_result,
+    read_machine,
+    scene_options,
+)
+from mechanism_sim.errors import InputError
+
+
+def add(command: Command) -> None:
+    """The commands of this file."""
+    sub = command('life', _life, 'how bearings wear over many cycles, and how long they last')
+    scene_options(sub)
+    text = "what ends it, as 'clearance > 0.5 mm', 'depth.JOINT > 20 um', or a measure and a limit"
+    option(sub, '--until', 'CONDITION', text)
+    option(sub, '--cycles', 'N', 'turns of the drive after which it ends in any case', '1e7')
+    option(
+        sub, '--tolerance', 'X', 'of what a clearance grows by in a step, that it may be off', 0.02
+    )
+    option(sub, '--revolutions', 'N', 'turns of each run that count', 40)
+    option(sub, '--skip', 'N', 'turns of each run before them, until it has settled', 10)
+    measure_option(sub)
+    option(
+        sub, '-o --output', 'TABLE', f'a row for each stage: {TABLES}; it goes on from its runs'
+    )
+    flag(sub, '--restart', 'forget what is computed already')
+    option(sub, '--plot', 'FILE', 'draw clearances and profiles along the life')
+    option(sub, '--scenes', 'DIR', 'folder for the scene of every stage')
+    option(sub, '--bags', 'DIR', 'folder for a recorded run of every stage')
+
+
+def _life(options: argparse.Namespace) -> int:
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report import life as report  # noqa: PLC0415
+    from mechanism_sim.studies.life import life  # noqa: PLC0415
+
+    picture = figures.check_picture('--plot', options.plot) if options.plot else None
+    table = tables.check_file('--output', Path(options.output)) if options.output else None
+    folders = {name: _folder(name, getattr(options, name)) for name in ('scenes', 'bags')}
+    try:
+        cycles = float(options.cycles)
+    except ValueError as error:
+        raise InputError(f"--cycles '{options.cycles}': write a number, as 1e7") from error
+    if options.restart and not table:
+        raise InputError('--restart goes with --output')
+    machine = read_machine(options)
+    with progress.busy('life', options.json) as say:
+        found = life(
+            machine, options.until or '', cycles=cycles, measures=options.measures, table=table,
+            restart=options.restart, bags=folders['bags'], show=say, tolerance=options.tolerance,
+            revolutions=options.revolutions, skip=options.skip,
+        )  # fmt: skip
+    if table:
+        tables.write(table, found.columns())
+    if picture:
+        figures.save(figures.paint(report.chart(found, machine.scene.title)), picture)
+    if folder := folders['scenes']:
+        for k, stage in enumerate(found.stages):
+            output.write_text(folder / f'stage_{k:02d}.yaml', report.scene_text(found, stage))
+    return print_result(options, found, report.to_json, report.render)
+
+
+def _folder(option_name: str, given: str | None) -> Path | None:
+    """A folder that is there, made if it was not."""
+    if not given:
+        return None
+    folder = Path(given)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--{option_name} '{given}': {error.strerror or error}") from error
+    return folder

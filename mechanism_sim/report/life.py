@@ -1,0 +1,122 @@
+"""The life of bearings that wear: as text, JSON and a chart, and scenes of its stages."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import yaml
+
+from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
+from mechanism_sim.report.sections import Section, text
+from mechanism_sim.studies.life import PLACES, Life, Stage
+from mechanism_sim.units import for_people
+
+_SHADES = '#c6dbef', '#9ecae1', '#6baed6', '#4292c6', '#2171b5', '#08519c', '#08306b'
+_PROFILES = 7  # drawn of each surface, along the life
+
+
+def render(found: Life) -> str:
+    """Text for people: the life, then a row for each stage."""
+    head = ['cycles']
+    for joint in found.joints:
+        head += [f'clearance of {joint} [mm]', '+-', 'bushing [um]', 'pin [um]', 'impacts a cycle']
+    named = [name for name in found.units if name not in head]
+    head += [f'{name} [{found.units[name]}]' if found.units[name] else name for name in named]
+    rows = [[_row(found, stage, named)] for stage in found.stages]
+    return text([Section(table=[tuple(head), *(row[0] for row in rows)], notes=[_said(found)])])
+
+
+def _row(found: Life, stage: Stage, named: list[str]) -> tuple[str, ...]:
+    cells = [f'{stage.cycles:.4g}']
+    for k, joint in enumerate(found.joints):
+        doubt = stage.error[k] + stage.scatter[k]
+        deepest = 1e6 * stage.depths[joint].max(axis=1)
+        cells += [
+            f'{1e3 * stage.clearance[k]:.5g}', f'{1e3 * doubt:.1g}', f'{deepest[0]:.4g}',
+            f'{deepest[1]:.4g}', f'{stage.impacts[k]:.4g}',
+        ]  # fmt: skip
+    return (*cells, *(f'{stage.figures[name]:.4g}' for name in named))
+
+
+def _said(found: Life) -> str:
+    runs = f'{found.runs} runs of {found.plan.revolutions} turns'
+    if found.note:
+        return f'it cannot be followed: {found.note}'
+    if math.isnan(found.cycles):
+        reached = f', and {found.until} is not reached' if found.until else ''
+        return f'{found.plan.cycles:.6g} cycles are over{reached}; {runs}'
+    return (
+        f'{found.until} after {found.cycles:.4g} cycles, between {found.low:.4g} and '
+        f'{found.high:.4g}; {runs}'
+    )
+
+
+def to_json(found: Life) -> dict[str, Any]:
+    """All stages in SI units; depths at even angles from 0 on."""
+    ended = not math.isnan(found.cycles)
+    return {
+        'until': found.until or None,
+        'cycles': found.cycles if ended else None,
+        'low': found.low,
+        'high': found.high if math.isfinite(found.high) else None,
+        'runs': found.runs,
+        **({'note': found.note} if found.note else {}),
+        'units': found.units,
+        'wear': {
+            joint: [
+                {
+                    'cycles': stage.cycles,
+                    'clearance': float(stage.clearance[k]),
+                    'error': float(stage.error[k]),
+                    'scatter': float(stage.scatter[k]),
+                    'bushing': stage.depths[joint][0].tolist(),
+                    'pin': stage.depths[joint][1].tolist(),
+                    'impacts': float(stage.impacts[k]),
+                }
+                for stage in found.stages
+            ]
+            for k, joint in enumerate(found.joints)
+        },
+        'figures': [stage.figures for stage in found.stages],
+    }
+
+
+def scene_text(found: Life, stage: Stage) -> str:
+    """The machine at a stage, as a file of a scene."""
+    said = f'# after {stage.cycles:.6g} cycles\n'
+    content: str = yaml.safe_dump(found.scene(stage), sort_keys=False, allow_unicode=True)
+    return said + content
+
+
+def chart(found: Life, title: str) -> Chart:
+    """Clearances over cycles, and profiles of worn surfaces along the life."""
+    n = np.array([stage.cycles for stage in found.stages])
+    curves = []
+    for k, joint in enumerate(found.joints):
+        size = np.array([1e3 * stage.clearance[k] for stage in found.stages])
+        doubt = np.array([1e3 * (stage.error[k] + stage.scatter[k]) for stage in found.stages])
+        curves.append(ChartCurve(n, size, joint, joint, k, marker='circle', error=doubt))
+    panels = [Panel(Axis('cycles'), Axis('largest clearance', 'mm'), tuple(curves), height=2.6)]
+    count = len(found.stages)
+    chosen = np.unique(np.linspace(1, count - 1, min(count - 1, _PROFILES)).round().astype(int))
+    angle = 360.0 / PLACES * np.arange(PLACES + 1)
+    for joint in found.joints:
+        for side, name in enumerate(('bushing', 'pin')):
+            depths = [found.stages[k].depths[joint][side] for k in chosen]
+            deepest = max((float(d.max()) for d in depths), default=0.0)
+            if not deepest:
+                continue
+            unit, scale = for_people('m', deepest)
+            lines = [
+                ChartCurve(
+                    angle, scale * np.append(depth, depth[0]),
+                    f'{found.stages[k].cycles:.3g} cycles', joint,
+                    _SHADES[min(len(_SHADES) - 1, (i + 1) * len(_SHADES) // len(chosen) - 1)],
+                )
+                for i, (k, depth) in enumerate(zip(chosen, depths, strict=True))
+            ]  # fmt: skip
+            axes = Axis('angle on its link', 'deg', 0.0, 360.0, every=60.0), Axis('depth', unit)
+            panels.append(Panel(*axes, tuple(lines), f'{name} of {joint}', height=2.6))
+    return Chart('life', title, tuple(panels))
