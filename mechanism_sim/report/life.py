@@ -6,10 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-import yaml
 
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.studies.life import PLACES, Life, Stage
 from mechanism_sim.units import for_people
 
@@ -85,9 +86,8 @@ def to_json(found: Life) -> dict[str, Any]:
 
 def scene_text(found: Life, stage: Stage) -> str:
     """The machine at a stage, as a file of a scene."""
-    said = f'# after {stage.cycles:.6g} cycles\n'
-    content: str = yaml.safe_dump(found.scene(stage), sort_keys=False, allow_unicode=True)
-    return said + content
+    scene = check_scene(found.machine.name, found.scene(stage))
+    return f'# after {stage.cycles:.6g} cycles\n{yaml_text(scene)}'
 
 
 def chart(found: Life, title: str) -> Chart:

@@ -307,7 +307,7 @@ class _Runs:
     ) -> None:  # fmt: skip
         self.machine, self.worn, self.plan = machine, worn, plan
         self._content, self._asked, self._rows, self._show = content, asked, rows, show
-        self.units = Measurement(machine, read_all(asked, 'life')).units
+        self.units = Measurement(machine, read_all(asked, 'life')).units()
         self.count, self.stopped = 0, ''
 
     def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
@@ -384,10 +384,8 @@ def worn_scene(content: dict[str, Any], depths: Mapping[str, Array]) -> dict[str
         clearance = worn['joints'][joint]['clearance']
         profile = clearance['profile'] = dict(clearance.get('profile') or {})
         for kind, depth in zip(('bushing', 'pin'), both, strict=True):
-            points = [
-                [a, 0.0 if abs(d) < 1e-15 else d]
-                for a, d in zip(angles, depth.tolist(), strict=True)
-            ]
+            known = np.where(np.abs(depth) < 1e-15, 0.0, depth)
+            points = np.transpose([angles, known]).tolist()
             if depth.any():
                 profile[kind] = {'points': points}
             else:
