@@ -287,7 +287,7 @@ def _asked(
         joint = ends.figure.partition('.')[2]
         if joint and joint not in worn:
             raise InputError(
-                f"--until: '{joint}' is no bearing that wears{nearest(joint, worn)}; such are "
+                f"--until: '{joint}' is no bearing that wears{nearest(joint, worn)}; known are "
                 f'{", ".join(worn)}'
             )
     elif ends and ends.figure not in asked:

@@ -197,6 +197,7 @@ def test_a_bushing_that_is_a_moved_circle_moves_as_one():
     assert worn[:12] == pytest.approx(plain[:12], rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_four_bar_moves_in_an_elliptic_bushing_as_by_scipy():
     """A pin of no radius, by the closed form of its wall: flights, impacts and following."""
     along, across, e = CLEARANCE, 1.5 * CLEARANCE, 0.4

@@ -1,0 +1,148 @@
+"""Lives of bearings by closed forms, and by smaller steps."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import yaml
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
+from mechanism_sim.studies.life import _ROUNDEST, PLACES, room_for_pin
+
+PIN, CLEARANCE, WIDTH, WEAR, MASS, GRAVITY = 8e-3, 0.1e-3, 10e-3, 1e-16, 2.0, 9.81
+ANGLES = 2.0 * np.pi / PLACES * np.arange(PLACES)
+
+
+def wheel(speed=2.0, cog=0.0, **wear):
+    """A wheel that hangs on a fixed pin and turns: the load goes round in its bushing."""
+    given = {'width': WIDTH, 'bushing': WEAR, **wear}
+    return {
+        'title': 'wheel', 'mechanism': 'linkage',
+        'links': {'ground': {'points': {'pin': [0.0, 0.0]}},
+                  'wheel': {'mass': MASS, 'inertia': 1e-3, 'cog': cog}},
+        'joints': {'axle': {'revolute': ['ground.pin', 'wheel'], 'clearance': {
+            'radial': CLEARANCE, 'pin_radius': PIN, 'restitution': 0.0, 'wear': given,
+            'profile': {'harmonics': 8}}}},
+        'drive': {'coordinate': 'wheel', 'speed': speed}, 'gravity': [0.0, -GRAVITY],
+    }  # fmt: skip
+
+
+def test_a_bearing_that_wears_evenly_lasts_as_its_closed_form():
+    """``dh/dn = k N (rp + c + h)/(w (rp + c))``: the way grows with the bushing."""
+    until = 1.3 * CLEARANCE
+    found = ms.life(wheel(), f'clearance > {until} m', cycles=1e12, revolutions=12, skip=1)
+    R, rate = PIN + CLEARANCE, WEAR * MASS * GRAVITY / WIDTH
+    expected = R / rate * math.log((PIN + until) / R)
+    assert found.cycles == pytest.approx(expected, rel=2e-3)
+    assert found.low <= expected * (1.0 + 2e-3)
+    assert found.high >= expected * (1.0 - 2e-3)
+    last = found.stages[-1]
+    assert last.clearance[0] == pytest.approx(until, rel=1e-9)
+    assert np.ptp(last.depths['axle'][0]) < 0.01 * (until - CLEARANCE)
+    assert not last.depths['axle'][1].any()
+
+
+@pytest.mark.slow
+def test_halving_the_steps_changes_a_life_by_less_than_it_says(monkeypatch):
+    """An unbalanced wheel, which wears on one side of its bushing."""
+    scene, found = wheel(speed=12.0, cog='30 mm'), []
+    for growth in (0.3, 0.15):
+        monkeypatch.setattr('mechanism_sim.studies.life._GROWTH', growth)
+        until = f'clearance > {1.6 * CLEARANCE} m'
+        found.append(ms.life(scene, until, cycles=1e12, revolutions=12, skip=2))
+    coarse, fine = found
+    assert len(fine.stages) > len(coarse.stages)
+    assert coarse.low < fine.cycles < coarse.high
+    assert coarse.high - coarse.low < 0.1 * coarse.cycles
+    assert np.ptp(fine.stages[-1].depths['axle'][0]) > 0.2 * CLEARANCE
+
+
+def test_a_pin_under_a_steady_load_sinks_into_its_own_shape():
+    """``dQ/dx = 1/(t + sin(2 t)/2)`` for x = k F s/(R w), as wide as it touches, to 2 t.
+
+    The locus is that of a circle of radius c and its tangents from a round tip, which is Q away.
+    """
+    c, rate = CLEARANCE, np.zeros(PLACES)
+    rate[40] = PLACES / (2.0 * math.pi)  # all of the load in one direction
+    depths, Q, x = np.zeros(PLACES), CLEARANCE, 0.02 * CLEARANCE
+    tip = _ROUNDEST * c
+    for _ in range(60):
+        depths = room_for_pin(depths + x * rate, c)
+    for _ in range(60 * 400):
+        t = math.acos(min(1.0, (c - tip) / (max(Q, 1.0001 * c) - tip)))
+        Q += x / 400 / (t + 0.5 * math.sin(2.0 * t))
+    assert c + depths.max() == pytest.approx(Q, rel=0.02)
+    within = np.cos(ANGLES - ANGLES[40]) > 0.9
+    shape = tip + (c + depths.max() - tip) * np.cos(ANGLES - ANGLES[40])
+    assert c + depths[within] == pytest.approx(shape[within], abs=2e-3 * c)
+
+
+def test_what_a_pin_sinks_over_keeps_the_force():
+    """The first harmonic of the depths, in which the force is."""
+    sharp = 2.0 * CLEARANCE * np.exp(-(((ANGLES - 2.0) / 0.3) ** 2))
+    found = room_for_pin(sharp, CLEARANCE)
+    assert np.abs(found - sharp).max() > 0.1 * CLEARANCE
+    first = np.exp(1j * ANGLES)
+    assert found @ first == pytest.approx(sharp @ first, rel=1e-9)
+    assert room_for_pin(found, CLEARANCE) == pytest.approx(found, abs=1e-9 * CLEARANCE)
+
+
+def test_the_command_goes_on_from_its_journal_and_writes_scenes(tmp_path):
+    """A second time nothing is run; a scene of a stage begins where the life stood."""
+    file, scenes = tmp_path / 'wheel.yaml', tmp_path / 'stages'
+    file.write_text(yaml.safe_dump(wheel()))
+    args = (
+        'life', str(file), '--until', 'clearance > 0.11 mm', '--cycles', '1e12',
+        '--revolutions', '4', '--skip', '1', '-o', str(tmp_path / 'life.csv'),
+        '--scenes', str(scenes), '--bags', str(tmp_path / 'bags'),
+    )  # fmt: skip
+    first, journal = run_json(*args), (tmp_path / 'life.csv.journal').read_text()
+    assert first['cycles'] is not None
+    assert first['low'] <= first['cycles'] <= first['high']
+    stages = first['wear']['axle']
+    assert stages[-1]['clearance'] == pytest.approx(0.11e-3)
+    assert run_json(*args) == first
+    assert (tmp_path / 'life.csv.journal').read_text() == journal
+    assert len([*scenes.iterdir()]) == len([*(tmp_path / 'bags').iterdir()]) == len(stages)
+    worn = ms.load_scene(scenes / f'stage_{len(stages) - 1:02d}.yaml')
+    assert worn.scene.joints['axle'].clearance.profile.bushing is not None
+    said = run(*args[:3], 'depth.axle > 5 um', *args[4:10]).stdout
+    assert 'depth.axle > 5 um after' in said
+
+
+@pytest.mark.parametrize(
+    ('scene', 'until', 'said'),
+    [
+        (wheel(), 'clearance = 1 mm', "write a figure and its limit, as 'clearance > 0.5 mm'"),
+        (
+            wheel(),
+            'clearance.axel > 1 mm',
+            "'axel' is no bearing that wears; did you mean 'axle'?",
+        ),
+        (wheel(), 'clearance > 1 kg', 'the limit 1 kg'),
+        (wheel(law='friction_work'), 'clearance > 1 mm', "needs 'friction'"),
+        ('four_bar_clearance', 'clearance > 1 mm', 'no bearing wears'),
+        ('slider_crank', 'clearance > 1 mm', 'no bearing wears'),
+    ],
+)
+def test_what_has_no_life_is_refused(scene, until, said):
+    """In one sentence."""
+    with pytest.raises(InputError) as error:
+        ms.life(scene, until)
+    assert said in str(error.value)
+
+
+def test_json_of_a_life_that_is_not_over(tmp_path):
+    """No cycles, and how many are over at least."""
+    file = tmp_path / 'wheel.yaml'
+    file.write_text(yaml.safe_dump(wheel()))
+    found = json.loads(
+        run('life', str(file), '--cycles', '1e6', '--revolutions', '2', '--skip', '0',
+            '--json').stdout
+    )  # fmt: skip
+    assert found['cycles'] is None
+    assert found['low'] == 1e6
+    assert found['wear']['axle'][-1]['cycles'] == 1e6
