@@ -11,7 +11,7 @@ from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.written import yaml_text
-from mechanism_sim.studies.life import PLACES, Life, Stage
+from mechanism_sim.studies.life import PLACES, Life, LifeStage
 from mechanism_sim.units import for_people
 
 _SHADES = '#c6dbef', '#9ecae1', '#6baed6', '#4292c6', '#2171b5', '#08519c', '#08306b'
@@ -29,7 +29,7 @@ def render(found: Life) -> str:
     return text([Section(table=[tuple(head), *(row[0] for row in rows)], notes=[_said(found)])])
 
 
-def _row(found: Life, stage: Stage, named: list[str]) -> tuple[str, ...]:
+def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
     cells = [f'{stage.cycles:.4g}']
     for k, joint in enumerate(found.joints):
         doubt = stage.error[k] + stage.scatter[k]
@@ -84,7 +84,7 @@ def to_json(found: Life) -> dict[str, Any]:
     }
 
 
-def scene_text(found: Life, stage: Stage) -> str:
+def scene_text(found: Life, stage: LifeStage) -> str:
     """The machine at a stage, as a file of a scene."""
     scene = check_scene(found.machine.name, found.scene(stage))
     return f'# after {stage.cycles:.6g} cycles\n{yaml_text(scene)}'
@@ -101,7 +101,7 @@ def chart(found: Life, title: str) -> Chart:
     panels = [Panel(Axis('cycles'), Axis('largest clearance', 'mm'), tuple(curves), height=2.6)]
     count = len(found.stages)
     chosen = np.unique(np.linspace(1, count - 1, min(count - 1, _PROFILES)).round().astype(int))
-    angle = 360.0 / PLACES * np.arange(PLACES + 1)
+    angle = 360.0 / PLACES * np.arange(PLACES + 1.0)
     for joint in found.joints:
         for side, name in enumerate(('bushing', 'pin')):
             depths = [found.stages[k].depths[joint][side] for k in chosen]

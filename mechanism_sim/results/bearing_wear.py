@@ -1,4 +1,4 @@
-"""What wears a bearing, summed by direction on bushing and pin, and by parts of a run.
+"""Measures of a bearing's wear, summed by direction on bushing and pin, and by parts of a run.
 
 Archard's law: the volume worn off is in proportion to the integral of normal force times the way
 slid (J. F. Archard, Contact and rubbing of flat surfaces, J. Appl. Phys. 24 (1953) 981). Where the

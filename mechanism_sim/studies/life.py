@@ -101,7 +101,7 @@ class LifePlan:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class LifeStage:
     """A machine at some time of its life.
 
     Attributes
@@ -145,7 +145,7 @@ class Life:
     cycles: float
     low: float
     high: float
-    stages: tuple[Stage, ...]
+    stages: tuple[LifeStage, ...]
     units: dict[str, str]
     runs: int
     note: str = ''
@@ -155,7 +155,7 @@ class Life:
         """The bearings that wear."""
         return tuple(self.stages[0].depths)
 
-    def scene(self, stage: Stage) -> dict[str, Any]:
+    def scene(self, stage: LifeStage) -> dict[str, Any]:
         """The scene of the machine at a stage, as a file gives it."""
         return worn_scene(self.machine.scene.to_document(), stage.depths)
 
@@ -181,12 +181,12 @@ class Life:
         return every
 
     def table(self) -> Table:
-        """The same as arrays."""
+        """These columns as arrays."""
         return Table.of(self.columns())
 
 
 class _Rates(NamedTuple):
-    """What a run tells of a machine."""
+    """Depths and figures that a run of a machine gives."""
 
     depths: dict[str, Array]  #: (2, 180) [m] in a cycle
     scatter: dict[str, Array]  #: (2, 180) [m], standard error
@@ -332,7 +332,7 @@ class _Runs:
 def wear_in(
     name: str, content: dict[str, Any], joints: tuple[str, ...], plan: LifePlan, asked: list[str]
 ) -> Row:
-    """What a run wears off in a cycle, by joint, as plain data."""
+    """Depths that a run wears off in a cycle, by joint, as plain data."""
     machine = build(name, check_scene(name, content))
     solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
     count, size = batches(plan.revolutions)
@@ -432,7 +432,7 @@ def _moved(
     for joint, own in depths.items():
         new, c = own + cycles * rates[joint], runs.worn[joint].radial
         rooms = [c + float(new[other].mean()) for other in (1, 0)]
-        wears = rates[joint].any(axis=1)
+        wears = [bool(rate.any()) for rate in rates[joint]]
         moved[joint] = np.array(
             [
                 room_for_pin(depth, room) if worn else depth
@@ -472,7 +472,7 @@ class _End:
         """True if it is about the bearings, not about the motion."""
         return self.until.figure.partition('.')[0] in OWN
 
-    def past(self, stage: Stage) -> float:
+    def past(self, stage: LifeStage) -> float:
         """How far a stage is beyond the limit."""
         name = self.until.figure.partition('.')[0]
         depths = [*stage.depths.values()]
@@ -484,7 +484,7 @@ class _End:
             value = stage.figures[self.until.figure]
         return value - self.limit if self.until.above else self.limit - value
 
-    def ahead(self, runs: _Runs, now: Stage, rates: _Rates) -> float:
+    def ahead(self, runs: _Runs, now: LifeStage, rates: _Rates) -> float:
         """Cycles to the limit at the present rates, where they are known."""
         if not self.own:
             return math.inf
@@ -495,7 +495,9 @@ class _End:
         rate = (moved - self.past(now)) / one
         return -self.past(now) / rate if rate > 0.0 else math.inf
 
-    def crossing(self, before: Stage, after: Stage) -> tuple[float, float, float, Stage]:
+    def crossing(
+        self, before: LifeStage, after: LifeStage
+    ) -> tuple[float, float, float, LifeStage]:
         """The life between two stages, its interval by their errors, and the stage then."""
         low, high = self.past(before), self.past(after)
         share, span = low / (low - high), after.cycles - before.cycles
@@ -515,12 +517,12 @@ class _End:
 class _Step(NamedTuple):
     """An accepted step: what came of it, and the cycles of the next."""
 
-    stage: Stage
+    stage: LifeStage
     rates: _Rates
     next: float
 
 
-def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tuple[Stage, ...]]:
+def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tuple[LifeStage, ...]]:
     """The life with its interval, and the stages."""
     plan, end = runs.plan, _End.of(until, runs) if until else None
     depths = {
@@ -529,7 +531,7 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
     }
     size, none = _clearances(runs, depths), np.zeros(len(runs.worn))
     rates = runs.rates(depths, 0.0, size)
-    stages = [Stage(0.0, depths, size, none, none, rates.impacts, rates.figures)]
+    stages = [LifeStage(0.0, depths, size, none, none, rates.impacts, rates.figures)]
     if end and end.past(stages[0]) >= 0.0:
         return 0.0, 0.0, 0.0, tuple(stages)
     fastest = _fastest(rates)
@@ -552,8 +554,8 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
                 tries += 1
                 step = (found.stage.cycles - now.cycles) * (1.0 - share + 0.5 * _LATE)
                 continue
-            *life, last = end.crossing(now, found.stage)
-            return (*life, (*stages, last))
+            cycles, low, high, last = end.crossing(now, found.stage)
+            return cycles, low, high, (*stages, last)
         stages.append(found.stage)
         step, rates = found.next, found.rates
         if found.stage.cycles >= plan.cycles:
@@ -564,7 +566,7 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
     )
 
 
-def _step(runs: _Runs, now: Stage, rates: _Rates, step: float) -> _Step:
+def _step(runs: _Runs, now: LifeStage, rates: _Rates, step: float) -> _Step:
     """A step of so many cycles, or of fewer if these change the wear too much."""
     while True:
         whole = _moved(runs, now.depths, rates.depths, step)
@@ -583,7 +585,7 @@ def _step(runs: _Runs, now: Stage, rates: _Rates, step: float) -> _Step:
     size, cycles = _clearances(runs, depths), now.cycles + step
     ahead = runs.rates(depths, cycles, size)
     scatter = np.hypot(now.scatter, 1.96 * step * _scatter(middle, depths))
-    stage = Stage(cycles, depths, size, now.error + off, scatter, ahead.impacts, ahead.figures)
+    stage = LifeStage(cycles, depths, size, now.error + off, scatter, ahead.impacts, ahead.figures)
     return _Step(stage, ahead, step * min(3.0, 0.9 / max(share, large, 0.1)))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from builders import PLAY
 from running import run as command
 
 from benchmarks.command import main as benchmarks
@@ -93,6 +94,21 @@ GOOD = {
         '2',
         '--workers',
         '1',
+    ),
+    'life': (
+        LOOSE,
+        '--set',
+        f'{PLAY}.pin_radius=6 mm',
+        '--set',
+        f'{PLAY}.wear.width=10 mm',
+        '--set',
+        f'{PLAY}.wear.bushing=1e-7 mm^3/(N m)',
+        '--cycles',
+        '1e3',
+        '--revolutions',
+        '1',
+        '--skip',
+        '0',
     ),
     'modes': ('vibration_absorber',),
     'response': ('half_car', '--torque', 'body', '--frequencies', '1 Hz:9 Hz:3'),
