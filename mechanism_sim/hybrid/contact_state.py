@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,7 @@ class ContactState:
         )  # [m/s] to which the damping of a touch may refer
         if system.parameters.margin is not None:
             present.pars[system.parameters.margin] = self.limits.bare
+        self.modes: tuple[int, ...] = ()
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
         self.taken = self.fallen = respond.DONE
@@ -162,17 +163,17 @@ class ContactState:
     @property
     def touching(self) -> Mask:
         """The gaps (m,) that take part in an event, to be changed in place."""
-        return self.run.marks[respond.TOUCHING]
+        return cast(Mask, self.run.marks[respond.TOUCHING])
 
     @property
     def resting(self) -> Mask:
         """Those of them that are at rest."""
-        return self.run.marks[respond.RESTING]
+        return cast(Mask, self.run.marks[respond.RESTING])
 
     @property
     def mode_array(self) -> Indices:
         """The modes (m,), to be changed in place."""
-        return self.run.gaps[respond.MODE]
+        return cast(Indices, self.run.gaps[respond.MODE])
 
     @property
     def drive_rates(self) -> Array:

@@ -133,8 +133,8 @@ class ModeLog(EventLog):
     def drain(self) -> list[ModeChange]:
         """The changes since the last call."""
         t, names, (modes, previous) = self._taken()
-        known = zip(t, names, map(Mode, modes), map(Mode, previous), strict=True)
-        return [*map(ModeChange._make, known)]
+        new, old = ([Mode(int(x)) for x in row] for row in (modes, previous))
+        return [*map(ModeChange._make, zip(t, names, new, old, strict=True))]
 
 
 def gains(impacts: Iterable[Impact]) -> list[float]:

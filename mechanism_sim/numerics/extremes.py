@@ -40,7 +40,7 @@ GLANCES = Nodes(tuple(_FEW.tolist()))
 """Where functions are looked at before it is known which intervals matter."""
 
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
-_GRID = np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T.copy()
+_GRID: Array = np.array(np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T, np.float64)
 _DEGREES = np.arange(_COUNT)
 _SLOPE = np.zeros((_COUNT, _COUNT))  # from Chebyshev coefficients to those of the derivative
 _SLOPE[:, :-1] = np.polynomial.chebyshev.chebder(np.eye(_COUNT), axis=1)

@@ -60,6 +60,7 @@ _GROWTH = 0.3  # of the clearance, by which it grows in a step at most
 _FIRST = 0.1  # of the clearance, by which it grows in the first step
 _AHEAD = 1.01  # of the cycles that seem left, in the last step
 _SHORTEST = 2e-4  # of the cycles so far, in the last step
+_NEAR = 0.25  # of what a clearance may be off, within which the limit is reached
 _MOST_STEPS = 500
 _LATE, _TRIES = 0.02, 4  # of a step, by which the last may be late; so many are tried
 _CONDITION = re.compile(r'\s*(.+?)\s*([<>])\s*([^<>]+)')
@@ -493,7 +494,12 @@ class _End:
         later = _moved(runs, now.depths, rates.depths, one)
         moved = self.past(replace(now, depths=later, clearance=_clearances(runs, later)))
         rate = (moved - self.past(now)) / one
-        return -self.past(now) / rate if rate > 0.0 else math.inf
+        return (_NEAR * self.doubt(now) - self.past(now)) / rate if rate > 0.0 else math.inf
+
+    def doubt(self, stage: LifeStage) -> float:
+        """How far a figure of a bearing may be off [m]; 0 of others."""
+        doubts = (stage.error + stage.scatter)[list(self.chosen)]
+        return float(doubts.max()) if self.own else 0.0
 
     def crossing(
         self, before: LifeStage, after: LifeStage
@@ -504,8 +510,7 @@ class _End:
         cycles = before.cycles + share * span
         doubt = 0.5 * span
         if self.own:
-            off = float((after.error + after.scatter)[list(self.chosen)].max())
-            doubt = off * span / (high - low)
+            doubt = self.doubt(after) * span / (high - low)
         depths = {
             j: (1.0 - share) * before.depths[j] + share * after.depths[j] for j in before.depths
         }
@@ -549,7 +554,8 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
             return math.nan, now.cycles, math.inf, tuple(stages)
         if end and (over := end.past(found.stage)) >= 0.0:
             share = over / (over - end.past(now))
-            if share > _LATE and tries < _TRIES:
+            late = share > _LATE and over > 2.0 * _NEAR * end.doubt(found.stage)
+            if late and tries < _TRIES:
                 # again, not so far: the last stage has a run of its own
                 tries += 1
                 step = (found.stage.cycles - now.cycles) * (1.0 - share + 0.5 * _LATE)
