@@ -171,7 +171,7 @@ def _front(found: Optimum, title: str) -> Chart:
         (x, y), (u, v) = values, every
         near = (u < x.max() + 2.0 * np.ptp(x)) & (v < y.max() + 2.0 * np.ptp(y))
         curves = (
-            ChartCurve(u[near], v[near], 'tried', colour=1, form='dots', look='fine'),
+            ChartCurve(u[near], v[near], 'tried', colour=1, form='dots', marker='circle-open'),
             ChartCurve(x[:-1], y[:-1], 'front', marker='circle'),
             ChartCurve(x[-1:], y[-1:], 'nearest to the best of all', '', INK, form='dots',
                        marker='circle-open'),
