@@ -264,6 +264,7 @@ def test_info_and_analyze_as_json(tmp_path):
 OTHERWISE = {
     '--from': {'new'},  # the scene that is copied; elsewhere the time at which something begins
     **{flag: {'find', 'plot'} for flag in ('-o', '--output')},  # a picture and numbers
+    '--path': {'find'},  # the points that a path is to pass; elsewhere a point whose path is drawn
 }
 """Options that mean something else in these commands."""
 

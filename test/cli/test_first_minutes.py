@@ -154,7 +154,7 @@ def test_new_says_what_comes_next_and_its_scene_moves_as_the_old_one(tmp_path, m
 
 def test_what_cannot_be_built_is_not_written(tmp_path):
     for change, words in (
-        ('links.crank.length=900 mm', 'cannot make a full turn'),
+        ('links.crank.length=1100 mm', 'not shorter than the three other links'),
         ('links.crank.lenght=9 mm', "did you mean 'length'"),
     ):
         with pytest.raises(InputError, match=words):
