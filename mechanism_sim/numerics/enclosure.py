@@ -654,7 +654,7 @@ def reach_of(
             off = _off(own, parts, span)
             known = off <= _ENCLOSURE.of_range * span + _ENCLOSURE.of_size * size
             known |= off * parts.weight * (width * course.length) <= 1.0
-        known |= ~np.isfinite(own).all(axis=0)  # no halving tells more of what is not a number
+        known |= ~np.isfinite(own).all(axis=0)  # no halving tells more of what is no number
         unknown = ~known.all(axis=0) & (begin < fault)
         if not unknown.any():
             break

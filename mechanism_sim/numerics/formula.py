@@ -141,8 +141,7 @@ class _Builder:
             case 'call':
                 return self._call(node)
         raise InputError(
-            f"the condition '{node.text}' in {quoted(self._text)} is not a value: write "
-            f"'A if X > Y "
+            f"the condition '{node.text}' in {quoted(self._text)} is no value: write 'A if X > Y "
             "else B'"
         )
 

@@ -100,7 +100,7 @@ class ViewNode(DescribedNode):
         try:
             self._live = Live(message.data)
         except (InputError, RunError) as error:
-            self._send_message(f'the running machine cannot be shown: {error}', 'error')
+            self._send_message(f'the machine that runs cannot be shown: {error}', 'error')
             return
         found, before = controls(self._live.machine), self._controls
         for path, control in found.items():
@@ -155,7 +155,7 @@ class ViewNode(DescribedNode):
             return
         if live.missed:
             self._send_message(
-                f'{live.missed:.3g} s of the motion were not received: the view continues at '
+                f'{live.missed:.3g} s of the motion did not come: the view goes on at '
                 f'{live.time:.6g} s'
             )
             live.missed = 0.0

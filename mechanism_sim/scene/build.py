@@ -58,7 +58,7 @@ def _check_freedom(machine: Machine) -> None:
         count = len(plan.prescribed)
         raise InputError(
             f'{count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
-            f'{assembly.overdriven} too many: the mechanism has fewer degrees of freedom; '
+            f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
             'remove a drive'
         )
     if machine.torque_driven and not assembly.freedom:

@@ -181,7 +181,7 @@ def repeated(machine: Machine) -> Station:
     moving = any(machine.plan.held[c][1] for c in machine.plan.prescribed)
     if 'time' in machine.equations.system.outside or moving:
         raise InputError(
-            f'{machine.name}: loads or other drives depend on time, so that no turn is like '
+            f'{machine.name}: time acts on it by loads or other drives, so that no turn is like '
             'the other: there are no modes; look at its motion by solve'
         )
     state, period, speed = _settled(machine)

@@ -308,7 +308,7 @@ def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatc
         (['-o', 'page.pdf'], 'the ending must be .html'),
         (['-o', 'nowhere/page.html'], 'there is no directory'),
         (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is no part of the run'),
-        (['--to', '99'], 'is not within the run, which goes from 0 s to'),
+        (['--to', '99'], 'is no part of the run, which goes from 0 s to'),
         (['--from', 'nan'], 'is no part of the run'),
         (['--namespace', '/left'], 'nothing of a machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),

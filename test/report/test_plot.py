@@ -403,7 +403,7 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
         (['scene.data'], 'is text, not a number'),
         (['impacts.header'], 'is a message: choose one of stamp, frame_id'),
         (['impacts.time.x'], "there is no 'x' in a number"),
-        (['impacts.time[0]'], 'is not an array'),
+        (['impacts.time[0]'], 'is no array'),
         (['gap', '--from', '5'], 'is no part of the run'),
         (['impacts.time', '--from', '5'], 'there is nothing of impacts.time between'),
         (['gap', '--set', 'drive.speed=1 rpm'], 'as it was recorded'),
