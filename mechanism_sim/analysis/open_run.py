@@ -16,6 +16,7 @@ from mechanism_sim.analysis.series import Series, recorded
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.tables import Table
@@ -115,3 +116,9 @@ def open_run(
     if not run.names():
         raise InputError(f'{bag.path} holds neither a scene nor a number: {bag.contents()}')
     return run
+
+
+def is_run(source: object) -> bool:
+    """True if it is a run, or the path of one, and not a scene, which is still to be run."""
+    file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
+    return file or isinstance(source, Piece | Cycle | Bag)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from mechanism_sim import output, tables
+from mechanism_sim import output
 from mechanism_sim.cli.options import (
     TABLES,
     Command,
@@ -42,6 +42,7 @@ def add(command: Command) -> None:
 
 
 def _life(options: argparse.Namespace) -> int:
+    from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import life as report  # noqa: PLC0415
     from mechanism_sim.studies.life import life  # noqa: PLC0415

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim import tables
 from mechanism_sim.cli.options import (
     TABLES,
     Command,
@@ -24,6 +23,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.report.charts.chart import Chart
+    from mechanism_sim.tables import Column
 
 
 def add(command: Command) -> None:
@@ -53,6 +53,7 @@ def add(command: Command) -> None:
 
 
 def _bifurcation(options: argparse.Namespace) -> int:
+    from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import bifurcation as report  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.studies.basins import basins  # noqa: PLC0415
@@ -89,8 +90,9 @@ def _bifurcation(options: argparse.Namespace) -> int:
     return print_result(options, found, report.to_json, report.render)
 
 
-def _write(options: argparse.Namespace, columns: list[tables.Column], chart: Chart) -> None:
+def _write(options: argparse.Namespace, columns: list[Column], chart: Chart) -> None:
     """Write the table and the picture that are asked for."""
+    from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import figures  # noqa: PLC0415
 
     if options.output:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.analysis.open_run import is_run
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import drawn
 from mechanism_sim.errors import InputError
@@ -19,7 +20,6 @@ from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.pages.writing import record_of
 from mechanism_sim.recording import Bag
 from mechanism_sim.report.charts.thinning import SampledLine, thin
-from mechanism_sim.report.shown import is_run
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.simulate import simulate

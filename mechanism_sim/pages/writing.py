@@ -8,7 +8,7 @@ from typing import Any
 
 from mechanism_sim import output
 from mechanism_sim.analysis import comparison
-from mechanism_sim.analysis.open_run import open_run
+from mechanism_sim.analysis.open_run import is_run, open_run
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages import report as pages
@@ -18,7 +18,6 @@ from mechanism_sim.recording import Bag
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
-from mechanism_sim.report.shown import is_run
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.analysis.open_run import open_run
+from mechanism_sim.analysis.open_run import is_run, open_run
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.recording import Bag
-from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.report import animation, drawing, figures, lines
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts
@@ -40,12 +39,6 @@ def draw(
     found, at = instant(load_scene(scene), angle, t, duration, points, still)
     with figures.style():
         return drawing.draw(found, at, **how)
-
-
-def is_run(source: object) -> bool:
-    """True if it is a run, or the path of one, and not a scene, which is still to be run."""
-    file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
-    return file or isinstance(source, Piece | Cycle | Bag)
 
 
 def plot(

@@ -78,6 +78,13 @@ def basins(
     Where both keys are of ``initial`` the machine is the same everywhere, and responses are told
     apart by their sections; elsewhere by their periods.
 
+    >>> import mechanism_sim as ms
+    >>> e = 'joints.coupler_rocker.clearance.restitution'
+    >>> vary = {'drive.speed': ('100 rpm', '110 rpm', 2), e: (0.4, 0.5, 2)}
+    >>> found = ms.basins('four_bar_clearance', vary, transient=2, keep=4)
+    >>> len(found.cells)
+    4
+
     Parameters
     ----------
     vary : lowest and highest value, and their number, by dotted path; two of them

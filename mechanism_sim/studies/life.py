@@ -211,6 +211,16 @@ def life(
 
     Each bearing with ``clearance.wear`` wears; a cycle is a turn of the drive.
 
+    >>> import mechanism_sim as ms
+    >>> bearing = 'joints.coupler_rocker.clearance'
+    >>> worn = {f'{bearing}.wear': {'width': '10 mm', 'bushing': '1e-5 mm^3/(N m)'},
+    ...         f'{bearing}.pin_radius': '6 mm', f'{bearing}.friction': 0.1,
+    ...         f'{bearing}.profile': {'harmonics': 8}}
+    >>> machine = ms.load_scene('four_bar_clearance', overrides=worn)
+    >>> found = ms.life(machine, 'clearance > 0.2545 mm', revolutions=10, skip=1)
+    >>> found.cycles > 0.0
+    True
+
     Parameters
     ----------
     until : ``clearance > 0.5 mm``, ``depth.JOINT > 20 um``, or a measure of the run and its limit

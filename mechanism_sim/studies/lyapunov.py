@@ -61,6 +61,11 @@ def lyapunov(
 ) -> LyapunovExponents:
     """The largest Lyapunov exponents of a machine under a drive at constant speed.
 
+    >>> import mechanism_sim as ms
+    >>> found = ms.lyapunov('four_bar_clearance', revolutions=20, skip=0)
+    >>> len(found.values), found.revolutions
+    (1, 20)
+
     Parameters
     ----------
     scene : all that `load_scene` takes

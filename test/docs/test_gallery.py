@@ -91,7 +91,7 @@ def test_a_card_moves_as_its_machine_does(motion):
 def test_a_run_that_has_been_made_is_not_made_again(motion):
     made = []
     for text in ('one', 'one', 'two'):
-        key = motion._key(text)
-        file = motion._kept(key, 'html', lambda text=text: made.append(text) or text)
+        key = motion.key_of(text)
+        file = motion.kept(key, 'html', lambda text=text: made.append(text) or text)
         assert file.read_text(encoding='utf-8') == text
     assert made == ['one', 'two']

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from bouncing_ball import ball, speed
 from running import run, run_json
-from test_bifurcation import ball, speed
 
 import mechanism_sim as ms
 
