@@ -12,7 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 _DOCS = Path(__file__).parent
-sys.path[:0] = [str(_DOCS / 'site'), str(_DOCS.parent)]  # extensions; benchmarks and tests
+sys.path[:0] = [str(_DOCS / x) for x in ('site', 'books', '..')]  # extensions; benchmarks, tests
 # A pattern of pages that nobody has written yet is no mistake.
 logging.getLogger('sphinx.sphinx.directives.other').addFilter(
     lambda record: 'glob pattern' not in record.getMessage()
@@ -64,7 +64,7 @@ autodoc_member_order = 'bysource'
 napoleon_google_docstring = False
 napoleon_use_ivar = True
 
-html_favicon = 'docs/site/static/favicon.svg'
+html_favicon = 'site/static/favicon.svg'
 html_theme = 'furo'
 html_title = 'mechanism_sim'
 html_math_renderer = 'mathml'

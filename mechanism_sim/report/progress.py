@@ -108,7 +108,8 @@ def in_notebook(label: str, total: float) -> Show:
         left = f' {(total - done) / done * (now - began):.0f} s left' if done else ''
         page = HTML('' if over else f'{bar}{left}')  # type: ignore[no-untyped-call]
         if handle:
-            handle[0].update(page)
+            if handle[0]:  # none where IPython is loaded, but no notebook runs
+                handle[0].update(page)
         elif not over:
             handle.append(display(page, display_id=True))  # type: ignore[no-untyped-call]
 
