@@ -31,6 +31,7 @@ from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, deriv
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
 _SETTLED = 1e-10
+_SHORTEST = 1e-3  # of the turn that is begun with, of one that repeats itself
 _STEP = 5e-4  # of differences of fourth order of positions, over the size of coordinates
 _FADED = 1e-7  # multipliers below it are rounding
 
@@ -250,7 +251,7 @@ def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array
     -------
     Both, and the map (2 k, 2 k) of small changes in a turn
     """
-    x = turns.start
+    x, first = turns.start, period
     for _ in range(20):
         off, pieces = turns.change(x, period)
         J, flow = turns.jacobian(x, pieces)
@@ -262,7 +263,8 @@ def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array
         step = np.linalg.lstsq(rows, -np.concatenate([off, [0.0]]))[0]
         x = x + step[:-1]
         period += step[-1]
-        if not (np.isfinite(x).all() and period > 0.0):
+        # what speeds up for ever seems to repeat itself where its turns take no time at all
+        if not (np.isfinite(x).all() and period > _SHORTEST * first):
             break
     raise InputError(
         f'{machine.name}: no motion was found that repeats itself with every turn of '
