@@ -8,6 +8,7 @@ joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995,
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -37,6 +38,7 @@ OF_IMPACTS = {
 }
 """Quantities of an impact that a section at impacts has: units, and words."""
 DIRECTIONS = 'up', 'down'
+_NOTHING: dict[str, Any] = {'period': 0, 'impacts': 0.0, 'points': [], 'returns': []}
 START = 'start'
 _RETURN = 1e-2
 """Of what the clearances leave free: sections that come back so near are the same."""
@@ -199,7 +201,7 @@ def varied(
             raise InputError(f'{path}: the number of values must be at least 2')
         (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
         values = np.linspace(parameter.low, parameter.high, count).tolist()
-        found.append((parameter, values, _written(high, parameter.high)))
+        found.append((parameter, values, _written((high, low), parameter)))
     return found
 
 
@@ -240,13 +242,13 @@ def section(
     return plan, tuple(units), tuple(words)
 
 
-def _written(limit: Any, value: float) -> tuple[str, float]:
-    """The unit in which a limit is written, and by what SI values are multiplied for it."""
-    number, _, unit = str(limit).strip().partition(' ')
-    try:
-        return (unit, float(number) / value) if unit and value else ('', 1.0)
-    except ValueError:
-        return '', 1.0
+def _written(limits: Sequence[Any], parameter: Parameter) -> tuple[str, float]:
+    """The unit in which limits are written, and by what SI values are multiplied for it."""
+    for limit, value in zip(limits, (parameter.high, parameter.low), strict=True):
+        said = re.fullmatch(r'\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(\S.*?)\s*', str(limit), re.I)
+        if said and value:
+            return said[2], float(said[1]) / value
+    return '', 1.0
 
 
 def follow(
@@ -260,14 +262,13 @@ def follow(
     found = []
     for value, scene in zip(values, scenes, strict=True):
         machine = Machine(name, scene)
-        try:
-            response, state = _settled(machine, plan, state)
-        except RunError as error:
-            if state is None:
-                response = {'note': str(error), 'period': 0, 'impacts': 0.0}
-                response |= {'points': [], 'returns': []}
-            else:  # the other machine cannot begin there: its own start
-                response, state = _settled(machine, plan, None)
+        # where this machine cannot begin as the one before ended, it begins as its scene says
+        for begin in dict.fromkeys((state, None)):
+            try:
+                response, state = _settled(machine, plan, begin)
+                break
+            except RunError as error:
+                response, state = _NOTHING | {'note': str(error)}, None
         found.append(response | {'value': value, 'branch': branch})
         state = None if branch == START else state
     return {'responses': found}
@@ -319,10 +320,10 @@ class _SectionTally:
         curve = piece.motion.curve
         if not len(curve):
             return
-        if len(t := _inside(self._edges - _APART * self._period_of_drive, curve)):
+        if len(t := self._due(self._edges - _APART * self._period_of_drive, self._states, curve)):
             found = piece.sample(t, *self._names)
             self._states.append(np.array([found[n] for n in self._names]).T)
-        if not self._plan.joint and len(t := _inside(self._edges, curve)):
+        if not self._plan.joint and len(t := self._due(self._edges, self._points, curve)):
             chosen = piece.sample(t, *self._plan.of)
             self._points.append(np.array([chosen[n] for n in self._plan.of]).T)
         for impact in piece.impacts:
@@ -330,6 +331,12 @@ class _SectionTally:
                 self._impacts += 1
                 if impact.joint == self._plan.joint:
                     self._struck.append(tuple(getattr(impact, n) for n in self._plan.of))
+
+    @staticmethod
+    def _due(t: Array, taken: Sequence[Array], curve: PiecewisePolynomial) -> Array:
+        """Times up to the end of a piece, but for rounding, that follow on those taken."""
+        left = t[sum(map(len, taken)) :]
+        return np.asarray(np.minimum(left[left <= curve.end * (1.0 + 1e-12)], curve.end))
 
     def found(self) -> dict[str, Any]:
         """Period, section and impacts per turn, as plain data."""
@@ -363,13 +370,6 @@ class _SectionTally:
         return 0
 
 
-def _inside(t: Array, curve: PiecewisePolynomial) -> Array:
-    """Those of some times that are within a piece of motion, not at its start."""
-    return np.asarray(
-        np.minimum(t[(t > curve.start[0]) & (t <= curve.end * (1.0 + 1e-12))], curve.end)
-    )
-
-
 def read_response(row: Mapping[str, Any], width: int) -> Response:
     """A response of a row; its section has so many quantities."""
     points = np.array(row['points'], dtype=float).reshape(-1, width)
@@ -390,9 +390,9 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
     for value in sorted(by_value):
         kinds: list[Response] = []
         for response in by_value[value]:
-            alike = (k for k, kind in enumerate(kinds) if response.note or same(kind, response))
-            number = next(alike, len(kinds))
-            if number == len(kinds):
+            alike = (k for k, kind in enumerate(kinds) if same(kind, response))
+            number = 0 if response.note else next(alike, len(kinds))
+            if number == len(kinds) and not response.note:  # a run that failed is no response
                 kinds.append(response)
             numbered.append(replace(response, number=number))
     return numbered

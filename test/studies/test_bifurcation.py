@@ -11,8 +11,9 @@ from bouncing_ball import E, G, ball, speed
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.audit import Audit
+from mechanism_sim.studies import bifurcation as study
 
 
 def test_a_ball_on_a_table_doubles_its_period_where_theory_says():
@@ -145,3 +146,22 @@ def test_which_start_leads_to_which_response():
     assert found.kinds[kinds[True, True]].period == 2
     table = found.table()
     assert len(table['response']) == 4
+
+
+def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
+    """Where neither the state before nor the own start leads on: others go on, none coexists."""
+    settled = study._settled
+
+    def fails(machine, plan, state):
+        if machine.scene.drive.speed.value > speed(1.25):
+            raise RunError('broken')
+        return settled(machine, plan, state)
+
+    monkeypatch.setattr(study, '_settled', fails)
+    low, high = speed(1.2), speed(1.3)
+    found = ms.bifurcation(
+        ball(1.2), {'drive.speed': (f'{low}rad/s', f'{high}rad/s', 2)}, transient=4, keep=4
+    )
+    assert [bool(r.note) for r in found.responses] == [False, False, True, True]
+    assert not found.coexisting
+    assert (found.unit, found.scale) == ('rad/s', pytest.approx(1.0))
