@@ -2,6 +2,7 @@ import { Canvas } from 'canvas';
 import { Curves } from 'curves';
 import { Fields } from 'fields';
 import { lensOf } from 'lens';
+import { Wear, LengthOfRun } from 'wear';
 import { Player, Recording } from 'player';
 import { words } from 'stage';
 import { quantity } from 'svg';
@@ -38,7 +39,9 @@ let curves = null;
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
-const heard = { state: show, frame, pose, forces, checked, progress, run: ran, problem, said: ({ text }) => say(text), busy };
+const wear = new Wear(ask);
+const lengthOfRun = new LengthOfRun(ask);
+const heard = { state: show, frame, pose, forces, checked, progress, run: ran, worn, problem, said: ({ text }) => say(text), busy };
 start();
 
 function start() {
@@ -256,6 +259,7 @@ function forget() {
   by('run').replaceChildren();
   root.dataset.run = '';
   root.dataset.checked = '';
+  root.dataset.worn = '';
 }
 
 function checked({ data, number }) {
@@ -264,11 +268,20 @@ function checked({ data, number }) {
   tell([data.level, ...driven.map(([c, what]) => `${words(c)} ${what}`)].join('; '));
   const list = (title, items) => (items.length ? `<h3>${title}</h3><ul>${
     items.map((x) => `<li>${escape(x)}</li>`).join('')}</ul>` : '');
-  by('run').innerHTML = `<div id="lenses"></div><div id="figures"><p class="soft">running …</p></div><h3>Model</h3><p>${
+  by('run').innerHTML = `<div id="length"></div><div id="lenses"></div><div id="figures"><p class="soft">running …</p></div><div id="wear"></div><h3>Model</h3><p>${
     escape(data.level)}: ${escape(data.why)}</p>${list('Questions', data.questions)}${
     list('What may stop it', data.limits)}${list('Gaps', data.gaps)}${
     list('Notes', data.notes.filter((x) => !data.limits.includes(x)))}`;
+  lengthOfRun.show(by('length'), state.length);
+  wear.show(by('wear'), state.wears);
   root.dataset.checked = number;
+}
+
+/** Loads of the same run with a pin that has worn. */
+function worn({ data, number }) {
+  if (number !== state.number || !run) return;
+  wear.compare(run.data.figures, data);
+  root.dataset.worn = `${data.joint} ${data.radial}`;
 }
 
 function progress({ data }) {
@@ -302,6 +315,8 @@ function ran({ data, number }) {
   run.lenses = by('lenses') ? lenses(recording, data.stage) : [];
   if (Object.keys(shown.traced).length) canvas.trace(traces(recording, data.stage), shown.stage.colours);
   instant(recording.at(recording.start));
+  wear.enable();
+  lengthOfRun.tell(data.end);
   root.dataset.digest = data.digest;
   root.dataset.run = number;
 }
