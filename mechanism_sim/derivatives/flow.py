@@ -16,8 +16,9 @@ from mechanism_sim.derivatives.influences import (
     NUMBERS,
     Influence,
     LawTable,
+    behind,
     built_in,
-    nothing,
+    influences,
     own,
 )
 from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
@@ -92,7 +93,7 @@ class Flows:
     machine : whose equations are integrated
     influence : derivatives (..., P) of what its runs are made of
     end : [s] up to which its laws are asked for
-    keys : by whose values the derivatives are
+    keys : by whose values the derivatives are, None for a number of the start
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class Flows:
         machine: Machine,
         influence: Influence,
         end: float,
-        keys: Sequence[NumericKey] = (),
+        keys: Sequence[NumericKey | None] = (),
     ) -> None:
         physics = machine.physics
         assert isinstance(physics, DynamicPhysics)  # noqa: S101 - its equations are integrated
@@ -117,7 +118,7 @@ class Flows:
             moved |= {i for i, m in zip(symbols, _moves(columns), strict=True) if m}
         beside = {}
         for column, key in enumerate(keys):
-            if built_in(key):
+            if key and built_in(key):
                 others = [m.physics for m in key.beside]
                 known = [LinearEquations(x, []) for x in others if isinstance(x, DynamicPhysics)]
                 beside[column] = key.step, known
@@ -127,19 +128,24 @@ class Flows:
         self.width = len(self.free) + len(system.states)
 
     @classmethod
-    def by_state(cls, machine: Machine, end: float) -> Flows:
-        """Derivatives by the 2f + s numbers of a state at the start of runs up to `end` [s]."""
-        return cls(machine, nothing(own(machine, end), machine.equations.system.width), end)
+    def by_state(cls, machine: Machine, end: float, keys: Sequence[NumericKey] = ()) -> Flows:
+        """Derivatives by the 2f + s numbers of a state at the start of runs up to `end` [s].
+
+        Those by P `keys` at a fixed start are the columns behind them.
+        """
+        width = machine.equations.system.width
+        known = behind(influences(machine, keys, end), width)
+        return cls(machine, known, end, [*[None] * width, *keys])
 
     def transition(
         self, motion: Motion, impacts: Sequence[Impact]
     ) -> tuple[Array, tuple[DerivativeLimit, ...]]:
-        """State transition matrix (2f + s, 2f + s) of a motion, and where it has limits.
+        """State transition matrix (2f + s, 2f + s + P) of a motion, and where it has limits.
 
         Rows are free coordinates, their rates and states of first order at the end, columns those
-        at the start. Directions that a closed contact or loop forbids decay to nothing.
+        at the start and P keys. Directions that a closed contact or loop forbids decay to nothing.
         """
-        flow = self.along(motion, impacts, np.eye(self.count))
+        flow = self.along(motion, impacts, np.eye(self.system.width, self.count))
         return flow.final, flow.limits
 
     def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:

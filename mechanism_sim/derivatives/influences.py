@@ -66,15 +66,15 @@ def own(machine: Machine, end: float) -> Influence:
     return base.split(base.values)
 
 
-def nothing(known: Influence, count: int) -> Influence:
-    """Derivatives of such numbers by `count` keys on which none depends."""
+def behind(known: Influence, count: int) -> Influence:
+    """Derivatives by `count` keys on which none of the numbers depends, then the known ones."""
 
-    def zeros(x: Array) -> Array:
-        return np.zeros((*x.shape, count))
+    def wide(x: Array) -> Array:
+        return np.pad(x, [*[(0, 0)] * (x.ndim - 1), (count, 0)])
 
-    laws = [LawTable(*map(zeros, table)) for table in known.laws]
-    rows, e, mu = [zeros(x) for x in known.rows], zeros(known.restitution), zeros(known.friction)
-    parameters, start, approach = map(zeros, (known.parameters, known.start, known.approach))
+    laws = [LawTable(*map(wide, table)) for table in known.laws]
+    rows, e, mu = [wide(x) for x in known.rows], wide(known.restitution), wide(known.friction)
+    parameters, start, approach = map(wide, (known.parameters, known.start, known.approach))
     return Influence(parameters, start, laws, e, mu, approach, rows)
 
 
