@@ -33,9 +33,16 @@ from mechanism_sim.scene import Machine
 _MEMORY = 2e6  # numbers in the equations that are solved at once
 _MOST = 1024  # segments
 
-_CHATTER = (
+CHATTER = (
     'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
     'closed from this impact on'
+)
+"""Of a limit where a chatter is ended."""
+
+
+_SEATED = (
+    'this key pushes a contact that is closed at the start; derivatives are those of a contact '
+    'that stays closed'
 )
 
 
@@ -74,6 +81,7 @@ class Flow:
     impacts : (i, len(NUMBERS), P)
     final : (2f + s, P) of free coordinates, their rates, states at the end
     limits : in the order of time
+    begun : limits at the start by the column of a key, that of one that ends being not a number
     """
 
     coefficients: Array
@@ -83,6 +91,7 @@ class Flow:
     impacts: Array
     final: Array
     limits: tuple[DerivativeLimit, ...]
+    begun: dict[int, DerivativeLimit]
 
 
 class Flows:
@@ -240,6 +249,7 @@ class _Walk:
         self._approaches = np.full((m, len(self._approach), flows.count), np.nan)
         self._logged = np.full((len(impacts), len(NUMBERS), flows.count), np.nan)
         self._limits: list[DerivativeLimit] = []
+        self._begun: dict[int, DerivativeLimit] = {}
         self._struck = self._by_segment()
 
     def _by_segment(self) -> dict[int, list[int]]:
@@ -262,11 +272,35 @@ class _Walk:
         ends = np.append(np.flatnonzero(self._moved), m)
         known = np.concatenate([self._shift[ends[:-1]], np.zeros((1, self._of.count))])
         times = np.append(curve.start, curve.end)[ends]
-        shift = np.array([np.interp(curve.start, times, x) for x in known.T])
-        return Flow(
-            self._coefficients, self._states, shift.reshape(-1, m).T, self._approaches,
-            self._logged, self._state, tuple(self._limits),
+        shift = np.array([np.interp(curve.start, times, x) for x in known.T]).reshape(-1, m).T
+        found = (
+            self._coefficients, self._states, shift, self._approaches, self._logged, self._state
         )  # fmt: skip
+        for x in found:
+            x[..., [p for p, limit in self._begun.items() if limit.ends]] = np.nan
+        return Flow(*found, tuple(self._limits), self._begun)
+
+    def _begin(self) -> None:
+        """Derivatives at the start where keys change contacts or switches there."""
+        of, f, t = self._of, len(self._of.free), float(self._motion.curve.start[0])
+        at = of.equations.points(self._motion, np.array([0]), np.zeros(1), damped=False)
+        side, modes = self._side(at, of.equations.slopes(at), 0), self._motion.modes[0].tolist()
+        laws = [[_derivative(x[:1], 0.0, order) for order in range(3)] for x in self._laws]
+        x = self._variation(0, laws)
+        for p, others in enumerate(of.influence.begun):
+            closed = {i for now, _ in others for i, mode in enumerate(now) if mode != modes[i]}
+            if not others:
+                continue
+            where = ', '.join(of.system.gaps[i].name for i in sorted(closed))
+            text, ends = _SEATED, False
+            try:
+                of.jumps.begin(side, others)
+                if closed:
+                    self._state[f : 2 * f, p] = of.jumps.seated(side, x, modes, p)
+            except NoDerivativeError as error:
+                text, ends = f'{error}; there are no derivatives by it', True
+            if closed or ends:
+                self._begun[p] = DerivativeLimit(t, where, text, ends)
 
     def _chunk(self, first: int, last: int) -> bool:
         """Segments `first` to `last - 1` and the events at their ends; False at a limit."""
@@ -278,6 +312,8 @@ class _Walk:
         self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
         begun = curve.start[k] + curve.start_low[k]
         self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
+        if not first and any(of.influence.begun):
+            self._begin()
         h = curve.duration[k, None]
         self._ends = [[_derivative(x, h, order) for order in range(3)] for x in self._laws]
         count, w = len(k), of.width
@@ -358,7 +394,7 @@ class _Walk:
     def _jump(self, k: int, j: int, before: Side, after: Side) -> bool:
         """Take derivatives across the event at the start of segment k; False if there are none."""
         of, t = self._of, float(self._motion.curve.start[k])
-        x = self._variation(j)
+        x = self._variation(j, self._ends)
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
         where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
@@ -377,16 +413,16 @@ class _Walk:
         for i, row in zip(struck, found.impacts, strict=False):
             self._logged[i] = row
         chatters = [i.joint for i in impacts if i.ends_chatter]
-        self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
+        self._limits += [DerivativeLimit(t, joint, CHATTER, False) for joint in chatters]
         return True
 
-    def _variation(self, j: int) -> Variation:
-        """Derivatives at the end of the j-th segment of the chunk."""
+    def _variation(self, j: int, laws: Sequence[Sequence[Array]]) -> Variation:
+        """Derivatives at the j-th of some points of the chunk, with those of prescribed motion."""
         of, system = self._of, self._of.system
         n, f, P = len(system.coordinates), len(of.free), of.count
         q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
         q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
-        for m, (i, ends) in enumerate(zip(system.prescribed_index, self._ends, strict=True)):
+        for m, (i, ends) in enumerate(zip(system.prescribed_index, laws, strict=True)):
             q[i], v[i], a_p[m] = (x[j] for x in ends)
         parameters = self._given[j].copy()
         for m, i in enumerate(system.parameters.approach):
