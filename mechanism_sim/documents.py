@@ -63,7 +63,7 @@ def bytes_of(path: Path, largest: int) -> bytes:
     Raises
     ------
     OSError
-        If it cannot be read, or is no regular file: devices have no end, and pipes may have no
+        If it cannot be read, or is not a regular file: devices have no end, and pipes may have no
         beginning.
     """
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
@@ -71,7 +71,7 @@ def bytes_of(path: Path, largest: int) -> bytes:
         if stat.S_ISDIR(mode):
             raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(mode):
-            raise OSError(errno.EINVAL, 'it is no regular file')
+            raise OSError(errno.EINVAL, 'it is not a regular file')
         return file.read(largest + 1)
 
 

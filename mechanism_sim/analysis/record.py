@@ -81,7 +81,7 @@ class Record(Revolutions):
         slack = 1e-9 * max(1.0, self.end)
         if not self.start - slack <= begin < finish <= self.end + slack:
             raise InputError(
-                f'from {begin:g} s to {finish:g} s is no part of the run, which goes from '
+                f'from {begin:g} s to {finish:g} s is not within the run, which goes from '
                 f'{self.start:g} s to {self.end:g} s'
             )
         return max(begin, self.start), min(finish, self.end)
@@ -220,7 +220,7 @@ def loose_bearing(record: Record, joint: str) -> str:
     known, machine = record.loose_joints, record.machine
     if joint not in known:
         raise InputError(
-            f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
+            f"'{joint}' is not a joint with a pin loose in a bushing{nearest(joint, known)}; "
             f'such joints of {machine.name}: {", ".join(known) or "none"}'
         )
     return joint

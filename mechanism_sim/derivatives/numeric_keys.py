@@ -104,8 +104,8 @@ def _at_start(
         return (state.q, state.v)[which][i], unit
     known = [*numbers, *(f'initial.{x}.{c}' for x in ('position', 'velocity') for c in free)]
     raise InputError(
-        f"{machine.name}: '{path}' is no number of the scene that its motion depends on"
-        f'{nearest(path, known)}'
+        f"{machine.name}: '{path}' is not a number of the scene that its motion depends "
+        f'on{nearest(path, known)}'
     )
 
 

@@ -107,7 +107,7 @@ class Session:
         except (InputError, RunError) as error:
             self._say(str(error))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-            self._say('that was no command of this page')
+            self._say('that is not a command of this page')
         except Exception as error:  # whatever a message raises, all pages go on
             self._say(f'that is not possible ({reason(error)})')
         if kind not in ('drag', 'pull'):
@@ -291,7 +291,7 @@ class Session:
         """Move the machine along its way, so that a handle comes nearest to a place."""
         turn = self._picture.turn
         if turn is None or not turn.q.size:
-            raise InputError('what is no machine yet cannot be turned by hand')
+            raise InputError('this is not a complete machine yet: it cannot be turned by hand')
         handle = self._picture.handle(message['handle'])
         link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
         if not link:

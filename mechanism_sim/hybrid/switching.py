@@ -167,8 +167,8 @@ class Switching:
         joints = dict.fromkeys(rub.friction.name for rub in self._system.dynamics.rubs)
         return RunError(
             f'friction jams at t = {self._now.time:.9g} s{self._now.where}: in '
-            f'{", ".join(joints)} no finite forces let the motion go on; a smaller coefficient or '
-            'radius runs'
+            f'{", ".join(joints)} no finite forces can continue the motion; reduce the '
+            'coefficient of friction or the radius'
         )
 
     @property

@@ -56,7 +56,7 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
         drawn = [(e, _points(e, _FINE * size)) for e in parts]
     except ezdxf.DXFError as error:
-        raise InputError(f'{path.name} is no DXF that can be read ({reason(error)})') from error
+        raise InputError(f'{path.name} cannot be read as DXF ({reason(error)})') from error
     curves: list[DrawnCurve] = []
     open_: dict[str, list[Array]] = {}
     for entity, points in drawn:

@@ -294,7 +294,7 @@ class _Plane:
             carrier = next((b for b in moving if b in parents), WORLD)
         pair = [b for b in moving if b != carrier]
         if len(pair) != 2:
-            made.notes.append(f'{name}: left out: it is no ratio of the angles of two links')
+            made.notes.append(f'{name}: left out: it is not a ratio of the angles of two links')
             return
         exact = -moving[pair[0]] / moving[pair[1]]
         ratio = Fraction(exact).limit_denominator(1000)

@@ -52,7 +52,7 @@ def join(robot: Robot, joint: Element) -> None:
     name, kind = str(joint.get('name')), str(joint.get('type'))
     parent, child = (robot.bodies.get(_text(joint, side)) for side in ('parent', 'child'))
     if parent is None or child is None:
-        raise InputError(f'{name}: its parent or its child is no link of the model')
+        raise InputError(f'{name}: its parent or its child is not a link of the model')
     if kind == 'gearbox':  # child = -ratio parent, both against the body of reference
         ratio = number(_text(joint, 'gearbox_ratio'), 1.0)
         carrier = _text(joint, 'gearbox_reference_body')

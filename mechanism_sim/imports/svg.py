@@ -173,6 +173,6 @@ def _transform(text: str) -> Array:
             x, y = v[1:3] if len(v) > 2 else (0.0, 0.0)
             step = np.array([[c, -s, x - c * x + s * y], [s, c, y - s * x - c * y], [0, 0, 1]])
         else:
-            raise InputError(f"'{name}({given})' is no transformation that is read here")
+            raise InputError(f"'{name}({given})' is not a supported transformation")
         found = found @ step
     return found

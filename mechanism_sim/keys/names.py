@@ -112,7 +112,7 @@ class Names:
                 if joint.clearance:
                     raise InputError(
                         f'{where}: {link} turns in the loose joint {name}, so that its centre is '
-                        'nowhere fixed: it needs an ideal one'
+                        'not fixed: it needs an ideal one'
                     )
                 return name, ends[on], ends[link]
         other = 'the ground' if on == GROUND else on

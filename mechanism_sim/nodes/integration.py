@@ -178,7 +178,7 @@ class Integration:
         machine = self._machine
         law = events.law_of(message, machine.mechanism.displacements)
         if law.coordinate != machine.plan.main or type(law) is not type(machine.drive.law):
-            self._node.ignore(self._drive, 'it is no law of the drive of this machine')
+            self._node.ignore(self._drive, 'it is not a law of the drive of this machine')
             return
         if self._runner is None:
             self._runner = Runner(self._machine, self._machine.start(law))

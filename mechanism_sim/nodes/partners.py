@@ -152,7 +152,7 @@ class Partners:
         """Say on which topics nobody publishes."""
         node = self._node
         if silent := [t for t in node.heard if not node.get_publishers_info_by_topic(t)]:
-            self._say_waiting(f'somebody who publishes {", ".join(silent)}')
+            self._say_waiting(f'a publisher of {", ".join(silent)}')
 
     def _say_waiting(self, for_whom: str) -> None:
         if time.monotonic() > self._settled + SAY_AFTER:

@@ -226,7 +226,7 @@ class SliderReader:
         if not isinstance(value, float):
             usual = self._usual()
             raise InputError(
-                f"--slider '{path}': it is no number of the scene that may have any "
+                f"--slider '{path}': it is not a number of the scene that may have any "
                 f'value{nearest(path, usual)}; such are: {", ".join(usual)}'
             )
         return value

@@ -56,7 +56,7 @@ def report(
     revolutions, duration : length; without either all of a run, or that of the scene
     """
     if other is not None and measures:
-        raise InputError('measures are of one run: leave them out of a comparison')
+        raise InputError('measures apply to a single run: leave them out of a comparison')
     beside = [] if other is None else [*other] if isinstance(other, list | tuple) else [other]
     length = argument('start', start, 's'), revolutions, duration
     sources = [source, *beside]

@@ -99,7 +99,7 @@ def _defined(schema: Schema) -> Callable[[bytes], Any]:
 def _json(data: bytes) -> dict[str, Any]:
     found = json.loads(data)
     if not isinstance(found, dict):
-        raise MessageError('a message is no JSON object')
+        raise MessageError('a message is not a JSON object')
     return found
 
 

@@ -68,7 +68,7 @@ def _range(cycle: Cycle) -> Iterator[str]:
         f' {100.0 * RAMP:g} % of the way: at constant speed links would be infinitely fast at them'
     )
     if cycle.unbounded:
-        yield f'at a limit these grow beyond all bounds: {", ".join(sorted(cycle.unbounded))}'
+        yield f'tend to infinity at a limit: {", ".join(sorted(cycle.unbounded))}'
 
 
 def extremes(cycle: Cycle) -> Section:

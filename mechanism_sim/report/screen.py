@@ -224,7 +224,7 @@ def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
     known = [joint.name for joints in (stage.bearings, stage.plays) for joint in joints]
     if wanted and wanted not in known:
         raise InputError(
-            f"'{wanted}' is no joint with play{nearest(wanted, known)}; such joints of "
+            f"'{wanted}' is not a joint with play{nearest(wanted, known)}; such joints of "
             f'{machine.name}: {", ".join(known) or "none"}'
         )
     return wanted or (known[0] if known else '')

@@ -153,7 +153,7 @@ def read(text: str, name: str = '') -> Measure:
                 expressions.unit_hint(node.name) or f": write for example 'largest({node.name})'"
             )
             known = f'functions: {", ".join(FUNCTIONS)}'
-            raise InputError(f"'{node.name}' in {quoted(text)} is no figure{hint}; {known}")
+            raise InputError(f"'{node.name}' in {quoted(text)} is not a figure{hint}; {known}")
     if not figures:
         raise InputError(f'{quoted(text)} has no figure; functions: {", ".join(FUNCTIONS)}')
     for part in (tree, *(x for figure in figures for x in figure.args)):

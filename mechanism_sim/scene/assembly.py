@@ -88,8 +88,8 @@ def assemble(plan: ScenePlan) -> Assembly:
             v = pace * slope
         elif freedom and not plan.clearances:
             raise InputError(
-                f'{", ".join(driven)} starts at rest in a singular position: nothing decides '
-                'which way the links go on: start beside it, or with a speed'
+                f'{", ".join(driven)} starts at rest in a singular position: it is undetermined '
+                'which way the links go: start beside it, or with a speed'
             )
     q, v = _hung(plan, q, v)
     dependent = len(moving.rows) - int(ranks[1])

@@ -50,15 +50,15 @@ def _check_freedom(machine: Machine) -> None:
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
-            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} its '
-            f'joints hold {", ".join(plan.prescribed)} fast: remove a joint, or make ratios agree '
-            'that contradict each other'
+            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} '
+            f'its joints hold {", ".join(plan.prescribed)} fast: remove a joint, or correct the '
+            'ratios that contradict each other'
         )
     if assembly.overdriven:
         count = len(plan.prescribed)
         raise InputError(
             f'{count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
-            f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
+            f'{assembly.overdriven} too many: the mechanism has fewer degrees of freedom; '
             'remove a drive'
         )
     if machine.torque_driven and not assembly.freedom:
@@ -355,7 +355,7 @@ def _check_oscillators(machine: Machine) -> None:
         for joint in part.joints:
             if joint not in grounded:
                 raise InputError(
-                    f"{where}.joints: '{joint}' is no joint of the "
+                    f"{where}.joints: '{joint}' is not a joint of the "
                     f'ground{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
                 )
 

@@ -399,7 +399,7 @@ def render(report: Report) -> str:
     if report.questions:
         lines += ['questions', *(f'  {question}' for question in report.questions)]
     if report.limits:
-        lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
+        lines += ['what limits the motion', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']
     lines += [f'  {name}: {what}' for name, what in report.coordinates.items()]
     lines += ['start', *(f'  {name}: {start}' for name, start in report.start.items())]

@@ -62,8 +62,8 @@ def content_of(
         return SceneContent(name, name, _keys_and_values(name, data, 'scene'), Path.cwd())
     if not isinstance(source, str | Path):
         raise InputError(
-            f'{quoted(source)} is no scene: give a name, a path, YAML as text, a dictionary, a '
-            'Scene or a machine'
+            f'{quoted(source)} is not a scene: give a name, a path, YAML as text, a dictionary, '
+            'a Scene or a machine'
         )
     path = find_scene(str(source))
     return SceneContent(path.name, path.stem, read_yaml(path, 'scene'), path.parent)

@@ -173,7 +173,7 @@ def seated(data: Any) -> Any:
         place = f'{link}.{at.rpartition(".")[2]}'
         if place not in places or sensor.get('link', link) != link:
             raise ValueError(
-                f"sensors.{name}.at = '{at}' is no point of the sensor's "
+                f"sensors.{name}.at = '{at}' is not a point of the sensor's "
                 f'link{nearest(place, places)}; write LINK.POINT, for example rocker.end, a '
                 "distance along the link, '64 mm', or [x, y]"
             )

@@ -62,7 +62,7 @@ def factor(path: str, given: Any) -> Factor:
         ((kind, values),) = given.items()
     count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'triangular': 3}.get(kind)
     if not isinstance(values, list | tuple) or len(values) != count:
-        raise InputError(f'vary.{path}: {quoted(given)} is no distribution: write {_FORMS}')
+        raise InputError(f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}')
     numbers, units = [], []
     for value in values:
         try:

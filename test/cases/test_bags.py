@@ -335,7 +335,7 @@ DESCRIPTOR = b'\n\x13\x12\x01a"\x0e\n\x01B\x12\x09\n\x01x\x18\x01 \x01(\x01'
     ('encoding', 'kind', 'text', 'data', 'words'),
     [
         ('json', 'jsonschema', b'', b'{"speed": ', 'a message is not what a.B says'),
-        ('json', 'jsonschema', b'', b'[1, 2]', 'a message is no JSON object'),
+        ('json', 'jsonschema', b'', b'[1, 2]', 'a message is not a JSON object'),
         ('json', 'jsonschema', b'', b'[' * 10**5, 'a message is not what a.B says'),
         ('protobuf', 'protobuf', b'\xff', b'', 'its schema cannot be read'),
         ('protobuf', 'protobuf', b'', b'', 'its schema does not describe a.B'),
@@ -362,7 +362,7 @@ def test_a_database_without_messages_is_no_bag(tmp_path):
     path = tmp_path / 'other.db3'
     with sqlite3.connect(path) as base:
         base.execute('CREATE TABLE people(name TEXT)')
-    with pytest.raises(InputError, match='is no SQLite bag, or damaged'):
+    with pytest.raises(InputError, match='is not an SQLite bag, or damaged'):
         read_bag(path)
 
 

@@ -135,9 +135,9 @@ def test_energies_count_impacts_as_they_move() -> None:
     ('path', 'words'),
     [
         ('drive.sped', "did you mean 'drive.speed'"),
-        ('branch', 'is no number of the scene'),
+        ('branch', 'is not a number of the scene'),
         (f'{PLAY}.friction', 'at the end of what it may be'),
-        ('solver.rtol', 'is no number of the scene that its motion depends on'),
+        ('solver.rtol', 'is not a number of the scene that its motion depends on'),
         ('initial.velocity.roker', "did you mean 'initial.velocity.rocker'"),
     ],
 )

@@ -440,7 +440,7 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
     ('names', 'said'),
     [
         ('crank_drive', 'waiting for crank_drive'),
-        ('', 'waiting for somebody who publishes /drive'),
+        ('', 'waiting for a publisher of /drive'),
     ],
 )
 def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, names, said):

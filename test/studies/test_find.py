@@ -395,7 +395,7 @@ def test_the_optimum_of_a_press_is_that_of_a_grid():
         (('--subject-to', 'mean(drive_torque)'), 'write MEASURE < VALUE'),
         (('--subject-to', '1 < mean(drive_torque) < 2'), 'write MEASURE < VALUE'),
         (('--subject-to', 'mean(drive_torque) < 2 m'), 'the wanted value 2 m'),
-        (('--subject-to', 'mean(drive_torque) < range(t)'), 'are no like units'),
+        (('--subject-to', 'mean(drive_torque) < range(t)'), 'the units differ in kind'),
         (('--restart',), 'goes with a table'),
         (('-o', 'a.doc'), 'the ending must be .yaml'),
         (('-o', 'a.csv', '-o', 'b.npz'), 'are of one kind'),

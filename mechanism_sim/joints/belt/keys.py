@@ -74,7 +74,7 @@ class BeltKeys(PhaseKeys):
             ratio.numerator > _LARGEST or abs(ratio * Fraction(r2) / Fraction(r1) - 1) > 1e-12
         ):
             raise InputError(
-                f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to '
+                f'{where}.radii: {r1:g} m to {r2:g} m is not a ratio of whole numbers up to '
                 f"{_LARGEST}: write fewer digits, or give the belt a 'stiffness'"
             )
         held = self._held()

@@ -279,8 +279,8 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     d = base + lift - nose
     if not 0.0 < nose < base + 0.5 * lift or d <= 0.0:
         raise InputError(
-            f'a nose of {1e3 * nose:g} mm does not fit a base circle of {1e3 * base:g} mm and a '
-            f'lift of {1e3 * lift:g} mm: make it smaller'
+            f'a nose radius of {1e3 * nose:g} mm does not fit a base circle of {1e3 * base:g} mm '
+            f'and a lift of {1e3 * lift:g} mm: make it smaller'
         )
     if math.isinf(flank):
         cosine = (base - nose) / d
@@ -289,7 +289,7 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     if not -1.0 < cosine < 1.0:
         raise InputError(
             f'flanks of {1e3 * flank:g} mm do not touch both a base circle of {1e3 * base:g} mm '
-            f'and a nose of {1e3 * nose:g} mm that lifts by {1e3 * lift:g} mm'
+            f'and a nose radius of {1e3 * nose:g} mm that lifts by {1e3 * lift:g} mm'
         )
     half = math.acos(cosine)
     middle = half if at is None else at

@@ -231,7 +231,7 @@ def _axes(names: Names, wheel: Wheel) -> dict[str, _Axis]:
             break
         if names.scene.joints[n].clearance:
             raise InputError(
-                f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is nowhere '
+                f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is not '
                 'fixed: gears need ideal bearings'
             )
     return found
