@@ -91,7 +91,7 @@ class Record(Revolutions):
     ) -> Table:
         """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
         if (t is None) == (turns is None):
-            raise InputError('columns are asked for at times or at turns of the drive')
+            raise InputError('columns need either times or turns of the drive')
         times = t if turns is None else self.times_at(turns)
         assert times is not None  # noqa: S101 - one of both is given
         return self.piece.sample(times, 't', *names)

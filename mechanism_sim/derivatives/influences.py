@@ -104,7 +104,7 @@ class _Parts:
         self._begun = self._begun or begun
         if begun != self._begun:
             raise InputError(
-                f'{machine.name}: contacts at the start come and go with this key: no derivative'
+                f'{machine.name}: contacts at the start open or close with this key: no derivative'
             )
         parts = [
             system.parameters.values,

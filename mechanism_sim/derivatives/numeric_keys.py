@@ -121,7 +121,7 @@ def _stepped(machine: Machine, path: str, value: float, unit: str) -> NumericKey
         else:
             return key
     raise InputError(
-        f"{machine.name}: '{path}' is {value:g}, at the end of what it may be, where it has no "
+        f"{machine.name}: '{path}' is {value:g}, at the limit of its range, where it has no "
         f'derivative: {why}'
     )
 
@@ -144,7 +144,7 @@ def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) 
             ) from error
         if values.shape != base.shape:
             raise InputError(
-                f"{key.machine.name}: '{key.path}' changes what the machine is made of: no "
+                f"{key.machine.name}: '{key.path}' changes the structure of the machine: no "
                 'derivative'
             )
         found += (weight / key.step) * (values - base)

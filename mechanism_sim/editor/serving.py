@@ -78,7 +78,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
         said = desk.keep()
         if desk.document.changed:
             kept = said or 'the next edit of this file brings it back'
-            print(f'mechanism-sim: what was changed last is not saved; {kept}', file=sys.stderr)
+            print(f'mechanism-sim: the last changes are not saved; {kept}', file=sys.stderr)
         return 0
     finally:
         files.close()

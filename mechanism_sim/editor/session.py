@@ -224,7 +224,7 @@ class Session:
             parts = len(scene.links) + len(scene.joints)
             if parts > MOST_PARTS:
                 raise InputError(
-                    f'{self.document.name}: its {parts} links and joints are not drawn, for that '
+                    f'{self.document.name}: its {parts} links and joints are not drawn, as that '
                     f'takes too long: allowed are {MOST_PARTS}; check and solve take more'
                 )
         except InputError as error:
@@ -360,7 +360,8 @@ class Session:
         fixed = len(path) < 2 or GROUND in (name, path[-1])
         if not name.isidentifier() or name in there or fixed:
             raise InputError(
-                f"'{name}' cannot be its name: take letters, digits and _, and none that is taken"
+                f"'{name}' cannot be its name: use letters, digits and _, and a name that is not "
+                'in use'
             )
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)

@@ -218,7 +218,7 @@ class Observer:
         ) = self._observe(inputs, self._with_parts(inputs, at.rows))  # fmt: skip
         if residual and np.abs(residual[0]).max(initial=0.0) > _JOINT_FRICTION.residual:
             raise RunError(
-                'friction in ideal joints does not follow from their forces: it nearly jams; '
+                'friction in ideal joints is not determined by their forces: it nearly jams; '
                 'reduce the coefficient of friction or the radius'
             )
         with np.errstate(over='ignore'):  # of numbers near the largest

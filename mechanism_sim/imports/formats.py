@@ -91,7 +91,7 @@ def import_machine(
         data = overridden(stem, made.scene(), overrides)
     notes = list(made.notes)
     if 'drive' not in data:
-        notes.append("the file says no drive: --set 'drive.speed=60 rpm' adds one to the crank")
+        notes.append("the file defines no drive: --set 'drive.speed=60 rpm' adds one to the crank")
     try:
         build(stem, check_scene(stem, data))
     except InputError as error:  # it is written all the same: people mend it there

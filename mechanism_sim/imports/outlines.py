@@ -128,7 +128,7 @@ def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
     """Give links the masses of their outlines, cut from plates."""
     if not made.outlines:
         if thickness:
-            raise InputError('--thickness is for drawings: this file says what links weigh')
+            raise InputError('--thickness is for drawings: this file gives the masses of links')
         return
     if thickness is None:
         made.notes.append('links have no mass: give --thickness')

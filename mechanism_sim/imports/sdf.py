@@ -34,7 +34,9 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     while waiting:
         ready = [link for link in waiting if _relative(link) in frames]
         if not ready:
-            raise InputError(f'{path.name}: the pose of {waiting[0].get("name")} is of no link')
+            raise InputError(
+                f'{path.name}: the pose of {waiting[0].get("name")} refers to no link'
+            )
         for link in ready:
             waiting.remove(link)
             body = _body(link)

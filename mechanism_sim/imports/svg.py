@@ -44,7 +44,7 @@ def curves(file: str, text: str) -> tuple[str, list[Found]]:
 
 def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:
     if depth > _DEEPEST:
-        raise InputError(f'groups within groups, more than {_DEEPEST} deep')
+        raise InputError(f'groups nested more than {_DEEPEST} deep')
     for child in element:
         own = frame @ _transform(child.get('transform') or '')
         name = next((v for k, v in child.attrib.items() if k.endswith('label')), child.get('id'))

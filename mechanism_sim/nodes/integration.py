@@ -119,9 +119,9 @@ class Integration:
             'largest closure error [m]': run.audit.max_closure_error if run else 0.0,
         }
         if run and (energy := run.audit.energy):
-            balance['missing in the energy balance [J]'] = energy.residual
+            balance['residual of the energy balance [J]'] = energy.residual
             balance['energy exchanged [J]'] = energy.exchanged
-            balance['works may be off by [J]'] = energy.error
+            balance['error of the work [J]'] = energy.error
         return balance
 
     @property

@@ -28,7 +28,7 @@ def draw(chart: Chart) -> Picture:
     if len(names) > _MOST:
         raise InputError(
             f'{len(names)} lines, {names[0]} to {names[-1]}, are more than the {_MOST} that can '
-            'be told apart: ask for some of them'
+            'be distinguished: choose some of them'
         )
     return paint(chart)
 

@@ -128,7 +128,7 @@ def _check_unknowns(machine: Machine) -> None:
         )
     if len(labels) < len(plan.efforts):
         raise InputError(
-            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown, for nothing would '
+            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown: nothing would '
             "balance what the drives supply; set 'loads.LOAD.unknown: true', or leave out an "
             "'effort'"
         )
@@ -280,12 +280,12 @@ def _check_contact(law: str, where: str, clearance: Play) -> None:
         if key == 'radius' and contact.materials:
             continue
         if getattr(contact, key) != Contact.model_fields[key].default and not film:
-            raise InputError(f'{law}.{key} is for the law film: there is no oil')
+            raise InputError(f'{law}.{key} applies to the law film only')
     supply, lowest = contact.supply_pressure, contact.cavitation_pressure
     if supply < lowest:
         raise InputError(
-            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
-            f'{lowest:g} Pa: oil that ruptures where it comes in fills nothing'
+            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, {lowest:g} '
+            'Pa: the film would rupture at its supply'
         )
     if supply > lowest and contact.cavitation == 'none':
         raise InputError(

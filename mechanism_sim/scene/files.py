@@ -90,7 +90,7 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     path = Path(name)
     if path.suffix == '.mcap':
         raise InputError(
-            f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' says what is in it"
+            f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' shows its contents"
         )
     try:
         is_file = path.is_file()

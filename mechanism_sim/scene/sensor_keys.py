@@ -61,7 +61,7 @@ class AnalogueKeys(SensorKeys):
     anti_alias: AntiAlias | None = None
     """The filter before sampling."""
     adc: Converter = Converter()
-    """Analogue to digital."""
+    """Analogue-to-digital converter."""
     noise: Noise = Noise()
     """Noise added to the samples."""
 
@@ -70,7 +70,7 @@ class ShockKeys(AnalogueKeys):
     """A sensor that impacts reach as impulses."""
 
     impact_pulse: Duration | None = None
-    """How long impacts last, as half a sine; without it they are impulses."""
+    """Duration of an impact, as half a sine; impulses if not given."""
 
 
 class OnLinkKeys(SensorKeys):

@@ -21,7 +21,7 @@ LATIN_HYPERCUBE, SOBOL, RANDOM, INDICES = 'latin_hypercube', 'sobol', 'random', 
 KINDS = {
     LATIN_HYPERCUBE: 'every factor evenly in as many classes as there are samples',
     SOBOL: "Sobol's sequence, scrambled",
-    RANDOM: 'independent draws, as machines come from the workshop',
+    RANDOM: 'independent draws, as of machines in production',
     INDICES: 'samples times (factors + 2) runs, for indices of Sobol, first and total',
 }
 SIGMAS = 3.0

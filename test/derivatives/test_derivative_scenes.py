@@ -136,7 +136,7 @@ def test_energies_count_impacts_as_they_move() -> None:
     [
         ('drive.sped', "did you mean 'drive.speed'"),
         ('branch', 'is not a number of the scene'),
-        (f'{PLAY}.friction', 'at the end of what it may be'),
+        (f'{PLAY}.friction', 'at the limit of its range'),
         ('solver.rtol', 'is not a number of the scene that its motion depends on'),
         ('initial.velocity.roker', "did you mean 'initial.velocity.rocker'"),
     ],

@@ -44,7 +44,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.urdf', URDF.format(HINGE.format('revolute', 'c', '0 0 1')), 'there must be one link'),
         ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 0')), "'0 0' are not 3 finite"),
         ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 1 1')), 'only planar machines'),
-        ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'no joint that turns'),
+        ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'there is no revolute joint'),
         ('m.sdf', '<sdf/>', 'm.sdf has 0 models: it must be one'),
         ('m.xml', '<mujoco/>', 'the file has no worldbody'),
         ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),

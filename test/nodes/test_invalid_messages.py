@@ -97,7 +97,7 @@ JUNK = [
     (serialize(Impact())[:-8], GOOD, 'bytes are no mechanism_sim/msg/Impact'),
     (serialize(Impact()) + bytes(8), GOOD, 'size mismatch'),
     (serialize(Impact(joint='é')).replace('é'.encode(), b'\xff\xfe'), GOOD, 'utf-8'),
-    (serialize(NAN), GOOD, 'time holds a number that no machine has'),
+    (serialize(NAN), GOOD, 'time holds a number outside the range of machines'),
     (serialize(Impact()), None, 'an attachment of 33 bytes'),
     (serialize(Impact()), GOOD[:-1], 'an attachment of 33 bytes'),
 ]

@@ -230,10 +230,10 @@ EXPECTED = {
     'late': dict.fromkeys(READERS, '')
     | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'animate -o x.wav': 'nothing to hear', 'thesis experiment': 'whole turns of crank'},
+    | {'animate -o x.wav': 'there is no sound', 'thesis experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
     | {
-        'animate -o x.wav': 'nothing to hear',
+        'animate -o x.wav': 'there is no sound',
         'thesis experiment': 'the experiment is that of a four_bar',
     },
 }

@@ -206,7 +206,7 @@ def test_sensors_are_measured_by_their_samples():
         ('largest(', 'never closed'),
         ('largest(drive_torque[0])', 'is not made of'),
         ('__import__("os").system("true")', 'is no'),
-        ('3', 'has no figure'),
+        ('3', 'has no measure'),
         ('max(abs(drive_torque), 3 N m)', "write for example 'largest"),
         ('rms(max(drive_torque))', "of a whole run and cannot stand in 'rms'"),
         ('largest(drive_torque) / (300/min)', 'a unit: it stands behind its number'),

@@ -98,7 +98,7 @@ function connect() {
     heard[message.type]?.(message);
   });
   socket.addEventListener('close', () => {
-    if (state) say('The editor has ended; this page looks for it again.');
+    if (state) say('The editor has ended; this page tries to reconnect.');
     flying = false;
     setTimeout(connect, AGAIN);
   });
