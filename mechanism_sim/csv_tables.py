@@ -68,7 +68,7 @@ class CsvTable:
         for line, before, value in zip(self.lines[1:], values[:-1], values[1:], strict=True):
             if not value > before:
                 raise InputError(
-                    f"{self.where}, line {line}: '{name}' must rise, but {value:g} follows "
+                    f"{self.where}, line {line}: '{name}' must increase, but {value:g} follows "
                     f'{before:g}'
                 )
 

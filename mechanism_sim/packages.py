@@ -121,5 +121,5 @@ def _sentence(module: str, error: BaseException, purpose: str) -> InputError:
         command = 'or go without ROS by MECHANISM_SIM_MIDDLEWARE=zenoh'
     return InputError(
         f"the Python package '{module}' is installed, but cannot be used ({reason(error)}): "
-        f'install it anew or another version of it, {command}'
+        f'reinstall it or install another version, {command}'
     )

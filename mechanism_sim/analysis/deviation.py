@@ -93,8 +93,7 @@ def ideal_machine(machine: Machine) -> Machine:
     """
     if machine.plan.powered or not machine.plan.prescribed:
         raise InputError(
-            f'{machine.name}: only of drives that prescribe a motion it is known what the machine '
-            'would do without clearance'
+            f'{machine.name}: the motion without clearance is known only where drives prescribe it'
         )
     clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}
     sensors = machine.scene.sensors.items()

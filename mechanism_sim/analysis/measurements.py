@@ -55,7 +55,7 @@ def measurements(
         raise InputError(f'{len(bags)} bags need one --scene, as many, or none')
     given = list(overrides)
     if given and not scenes:
-        raise InputError('--set goes with --scene: what a bag holds is not changed')
+        raise InputError('--set needs --scene: the scene in a bag cannot be changed')
     found = []
     for k, path in enumerate(bags):
         bag = read_bag(path)

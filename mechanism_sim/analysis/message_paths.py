@@ -118,7 +118,7 @@ class MessagePath:
 
     def _chosen(self, at: Any, step: Items, names: Any) -> range:
         if not isinstance(at, _ARRAYS):
-            raise InputError(f"'{self.text}': what is before [ is no array")
+            raise InputError(f"'{self.text}': what is before [ is not an array")
         n = len(at)
         if step.name:
             if step.name not in names:
@@ -163,7 +163,7 @@ class MessagePath:
             raise InputError(f"'{self.text}' is text, not a number")
         known = field_names(value)
         if known is None:
-            raise InputError(f"'{self.text}' is no number")
+            raise InputError(f"'{self.text}' is not a number")
         raise InputError(f"'{self.text}' is a message: choose one of {', '.join(known)}")
 
 

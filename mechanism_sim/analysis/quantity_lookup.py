@@ -75,7 +75,7 @@ class Asked:
         kept = [s.within(start, end) for s in found]
         if not any(len(s.t) for s in kept):
             raise InputError(
-                f'there is nothing of {", ".join(names)} between these times: they are from '
+                f'there are no values of {", ".join(names)} between these times: they go from '
                 f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
             )
         return kept
@@ -108,7 +108,7 @@ class Asked:
             known = [given.name for given in names_in(self._bag)]
             if known:
                 raise InputError(
-                    f"{self._bag.path} has no machine of which '{name}' could be"
+                    f"{self._bag.path} has no scene with a quantity '{name}'"
                     f'{nearest(name, known)}; it has {", ".join(known)}'
                 )
 

@@ -81,7 +81,7 @@ class Record(Revolutions):
         slack = 1e-9 * max(1.0, self.end)
         if not self.start - slack <= begin < finish <= self.end + slack:
             raise InputError(
-                f'from {begin:g} s to {finish:g} s is no part of the run, which goes from '
+                f'from {begin:g} s to {finish:g} s is not within the run, which goes from '
                 f'{self.start:g} s to {self.end:g} s'
             )
         return max(begin, self.start), min(finish, self.end)
@@ -91,7 +91,7 @@ class Record(Revolutions):
     ) -> Table:
         """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
         if (t is None) == (turns is None):
-            raise InputError('columns are asked for at times or at turns of the drive')
+            raise InputError('columns need either times or turns of the drive')
         times = t if turns is None else self.times_at(turns)
         assert times is not None  # noqa: S101 - one of both is given
         return self.piece.sample(times, 't', *names)
@@ -220,7 +220,7 @@ def loose_bearing(record: Record, joint: str) -> str:
     known, machine = record.loose_joints, record.machine
     if joint not in known:
         raise InputError(
-            f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
+            f"'{joint}' is not a joint with a pin loose in a bushing{nearest(joint, known)}; "
             f'such joints of {machine.name}: {", ".join(known) or "none"}'
         )
     return joint

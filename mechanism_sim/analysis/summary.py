@@ -180,4 +180,4 @@ def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:
     if present['joint_reactions'] and found.loads is None:
         yield 'topic joint_reactions is empty: no forces and torque'
     if present['linkage_state'] and found.energy is None:
-        yield 'topic linkage_state has no energies: no balance of energy'
+        yield 'topic linkage_state has no energies: no energy balance'

@@ -55,5 +55,5 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
             )
         found[kind] = names
     if namespace and not any(found.values()):
-        raise InputError(f'{bag.path} has nothing of a machine in namespace {namespace}.')
+        raise InputError(f'{bag.path} has no machine in namespace {namespace}.')
     return found

@@ -79,7 +79,9 @@ def wear_maps(
             f'{play.pin_radius:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
         )
     if sectors < 1 or radius < 0.0:
-        raise InputError('a wear map needs at least one sector, and a pin of no negative radius')
+        raise InputError(
+            'a wear map needs at least one sector, and a pin radius that is not negative'
+        )
     edges = np.linspace(-np.pi, np.pi, sectors + 1)
     rose = impact_rose(record, joint, skip)
     times = np.array([record.begin(skip), np.inf])

@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('bag info', _info, 'list what a bag holds')
+    sub = command('bag info', _info, 'list the contents of a bag')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
-    sub = command('bag play', _play, 'publish what a bag holds, as its nodes did')
+    sub = command('bag play', _play, 'publish the messages of a bag, as its nodes did')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
-    option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
+    option(sub, '--rate', 'R', 'recorded seconds per second; 0: as fast as possible', 1.0)
     option(sub, '--from', 'S', 'begin at this time after the first message', 0.0)
     option(sub, '--delay', 'S', 'wait before the first message', 0.0)
     sub.add_argument(
         '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
     )
-    option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
-    option(sub, '--timeout', 'S', 'look at most so long for subscriptions', 10.0)
+    option(sub, '--clock', 'HZ', 'also publish /clock if the bag has none', float)
+    option(sub, '--timeout', 'S', 'longest time to wait for subscriptions', 10.0)
     sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')
     sub = command('analyze', _analyze, 'summarise a recorded run, or fit a bearing to it')
@@ -101,7 +101,7 @@ def _analyze(options: argparse.Namespace) -> int:
     if options.fit is not None:
         refuse_options(options, _DETAILS, 'does not apply to --fit')
         return _fit(options)
-    refuse_options(options, _FIT, 'goes with --fit')
+    refuse_options(options, _FIT, 'needs --fit')
     if len(options.bags) > 1:
         raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
     (options.bag,) = options.bags
@@ -114,7 +114,7 @@ def _analyze(options: argparse.Namespace) -> int:
     skip = skipped_turns(options)
     for name, owner in (('band', 'envelope'), ('pin-radius', 'wear')):
         if not getattr(options, owner) and not options.plots:
-            refuse_options(options, [name], f'goes with --{owner}: it is about that')
+            refuse_options(options, [name], f'needs --{owner}')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
         options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
@@ -123,7 +123,7 @@ def _analyze(options: argparse.Namespace) -> int:
     )  # fmt: skip
     if not (wanted or plots or options.against):
         what = 'a detail such as --average, or with --plots: the summary is of the whole run'
-        refuse_options(options, ['skip'], f'goes with {what}')
+        refuse_options(options, ['skip'], f'needs {what}')
     details: Details | None = None
     if wanted or plots or options.against:
         details = _details(options, wanted)
@@ -164,7 +164,7 @@ def _fit(options: argparse.Namespace) -> int:
         )
     first = signals[0]
     if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
-        refuse_options(options, ['joint'], f'goes with --fit of {", ".join(OF_JOINT)}')
+        refuse_options(options, ['joint'], f'needs --fit of {", ".join(OF_JOINT)}')
     wanted = parameters(
         first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
     )
@@ -187,7 +187,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
         return record
 
     if options.against and not wanted.deviations:
-        raise InputError('--against goes with --deviation: it compares two deviations')
+        raise InputError('--against needs --deviation: it compares two deviations')
     record = record_of(options.bag)
     against = record_of(options.against) if options.against else None
     with progress.busy('analyze', options.json):
@@ -207,8 +207,8 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
     more = sub.add_argument_group("a bearing's parameters from an accelerometer's signal")
     option(
         more, '--fit', 'NAME,...',
-        'instead: find these so that runs give the recorded signal: some of restitution, '
-        'friction, radial, noise, or dotted paths',
+        'instead of the summary: find these so that runs reproduce the recorded signal: some of '
+        'restitution, friction, radial, noise, or dotted paths',
     )  # fmt: skip
     more.add_argument(
         '--scene', action='append', default=[], metavar='SCENE', dest='scenes',

@@ -14,7 +14,7 @@ SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('new', _new, 'write a scene of your own, with comments, from one that exists')
+    sub = command('new', _new, 'write a new scene, with comments, from an existing one')
     sub.add_argument('name', metavar='NAME', help='of the scene; the file is NAME.yaml')
     sub.add_argument(
         '--from', default='four_bar', metavar='SCENE', dest='scene',
@@ -28,7 +28,7 @@ def add(command: Command) -> None:
         'outlines as .dxf or .svg, an address of PMKS+ in quotes',
     )  # fmt: skip
     option(sub, '-o --output', 'SCENE', 'the .yaml file; standard output if not given')
-    option(sub, '--unit', 'U', 'of lengths, if the file does not say it, as mm')
+    option(sub, '--unit', 'U', 'of lengths, if the file does not state it, as mm')
     option(sub, '--thickness', 'T', 'of links by their outlines, for their masses, as 5 mm')
     option(
         sub, '--density', 'RHO', 'of links by their outlines; steel if not given', '7850 kg/m^3'

@@ -111,7 +111,7 @@ def scene_options(
 
 def tables_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for the files that scenes may name."""
-    text = 'a folder below which tables of a scene may lie, besides its own; several times'
+    text = 'a further folder in which tables of a scene may be, besides its own; several times'
     several(sub, '--tables-from', 'DIR', text)
 
 
@@ -209,7 +209,7 @@ def refuse_options(options: argparse.Namespace, names: Iterable[str], reason: st
     Parameters
     ----------
     names : of options, as `pin-radius`
-    reason : the end of the sentence, as "goes with --wear"
+    reason : the end of the sentence, as "needs --wear"
     """
     for name in names:
         if options.parser.is_given(options, name):

@@ -93,7 +93,7 @@ def simulate_run(
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.namespace:
-        raise InputError('--namespace is for bags')
+        raise InputError('--namespace applies to bags')
     machine = read_machine(options)
     if check:
         check(machine)

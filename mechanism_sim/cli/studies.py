@@ -43,15 +43,18 @@ def add(command: Command) -> None:
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
-    text = 'instead: so many of the largest Lyapunov exponents, and how long digits of a run hold'
+    text = (
+        'instead: this number of the largest Lyapunov exponents, and how long the digits of '
+        'a run are significant'
+    )
     option(sub, '--exponents', 'N', text, int)
-    sub = command('find', _find, 'find values of keys for which figures are as wanted')
+    sub = command('find', _find, 'find values of keys for which measures have wanted values')
     scene_options(sub, count='?')
-    text = 'a key, and between which values to look, or PATH=VALUE,VALUE,...; several times'
+    text = 'a key and the limits of its value, or PATH=VALUE,VALUE,...; several times'
     several(sub, '--vary', 'PATH=LOW:HIGH', text, 'vary')
     text = "as 'largest(reaction.ram_pin) = 20 kN'; several times"
     several(sub, '--so-that', 'GOAL', text, 'so_that')
-    text = "instead: as 'rms(drive_torque)'; several times for a front of Pareto"
+    text = "instead: as 'rms(drive_torque)'; several times for a Pareto front"
     several(sub, '--minimise', 'MEASURE', text)
     several(sub, '--maximise', 'MEASURE', 'instead, or beside it; several times')
     text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
@@ -63,11 +66,11 @@ def add(command: Command) -> None:
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
     text = 'cycles after which a global search, or a front, ends'
     option(sub, '--evaluations', 'N', text, 400)
-    text = 'the scene (.yaml), a table of what was tried, the curve or the front; several times'
+    text = 'the scene (.yaml), a table of the designs tried, the curve or the front; several times'
     several(sub, '-o --output', 'FILE', text)
-    flag(sub, '--restart', 'with a table: forget what is computed already')
+    flag(sub, '--restart', 'with a table: discard what was computed before')
     workers_options(sub, '1')
-    flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
+    flag(sub, '--lift-off', 'instead: the speed from which followers lift off their cams')
     flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
     option(sub, '--longest', 'P', 'with --periodic: longest period, in revolutions', 8)
     option(sub, '--transient', 'N', 'with --periodic: revolutions until it has settled', 60)
@@ -90,7 +93,7 @@ def add(command: Command) -> None:
     workers_options(sub)
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
     option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
-    flag(sub, '--restart', 'forget what is computed already')
+    flag(sub, '--restart', 'discard what was computed before')
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot and --plots: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
@@ -174,19 +177,19 @@ def _find(options: argparse.Namespace) -> int:
         refuse_options(options, others, 'does not apply to --path')
         return _path(options)
     if options.teeth is not None:
-        own = 'is for a scene, and --teeth goes without one'
+        own = 'needs a scene, and --teeth takes none'
         refuse_options(options, ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE], own)
         if options.scene is not None:
-            raise InputError(f"find --teeth goes without a scene; '{options.scene}' was given")
+            raise InputError(f"find --teeth takes no scene; '{options.scene}' was given")
         return _teeth(options)
-    refuse_options(options, _TEETH, 'goes with --teeth')
-    refuse_options(options, ['transmission'], 'goes with --path')
+    refuse_options(options, _TEETH, 'needs --teeth')
+    refuse_options(options, ['transmission'], 'needs --path')
     if options.scene is None:
         raise InputError('find: SCENE is missing; see --help')
     if options.periodic:
         refuse_options(options, ['lift-off', *_SEARCH], 'does not apply to --periodic')
         return _periodic(options)
-    refuse_options(options, _PERIODIC, 'goes with --periodic')
+    refuse_options(options, _PERIODIC, 'needs --periodic')
     if options.lift_off:
         refuse_options(options, _SEARCH, 'does not apply to --lift-off')
         return _lift_off(options)
@@ -208,7 +211,7 @@ def _find_value(options: argparse.Namespace) -> int:
     if picture and not front and (len(vary) > 1 or len(goals) > 1):
         raise InputError('--output: a picture is the curve of one key and one goal, or a front')
     if options.restart and not table:
-        raise InputError('--restart goes with a table, -o FILE.csv, and its journal')
+        raise InputError('--restart needs a table, -o FILE.csv, and its journal')
     if options.values < 2 or options.evaluations < 1:
         raise InputError('--values must be at least 2, --evaluations at least 1')
     workers = read_workers(options, 1)
@@ -238,7 +241,7 @@ def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.studies.synthesis import path_four_bars  # noqa: PLC0415
 
     if options.scene is not None:
-        raise InputError(f"find --path goes without a scene; '{options.scene}' was given")
+        raise InputError(f"find --path takes no scene; '{options.scene}' was given")
     scene, *others = _outputs(options)
     if any(others):
         raise InputError('--output: find --path writes a scene, NAME.yaml')

@@ -31,11 +31,15 @@ def add(command: Command) -> None:
     option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
     skip_option(sub, 'the first half if not given')
     sub = command(
-        'thesis contact-loss', _contact_loss, 'criteria of contact loss, beside what happens'
+        'thesis contact-loss',
+        _contact_loss,
+        'criteria of contact loss, beside the simulated losses',
     )
     scene_options(sub)
     length_options(sub, '3 if not given')
-    sub = command('thesis starts', _starts, 'how long a seated pin follows, by start angle')
+    sub = command(
+        'thesis starts', _starts, 'how long a seated pin stays in contact, by start angle'
+    )
     scene_options(sub)
     option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
     length_options(sub, '3 if not given')

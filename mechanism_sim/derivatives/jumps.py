@@ -157,7 +157,7 @@ class Jumps:
                 raise NoDerivativeError('several events meet, whose order changes')
         if not shifts:
             if not smooth:
-                raise NoDerivativeError('forces jump there for no reason that has a derivative')
+                raise NoDerivativeError('forces jump there without a cause that has a derivative')
             return Saltation(state, np.zeros(x.q.shape[1]), [], x.approach)
         dt, f = shifts[0], len(self._free)
         state[f:] -= np.outer(jump, dt)
@@ -258,7 +258,7 @@ class Jumps:
         off = now.at.v[:, 0] - after.at.v[:, 0]
         speed = np.abs(np.concatenate([before.at.v, after.at.v])).max()
         if np.abs(off).max() > _ALIKE * speed:
-            raise NoDerivativeError('rates jump there by more than its impacts say')
+            raise NoDerivativeError('velocities jump there by more than its impacts account for')
         f = len(self._free)
         moved = z[self._free] - np.outer(after.at.v[self._free, 0], dt)
         faster = z[n:][self._free] - np.outer(after.rates[:f], dt)
@@ -450,7 +450,7 @@ class Jumps:
             slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
             return of_one(theta, slopes, int(self._laws[touching[0]]))
         if not np.isfinite(mu).all():
-            raise NoDerivativeError('a rough contact is struck together with others')
+            raise NoDerivativeError('a rough contact takes part in an impact with others')
         found = of_several(A, r, e, mu, self._laws[touching], (dA, dr, de, dmu))
         if found is None:
             raise NoDerivativeError('no impulses satisfy all contacts')

@@ -62,7 +62,7 @@ _LINKS = (
     Tool(
         'link', 'L',
         'M3.5 10a2.5 2.5 0 1 0 2.4 3.2l6-6A2.5 2.5 0 1 0 9.8 5l-6 6z',
-        'Press where a link begins, drag to where it ends; pins come where it meets something',
+        'Press where a link begins, drag to where it ends; it is pinned to links that it meets',
         _link, 'band',
     ),
     Tool(
@@ -75,7 +75,7 @@ _LINKS = (
     ),
     Tool(
         'masses', 'M', 'M5 4a3 3 0 0 1 6 0h2l2 11H1L3 4zm2 0h2a1 1 0 0 0-2 0z',
-        'Masses of bars of 1 kg/m for all links without; 1 kg for what has no length',
+        'Masses of bars of 1 kg/m for all links without mass; 1 kg for links without length',
         lambda sketch, *_: sketch.masses(), 'now',
     ),
 )  # fmt: skip
@@ -85,7 +85,7 @@ _PLAYS = (
         'clearance', 'K',
         'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 2a5 5 0 1 0 0 10A5 5 0 0 0 8 3zm1 1.5a3 3 0 1 1 0 6 '
         '3 3 0 0 1 0-6z',
-        'Click on a pin: it has play', _clearance,
+        'Click on a pin: it gets a clearance', _clearance,
     ),
 )  # fmt: skip
 

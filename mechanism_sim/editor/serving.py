@@ -77,8 +77,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     except KeyboardInterrupt:
         said = desk.keep()
         if desk.document.changed:
-            kept = said or 'the next edit of it gives it back'
-            print(f'mechanism-sim: what was changed last is not saved; {kept}', file=sys.stderr)
+            kept = said or 'the next edit of this file brings it back'
+            print(f'mechanism-sim: the last changes are not saved; {kept}', file=sys.stderr)
         return 0
     finally:
         files.close()
@@ -279,7 +279,9 @@ class Desk:
         return _GIVEN_BACK if text else ''
 
 
-_GIVEN_BACK = 'what was not saved the last time is here again; undo gives the file as it is'
+_GIVEN_BACK = (
+    'unsaved changes of the last time have been restored; undo returns to the file as saved'
+)
 
 
 def _busy(whether: bool) -> str:

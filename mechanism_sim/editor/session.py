@@ -108,7 +108,7 @@ class Session:
         except (InputError, RunError) as error:
             self._say(str(error))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-            self._say('that was no command of this page')
+            self._say('that is not a command of this page')
         except Exception as error:  # whatever a message raises, all pages go on
             self._say(f'that is not possible ({reason(error)})')
         if kind not in ('drag', 'pull'):
@@ -248,7 +248,7 @@ class Session:
             parts = len(scene.links) + len(scene.joints)
             if parts > MOST_PARTS:
                 raise InputError(
-                    f'{self.document.name}: its {parts} links and joints are not drawn, for that '
+                    f'{self.document.name}: its {parts} links and joints are not drawn, as that '
                     f'takes too long: allowed are {MOST_PARTS}; check and solve take more'
                 )
         except InputError as error:
@@ -315,7 +315,7 @@ class Session:
         """Move the machine along its way, so that a handle comes nearest to a place."""
         turn = self._picture.turn
         if turn is None or not turn.q.size:
-            raise InputError('what is no machine yet cannot be turned by hand')
+            raise InputError('this is not a complete machine yet: it cannot be turned by hand')
         handle = self._picture.handle(message['handle'])
         link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
         if not link:
@@ -384,7 +384,8 @@ class Session:
         fixed = len(path) < 2 or GROUND in (name, path[-1])
         if not name.isidentifier() or name in there or fixed:
             raise InputError(
-                f"'{name}' cannot be its name: take letters, digits and _, and none that is taken"
+                f"'{name}' cannot be its name: use letters, digits and _, and a name that is not "
+                'in use'
             )
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)

@@ -157,7 +157,7 @@ class Ideal:
             if own.flexible:
                 yield f'{link}: it is rigid here, and stays in its plane'
             else:
-                yield f'{link}: its shaft and supports do not give way here'
+                yield f'{link}: its shaft and supports are rigid here'
         for joint in plan.joints:
             if in_slot(joint):
                 yield f'{joint.name}: a block of {LIGHT:g} of the heaviest link is in the slot'
@@ -165,7 +165,7 @@ class Ideal:
                 yield f'{joint.name}: left out ({joint.parts}): {joint.second} moves without it'
                 continue
             elif isinstance(joint, HigherPair) and joint.coupling and not joint.coupling.exact:
-                yield f'{joint.name}: its teeth are rigid and true here'
+                yield f'{joint.name}: its teeth are rigid and without errors here'
             if joint.name in plan.clearances:
                 yield f'{joint.name}: it has no clearance here'
             if joint.name in plan.touching:

@@ -53,7 +53,7 @@ def left_out(machine: Machine) -> list[str]:
         if isinstance(element, AppliedForce) and _constant(element) is None:
             found.append(f'{element.name}: left out: its force is not constant')
         elif not isinstance(element, AppliedForce) and not _is_linear(element):
-            found.append(f'{element.name}: left out: a force of a kind of its own')
+            found.append(f'{element.name}: left out: MuJoCo has no force of this kind')
     return found
 
 

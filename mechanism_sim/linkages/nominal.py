@@ -276,8 +276,8 @@ class NominalRun:
         self._short = self._short + 1 if self._share < _SHORT else 0
         if self._short > _MOST_SHORT:
             raise RunError(
-                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: '
-                'its closures hardly determine it there'
+                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
+                'are nearly singular there'
             )
         self._pieces.append((self._time, h, self._turns.copy(), coefficients))
         # terms decay geometrically: those in the middle foretell the last ones of twice the length
@@ -613,8 +613,8 @@ class NominalPhysics:
             t = float((curve.start[segment[bad]] + since[bad]).min())
             names = ', '.join(sorted(forces.formulas))
             raise RunError(
-                f'a formula is out of its range at t = {t:.9g} s: what it gives is not finite; '
-                f'see {names}'
+                f'a formula is outside its range at t = {t:.9g} s: its value is not finite; see '
+                f'{names}'
             )
 
     def _sampled(

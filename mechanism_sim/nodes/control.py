@@ -198,8 +198,8 @@ class SimulationControl:
             return 'the nodes of the run have not found each other yet: try again in a moment'
         if self._drive.final:
             return (
-                f'the run ends by itself at {self._drive.announced:.9g} s, to which the law of '
-                'its drive is promised; begin it with hold if it is to be operated after its end'
+                f'the run ends by itself at {self._drive.announced:.9g} s, up to which the law '
+                'of its drive is announced; start it with hold to operate it after its end'
             )
         if self.busy and not (during_steps and self.busy == STEPS):
             return f'{self.busy} under way: wait for the end'

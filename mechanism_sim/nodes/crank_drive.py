@@ -39,7 +39,7 @@ class CrankDrive(Drive):
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('crank_drive', parameters)
         for name, default, about, within in (
-            ('lead', 3.0, 'How far the law is announced ahead [s]', (1e-6, 1e6)),
+            ('lead', 3.0, 'How far ahead the law is announced [s]', (1e-6, 1e6)),
             ('realtime_factor', 0.0, 'Simulated seconds per second; 0: no limit', (0.0, 1e6)),
             ('step_size', 1e-3, 'Length of a step of the paused simulation [s]', (1e-9, 1e3)),
         ):

@@ -19,7 +19,7 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 
 SCALES = {
     'force_scale': 'Length of arrows per force [m/N]; 0: the largest fits half the machine',
-    'clearance_magnification': 'How much larger clearances are shown; 0: well visible',
+    'clearance_magnification': 'Magnification of clearances; 0: chosen so that they are visible',
 }
 """Parameters that choose sizes, and what they are about."""
 

@@ -111,7 +111,7 @@ class Entities:
         try:
             re.compile(filters.filter)
         except re.error as error:
-            reason = f'filter {filters.filter!r} is no regular expression: {error}'
+            reason = f'filter {filters.filter!r} is not a regular expression: {error}'
             return _answer(response, r.RESULT_OPERATION_FAILED, reason)
         return _answer(response, r.RESULT_OK)
 

@@ -119,9 +119,9 @@ class Integration:
             'largest closure error [m]': run.audit.max_closure_error if run else 0.0,
         }
         if run and (energy := run.audit.energy):
-            balance['missing in the energy balance [J]'] = energy.residual
+            balance['residual of the energy balance [J]'] = energy.residual
             balance['energy exchanged [J]'] = energy.exchanged
-            balance['works may be off by [J]'] = energy.error
+            balance['error of the work [J]'] = energy.error
         return balance
 
     @property
@@ -178,7 +178,7 @@ class Integration:
         machine = self._machine
         law = events.law_of(message, machine.mechanism.displacements)
         if law.coordinate != machine.plan.main or type(law) is not type(machine.drive.law):
-            self._node.ignore(self._drive, 'it is no law of the drive of this machine')
+            self._node.ignore(self._drive, 'it is not a law of the drive of this machine')
             return
         if self._runner is None:
             self._runner = Runner(self._machine, self._machine.start(law))

@@ -52,8 +52,8 @@ class LoopRelay(DescribedNode):
         if at.freedom + len(plan.prescribed) != len(self._driven):
             raise InputError(
                 f'{machine.name}: {len(self._driven)} coordinates are driven, and '
-                f'{at.freedom + len(plan.prescribed)} motions are to be told: give each free '
-                "motion a drive of its own in 'drives'"
+                f'{at.freedom + len(plan.prescribed)} motions are free: give each free motion a '
+                "drive of its own in 'drives'"
             )
         kinematics = plan.kinematics(self._driven)
         self._tracker = Tracker(kinematics, at.q, at.slope)

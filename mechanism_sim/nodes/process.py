@@ -207,7 +207,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--clearance-magnification',
         type=float,
-        help='display: of clearances shown',
+        help='display: magnification of clearances',
     )
     parser.add_argument('--port', type=int, help='view: of its page on this machine; 0: any')
     parser.add_argument('--open', action='store_true', help='view: open a browser')

@@ -209,7 +209,9 @@ class Recorder(SimulationNode):
             self._ended, self.done = True, not again
         elif missing and late:
             topic, count = next(iter(missing.items()))
-            raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
+            raise RunError(
+                f'recorder: {count} messages of {topic} were announced, but not received'
+            )
 
     @property
     def _announced(self) -> int:

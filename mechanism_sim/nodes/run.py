@@ -169,7 +169,7 @@ class Outcome:
         lines = [
             f'{self.scene} ({self.level}): {self.duration:.6g} s simulated in '
             f'{self.run_time:.3g} s, {self.realtime_factor:.3g} x real time '
-            f'({self.wall_time:.3g} s with starting and ending)',
+            f'({self.wall_time:.3g} s including start-up and shutdown)',
             f'  {self.impacts} impacts, {sum(self.sent.values())} messages',
         ]
         if self.bag:

@@ -281,7 +281,9 @@ class _ExpressionReader:
                 value=self._count - 1, window=tuple(window),
             )  # fmt: skip
         if window and name in self._functions:
-            raise InputError(f"'{window[0][0]}' in {text} stands in '{name}', which is of no run")
+            raise InputError(
+                f"'{window[0][0]}' in {text} stands in '{name}', which is not evaluated over a run"
+            )
         name = name if name in self._functions else ALIASES.get(name, name)
         return self._node(token.start, 'call', *args, name=name)
 
@@ -401,7 +403,7 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
             if not alike(given[0], other):
                 a, b = (u or 'a plain number' for u in (given[0], other))
                 done = f'{a} and {b} are {_ALIKE[name]} in {quoted(text)}'
-                raise InputError(f'{done}: they are no like units')
+                raise InputError(f'{done}: the units differ in kind')
         return '' if name == 'compare' else given[0] if given else None
     if name in ('*', '/'):
         power = 1 if name == '*' else -1

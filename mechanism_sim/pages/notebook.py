@@ -118,7 +118,7 @@ def explore(
     height : of the frame [pixels]
     """
     if not len(values):
-        raise InputError(f'explore: {path}: there are no values to go through')
+        raise InputError(f'explore: {path}: no values are given')
     runs, lines = [], []
     for value in values:
         machine = load_scene(scene, {**(overrides or {}), path: value})

@@ -56,7 +56,7 @@ def report(
     revolutions, duration : length; without either all of a run, or that of the scene
     """
     if other is not None and measures:
-        raise InputError('measures are of one run: leave them out of a comparison')
+        raise InputError('measures apply to a single run: leave them out of a comparison')
     beside = [] if other is None else [*other] if isinstance(other, list | tuple) else [other]
     length = argument('start', start, 's'), revolutions, duration
     sources = [source, *beside]
@@ -132,7 +132,9 @@ def write_comparison(
     sources : names of the runs where their scenes do not tell them apart
     """
     if len(records) > _MOST:
-        raise InputError(f'{len(records)} runs are more than the {_MOST} that can be told apart')
+        raise InputError(
+            f'{len(records)} runs are more than the {_MOST} that can be distinguished'
+        )
     found = comparison.compare(*records)
     scenes = comparison.scene_differences([record.machine.scene for record in records])
     names = comparison.run_names(scenes, sources)

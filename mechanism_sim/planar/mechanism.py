@@ -130,7 +130,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def without_forces(self) -> str:
-        """Why its motion takes forces without limit, as a sentence; empty if it does not."""
+        """Why its motion needs infinite forces, as a sentence; empty if it does not."""
         return ''
 
     @property

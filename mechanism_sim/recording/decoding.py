@@ -44,7 +44,9 @@ def decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
             raise
         except _WRONG as error:
             name = schema.name if schema else channel.message_encoding
-            raise MessageError(f'a message is not what {name} says ({reason(error)})') from error
+            raise MessageError(
+                f'a message does not match {name} says ({reason(error)})'
+            ) from error
 
     return checked
 
@@ -99,7 +101,7 @@ def _defined(schema: Schema) -> Callable[[bytes], Any]:
 def _json(data: bytes) -> dict[str, Any]:
     found = json.loads(data)
     if not isinstance(found, dict):
-        raise MessageError('a message is no JSON object')
+        raise MessageError('a message is not a JSON object')
     return found
 
 

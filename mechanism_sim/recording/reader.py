@@ -170,7 +170,7 @@ class Bag:
             if own and (field := impossible_number(message)):
                 raise DamagedBagError(
                     f'{self.path}, topic {channel.topic}: {field} of the message at '
-                    f'{log_time / 1e9:.9g} s holds a number that no machine has.'
+                    f'{log_time / 1e9:.9g} s holds a number outside the range of machines.'
                 )
             yield channel.topic, message, log_time
 

@@ -142,7 +142,7 @@ def messages(block: bytes) -> Iterator[tuple[int, int, int, int]]:
         body = position + RECORD.size
         position = body + length
         if position > len(block):
-            raise ValueError('a record goes on beyond its chunk')
+            raise ValueError('a record extends beyond its chunk')
         if opcode == Opcode.MESSAGE:
             channel, _, log_time, _ = MESSAGE.unpack_from(block, body)
             yield channel, log_time, body + MESSAGE.size, position

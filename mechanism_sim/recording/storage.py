@@ -92,7 +92,7 @@ def file_of(path: Path | str) -> Path:
             raise InputError(f'{path} is a folder of several files: name one of {names}.')
         (path,) = found
     if path.name.endswith(BAG_ENDINGS[1:]):
-        raise InputError(f'{path} is no MCAP file: ros2 bag itself closes such a bag')
+        raise InputError(f'{path} is not an MCAP file: ros2 bag itself closes such a bag')
     return path
 
 
@@ -150,7 +150,9 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
         with closing(sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)) as base:
             yield base
     except (sqlite3.Error, AttributeError, TypeError, ValueError) as error:  # also wrong rows
-        raise DamagedBagError(f'{path} is no SQLite bag, or damaged ({reason(error)}).') from error
+        raise DamagedBagError(
+            f'{path} is not an SQLite bag, or damaged ({reason(error)}).'
+        ) from error
 
 
 def _survey_rows(path: Path) -> FileLayout:

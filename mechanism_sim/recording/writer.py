@@ -161,9 +161,11 @@ class BagWriter:
                 raise RunError(f'{self.path} is closed already.')
             channel = self._channels.get(topic)
             if channel is None:
-                raise InputError(f'{topic} is no topic of {self.path} yet: add_topic comes first.')
+                raise InputError(
+                    f'{topic} is not a topic of {self.path} yet: add_topic comes first.'
+                )
             if log_time_ns < 0 or publish_time_ns < 0:
-                raise InputError(f'{topic}: a bag holds no message from before time zero.')
+                raise InputError(f'{topic}: a bag cannot hold messages from before time zero.')
             count = self._counts[topic]
             try:
                 self._mcap.add_message(

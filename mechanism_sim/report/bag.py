@@ -95,8 +95,8 @@ def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[Section]:
         head = 'joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'
         table.insert(0, head)
     hardest = [
-        f'hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
-        f'{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
+        f'hardest impact in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} '
+        f's{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
         for j in impacts.joints
         for d in j.dominant
     ]
@@ -229,7 +229,7 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
         f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean'
     )
-    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the whole'), *rows])
+    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the total'), *rows])
 
 
 def _envelope(name: str, line: SignalSpectrum) -> Section:

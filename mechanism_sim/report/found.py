@@ -60,7 +60,7 @@ def _finding_text(finding: Finding) -> str:
     path, lines = finding.parameter.path, []
     wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
     for one in finding.found:
-        note = ' (it steps across the wanted value there)' if one.jump else ''
+        note = ' (it jumps across the wanted value there)' if one.jump else ''
         if finding.wanted is None and one.value in (finding.curve[0][0], finding.curve[-1][0]):
             less = 'more' if finding.goal.kind == GREATEST else 'less'
             note = f' (the end of the range: it may be {less} beyond)'
@@ -118,8 +118,8 @@ def _optimum_text(found: Optimum) -> str:
                      'nearest are above')  # fmt: skip
     elif len(found.values) > len(found.measures) and None not in found.wanted.values():
         lines.append(
-            f'one of many: {len(found.values)} keys are varied for {len(found.measures)} '
-            f'measure{"s" * (len(found.measures) > 1)}'
+            f'one of many solutions: {len(found.values)} keys are varied for '
+            f'{len(found.measures)} measure{"s" * (len(found.measures) > 1)}'
         )
     lines.append(f'{found.evaluations} cycles computed, {len(found.failed)} failed at first')
     for values, reason in found.failed[:_SHOWN]:

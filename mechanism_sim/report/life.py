@@ -44,7 +44,7 @@ def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
 def _said(found: Life) -> str:
     runs = f'{found.runs} runs of {found.plan.revolutions} turns'
     if found.note:
-        return f'it cannot be followed: {found.note}'
+        return f'it cannot be computed: {found.note}'
     if math.isnan(found.cycles):
         reached = f', and {found.until} is not reached' if found.until else ''
         return f'{found.plan.cycles:.6g} cycles are over{reached}; {runs}'

@@ -89,7 +89,7 @@ _MEANINGS = (
     (r'(.+)\.motor\.slip', 'sk', 'slip of the motor of {0} at its breakdown torque', ''),
     (r'(.+)\.motor\.breakdown', 'Mk', 'breakdown torque of the motor of {0}', 'N m'),
     (r'(.+)\.arm', 'r', 'length of the follower of {0}', 'm'),
-    (r'(.+)\.per_phase', 'b', 'way of the flanks of {0} by phase of the teeth', 'm/rad'),
+    (r'(.+)\.per_phase', 'b', 'displacement of the flanks of {0} by phase of the teeth', 'm/rad'),
     (r'(.+)\.phase', 'u0', 'phase of the teeth of {0} at the start', 'rad'),
     (r'(.+)\.play', 'c', 'play of {0} to either side', 'm'),
     (r'(.+)\.variation\.(\d+)', 'a', 'part {1} of the variation of the stiffness of {0}', ''),

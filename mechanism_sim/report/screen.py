@@ -73,7 +73,7 @@ class Screen:
     ) -> None:
         self._record, self._t, machine = record, t, record.machine
         if shown.forces and not machine.physics.has_forces:
-            raise InputError(f'{machine.name}: the forces are not known, its level has none')
+            raise InputError(f'{machine.name}: forces are not computed at its level')
         points = choose_points(machine, shown.paths)
         self._span = t[0], min(2.0 * t[-1] - t[-2], record.end) if len(t) > 1 else t[0]
         many = np.linspace(*self._span, _SWEEP)
@@ -224,7 +224,7 @@ def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
     known = [joint.name for joints in (stage.bearings, stage.plays) for joint in joints]
     if wanted and wanted not in known:
         raise InputError(
-            f"'{wanted}' is no joint with play{nearest(wanted, known)}; such joints of "
+            f"'{wanted}' is not a joint with play{nearest(wanted, known)}; such joints of "
             f'{machine.name}: {", ".join(known) or "none"}'
         )
     return wanted or (known[0] if known else '')

@@ -21,7 +21,7 @@ _UNLIKE = 0.01  # of the simulations
 _STABLE = {
     True: 'stable',
     False: 'unstable',
-    None: 'stable or not is not known: a multiplier has the size 1 but for its error',
+    None: 'stability not determined: a multiplier has the size 1 within its error',
 }
 
 
@@ -36,7 +36,7 @@ def periodic(response: PeriodicResponse) -> str:
             f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
             f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})'
             if sizes
-            else '  no Floquet multipliers: closed contacts leave nothing free once a period',
+            else '  no Floquet multipliers: closed contacts leave no freedom once a period',
         ]
     )
 
@@ -113,7 +113,7 @@ def fit_text(found: Result) -> str:
     """For people; in SI units."""
     lines = [f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:']
     for e in found.estimates:
-        note = '' if e.identified else '   the signal does not tell'
+        note = '' if e.identified else '   not determined by the signal'
         if e.identified and not (e.parameter.low < e.low and e.high < e.parameter.high):
             note = '   at the limit of its range: widen it'
         interval = f'{e.low:.5g} to {e.high:.5g}'
@@ -132,8 +132,8 @@ def fit_text(found: Result) -> str:
     )
     if unlike(found):
         lines.append(
-            'no simulation is like this signal: the machine, its chain or its noise is not that '
-            'of the scene, and the values above are not to be trusted'
+            'no simulation reproduces this signal: the machine, its chain or its noise differs '
+            'from the scene, and the values above are not reliable'
         )
     return '\n'.join(lines)
 

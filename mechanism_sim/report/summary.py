@@ -123,7 +123,7 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
         slides = machine.plan.main in machine.mechanism.displacements
         angle = round(math.degrees(x.drive), 6) % 360.0
         place = f'{1e3 * x.drive:.6g} mm' if slides else f'{angle:.6g} deg'
-        why = 'have no limit: they grow beyond all bounds'
+        why = 'tend to infinity'
         if x.rests:
             why = 'are not determined while the drive rests'
         if x.loads:
@@ -216,7 +216,7 @@ def energy_rows(
     yield SummaryRow('energy', f'{initial:.6g} J to {final:.6g}', 'J')
     yield amount('work of drives', work, 'J')
     yield amount('dissipated', dissipated, 'J')
-    yield SummaryRow('energy missing at the end', f'{missing:.3g}', 'J')
+    yield SummaryRow('energy error at the end', f'{missing:.3g}', 'J')
     yield SummaryRow('energy exchanged', f'{exchanged:.3g}', 'J')
 
 
@@ -241,7 +241,7 @@ def _figures(
     if e and math.isfinite(e.residual):
         balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual, e.exchanged
         yield from energy_rows(*balance)
-        yield SummaryRow('error of works, estimated', f'{e.error:.2g}', 'J')
+        yield SummaryRow('estimated error of the work', f'{e.error:.2g}', 'J')
 
 
 def _costs(stats: Stats) -> Iterator[SummaryRow]:

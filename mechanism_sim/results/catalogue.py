@@ -94,11 +94,11 @@ class Catalogue(Mapping[str, Quantity]):
         return found
 
     def unknown(self, name: str) -> InputError:
-        """Error: there is no quantity of this name."""
+        """Error: there is not a quantity of this name."""
         machine = self._machine
         if name.startswith('motor.') and 'motor.torque' not in self._known:
             return InputError(
-                f"{machine.name}: '{name}': the drive is no motor; drive_torque and "
+                f"{machine.name}: '{name}': the drive is not a motor; drive_torque and "
                 f'velocity.{machine.plan.main} are those of any drive'
             )
         kinds = dict.fromkeys(q.kind for q in self._known.values())

@@ -144,8 +144,8 @@ class Cycle(plotting.Rich):
         names = self.names if names is None else names
         if self.static and (of_motion := [name for name in names if name in _OF_MOTION]):
             raise InputError(
-                f"{self.machine.name}: '{of_motion[0]}' is of the motion, which static forces "
-                'leave out: ask a cycle that is not static'
+                f"{self.machine.name}: '{of_motion[0]}' is a quantity of the motion, which "
+                'static forces leave out: use a cycle that is not static'
             )
         columns = self._columns(t, names)
         if self.ranges:
@@ -464,7 +464,8 @@ def _time_at(cycle: Cycle, value: float) -> float:
 
     if not ends[0] < value < ends[1]:
         raise InputError(
-            f'{cycle.machine.name}: {cycle.drive} does not come there: it stays between its limits'
+            f'{cycle.machine.name}: {cycle.drive} does not reach this position: it stays between '
+            'its limits'
         )
     return float(scipy.optimize.brentq(off, cycle.t[0], cycle.t[-1]))
 

@@ -265,7 +265,7 @@ class FigureTally:
             ]
             if self._unbounded.get(name):
                 x = math.inf if kind in ('largest', 'range') else math.nan
-                note = 'it grows beyond all bounds at a singular position'
+                note = 'it tends to infinity at a singular position'
             return x, note
         if kind in ('change', 'initial', 'final'):
             if self._first is None or self._last is None:

@@ -64,9 +64,7 @@ class Stream(Runner):
         with self._timed():
             super().__init__(machine, resume=resume)
         if self.known >= end:
-            raise InputError(
-                f'the snapshot is at {self.known:g} s already: ask for more than that'
-            )
+            raise InputError(f'the snapshot is at {self.known:g} s already: choose a longer run')
         self._end, self._progress, self._observers = end, progress, tuple(observers)
         self._snapshot: Snapshot | None = None
         self._last: Piece | None = None

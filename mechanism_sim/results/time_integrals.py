@@ -30,7 +30,7 @@ class Estimate(NamedTuple):
             return 'it is not finite for a part of the time'
         if self.error <= _AUDIT.promised * self.size:
             return EXACT
-        return f'it may be off by {self.error:.1g} {unit}'.rstrip()
+        return f'its error may be {self.error:.1g} {unit}'.rstrip()
 
 
 class TimeIntegrals:

@@ -115,7 +115,7 @@ class View:
     @cached_property
     def _so_far(self) -> tuple[Array, Array]:
         if self._balance is None:
-            raise ValueError('the work so far is not known of this motion')
+            raise ValueError('the work up to this time is not known for this motion')
         return energy_so_far(self._physics, self._motion, self._balance, *self._instants)
 
     def joint(self, joint: Joint) -> JointView:

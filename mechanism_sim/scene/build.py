@@ -50,15 +50,15 @@ def _check_freedom(machine: Machine) -> None:
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
-            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} its '
-            f'joints hold {", ".join(plan.prescribed)} fast: remove a joint, or make ratios agree '
-            'that contradict each other'
+            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} '
+            f'its joints hold {", ".join(plan.prescribed)} fast: remove a joint, or correct the '
+            'ratios that contradict each other'
         )
     if assembly.overdriven:
         count = len(plan.prescribed)
         raise InputError(
             f'{count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
-            f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
+            f'{assembly.overdriven} too many: the mechanism has fewer degrees of freedom; '
             'remove a drive'
         )
     if machine.torque_driven and not assembly.freedom:
@@ -128,7 +128,7 @@ def _check_unknowns(machine: Machine) -> None:
         )
     if len(labels) < len(plan.efforts):
         raise InputError(
-            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown, for nothing would '
+            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown: nothing would '
             "balance what the drives supply; set 'loads.LOAD.unknown: true', or leave out an "
             "'effort'"
         )
@@ -280,12 +280,12 @@ def _check_contact(law: str, where: str, clearance: Play) -> None:
         if key == 'radius' and contact.materials:
             continue
         if getattr(contact, key) != Contact.model_fields[key].default and not film:
-            raise InputError(f'{law}.{key} is for the law film: there is no oil')
+            raise InputError(f'{law}.{key} applies to the law film only')
     supply, lowest = contact.supply_pressure, contact.cavitation_pressure
     if supply < lowest:
         raise InputError(
-            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
-            f'{lowest:g} Pa: oil that ruptures where it comes in fills nothing'
+            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, {lowest:g} '
+            'Pa: the film would rupture at its supply'
         )
     if supply > lowest and contact.cavitation == 'none':
         raise InputError(
@@ -355,7 +355,7 @@ def _check_oscillators(machine: Machine) -> None:
         for joint in part.joints:
             if joint not in grounded:
                 raise InputError(
-                    f"{where}.joints: '{joint}' is no joint of the "
+                    f"{where}.joints: '{joint}' is not a joint of the "
                     f'ground{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
                 )
 

@@ -28,10 +28,10 @@ from mechanism_sim.scene.tilted_links import tilt_notes
 from mechanism_sim.units import QuantityValue, for_people
 
 _WHY = {
-    Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
-    'for, have no limit, or masses are not given: loop closure',
+    Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not '
+    'requested, have no limit, or masses are not given: loop closure',
     Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are '
-    'asked for: loop closure and a linear solve for the forces',
+    'requested: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal, or a belt that may slip, and the drives leave a motion '
     'free: equations of motion with closed loops',
     Level.NONSMOOTH: '{contacts}: equations of motion with gaps, and an event loop for free '
@@ -227,9 +227,9 @@ def _left_out(machine: Machine, gaps: int) -> list[str]:
     plan, level = machine.plan, machine.level
     found = []
     if level is Level.KINEMATIC:
-        why = 'nobody asks for them'
+        why = 'not requested'
         if machine.without_forces:
-            why = f'{", ".join(machine.without_forces)} takes forces without limit'
+            why = f'{", ".join(machine.without_forces)} needs infinite forces'
         found.append(f'masses, gravity and forces: {why}')
     elif not any(machine.scene.gravity):
         found.append('gravity: it is zero')
@@ -329,7 +329,7 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)
     notes += [
-        f'{name}: never reached: drives and loops say all of the motion'
+        f'{name}: never reached: drives and loops determine all of the motion'
         for name in plan.touching.keys() - machine.touching.keys()
     ]
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
@@ -399,7 +399,7 @@ def render(report: Report) -> str:
     if report.questions:
         lines += ['questions', *(f'  {question}' for question in report.questions)]
     if report.limits:
-        lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
+        lines += ['what limits the motion', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']
     lines += [f'  {name}: {what}' for name, what in report.coordinates.items()]
     lines += ['start', *(f'  {name}: {start}' for name, start in report.start.items())]

@@ -141,7 +141,7 @@ def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight:
         )
     period = Fraction(laws[-1].valid_from)
     if not period:
-        raise InputError(f'{where}.steps go nowhere and rest nowhere: nothing repeats')
+        raise InputError(f'{where}.steps have neither a move nor a dwell: nothing repeats')
     turns = 0 if straight else round(gone / (2.0 * math.pi))
     source = RepeatedLaws(laws[:-1], period, turns)
     return _endless(names, where, source, source.first())

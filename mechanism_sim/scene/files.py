@@ -62,8 +62,8 @@ def content_of(
         return SceneContent(name, name, _keys_and_values(name, data, 'scene'), Path.cwd())
     if not isinstance(source, str | Path):
         raise InputError(
-            f'{quoted(source)} is no scene: give a name, a path, YAML as text, a dictionary, a '
-            'Scene or a machine'
+            f'{quoted(source)} is not a scene: give a name, a path, YAML as text, a dictionary, '
+            'a Scene or a machine'
         )
     path = find_scene(str(source))
     return SceneContent(path.name, path.stem, read_yaml(path, 'scene'), path.parent)
@@ -90,7 +90,7 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     path = Path(name)
     if path.suffix == '.mcap':
         raise InputError(
-            f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' says what is in it"
+            f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' shows its contents"
         )
     try:
         is_file = path.is_file()

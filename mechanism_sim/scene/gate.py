@@ -124,9 +124,9 @@ def limits_text(machine: Machine) -> str:
         shown, scale, turned = 'deg', 180.0 / math.pi, TURN * machine.plan.turned.get(main, 0)
     low, high = (f'{scale * (x + turned):.9g} {shown}' for x in (found.low, found.high))
     if not math.isfinite(found.low):
-        return f'{main} comes to a limit at {high}, and to none before'
+        return f'{main} reaches a limit at {high}, and none before'
     if not math.isfinite(found.high):
-        return f'{main} comes to a limit at {low}, and to none beyond'
+        return f'{main} reaches a limit at {low}, and none beyond'
     return f'{main} moves from {low} to {high}'
 
 

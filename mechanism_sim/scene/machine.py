@@ -151,7 +151,7 @@ class Machine(Rich):
 
     @cached_property
     def without_forces(self) -> dict[str, str]:
-        """Joints whose motion takes forces without limit, and why."""
+        """Joints whose motion needs infinite forces, and why."""
         pairs = (j for j in self.plan.joints if isinstance(j, HigherPair))
         return {pair.name: why for pair in pairs if (why := pair.without_forces)}
 

@@ -78,7 +78,7 @@ class MainDrive:
             )
         if self.law.straight:
             raise InputError(
-                f'{main} is driven straight, it makes no revolutions: give a duration in '
+                f'{main} moves in a straight line: it makes no revolutions: give a duration in '
                 f'seconds: {cure}'
             )
         t = time_of_angle(unrolled(self.laws, self.source), 2.0 * math.pi * revolutions)

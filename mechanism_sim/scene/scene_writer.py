@@ -24,9 +24,9 @@ WIDTH, COLUMN = 99, 40
 UNBROKEN = '\N{NO-BREAK SPACE}'
 
 HEAD = """\
-# A key behind a # shows what holds without it; take the # away to change it. Where nothing stands
-# behind a key there is none, or its own keys follow; of these the needed ones must be filled in.
-# Quantities are in the units you like, as 64 mm or 2.5 inch; without a unit in that in brackets.
+# A key behind a # shows its default; remove the # to change it. A key without a value
+# has no default, or keys of its own; the required ones of these must be filled in.
+# Quantities take any unit, as 64 mm or 2.5 inch; without one they are in that in brackets.
 """
 
 

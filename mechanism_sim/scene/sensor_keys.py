@@ -61,7 +61,7 @@ class AnalogueKeys(SensorKeys):
     anti_alias: AntiAlias | None = None
     """The filter before sampling."""
     adc: Converter = Converter()
-    """Analogue to digital."""
+    """Analogue-to-digital converter."""
     noise: Noise = Noise()
     """Noise added to the samples."""
 
@@ -70,7 +70,7 @@ class ShockKeys(AnalogueKeys):
     """A sensor that impacts reach as impulses."""
 
     impact_pulse: Duration | None = None
-    """How long impacts last, as half a sine; without it they are impulses."""
+    """Duration of an impact, as half a sine; impulses if not given."""
 
 
 class OnLinkKeys(SensorKeys):
@@ -173,7 +173,7 @@ def seated(data: Any) -> Any:
         place = f'{link}.{at.rpartition(".")[2]}'
         if place not in places or sensor.get('link', link) != link:
             raise ValueError(
-                f"sensors.{name}.at = '{at}' is no point of the sensor's "
+                f"sensors.{name}.at = '{at}' is not a point of the sensor's "
                 f'link{nearest(place, places)}; write LINK.POINT, for example rocker.end, a '
                 "distance along the link, '64 mm', or [x, y]"
             )

@@ -47,8 +47,8 @@ def check_stops(machine: Machine, duration: float) -> None:
         return
     if rated := [gap.joint for gap in gaps if gap.value(frames).value is None]:
         raise InputError(
-            f'joints.{rated[0]} holds one way, but drives and closed loops say all of the motion '
-            'between its links: leave it out, or one of the drives'
+            f'joints.{rated[0]} holds one way, but drives and closed loops determine all of the '
+            'motion between its links: leave it out, or one of the drives'
         )
     if machine.drive.commands:
         raise InputError(

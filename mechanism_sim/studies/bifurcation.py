@@ -129,7 +129,7 @@ class Bifurcation:
         given = [float(f'{self.scale * r.value:.15g}') for r, _ in rows]
         first = [
             Column(self.parameter.path, given, self.unit, 'varied'),
-            Column('branch', [r.branch for r, _ in rows], '', 'how the response was come to'),
+            Column('branch', [r.branch for r, _ in rows], '', 'how the response was reached'),
             Column('period', [r.period for r, _ in rows], '', 'turns of the drive; 0: none found'),
             Column('response', [r.number for r, _ in rows], '', 'of those that coexist'),
         ]

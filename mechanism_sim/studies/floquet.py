@@ -182,8 +182,8 @@ def repeated(machine: Machine) -> Station:
     moving = any(machine.plan.held[c][1] for c in machine.plan.prescribed)
     if 'time' in machine.equations.system.outside or moving:
         raise InputError(
-            f'{machine.name}: time acts on it by loads or other drives, so that no turn is like '
-            'the other: there are no modes; look at its motion by solve'
+            f'{machine.name}: loads or other drives depend on time, so that no turn is like the '
+            'other: there are no modes; look at its motion by solve'
         )
     state, period, speed = _settled(machine)
     turns = FloquetMap(machine, state, speed)
@@ -239,8 +239,9 @@ def _settled(machine: Machine) -> tuple[State, float, float]:
                 return state, period, float(np.sign(way)) * 2.0 * np.pi / period
         duration *= 2.0
     raise InputError(
-        f'{machine.name}: its torque does not keep it turning, or its turns have not become alike '
-        f'after {turned:.3g}: look at its motion by solve, or start nearer to where it settles'
+        f'{machine.name}: its torque does not keep it turning, or it has not settled to '
+        f'repeating turns after {turned:.3g}: look at its motion by solve, or start nearer to '
+        'where it settles'
     )
 
 

@@ -240,8 +240,8 @@ def _period(machine: Machine, rates: Array, period: float | None) -> float:
     common = math.lcm(*(x.denominator for x in parts.values()))
     exact = all(abs(turns[x] - parts[x]) <= _EXACT * turns[x] for x in others)
     raise InputError(
-        f'{machine.name}: in a turn of {first}, {found:.9g} s, {c} makes {turns[c]:.9g} turns, so '
-        'that this is no period of both: '
+        f'{machine.name}: in a turn of {first}, {found:.9g} s, {c} makes {turns[c]:.9g} turns, '
+        'so that this is not a period of both: '
         + (
             f"give --period '{common * found!r} s', in which all drives make whole turns"
             if exact

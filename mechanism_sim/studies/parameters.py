@@ -82,9 +82,9 @@ def parameters(
     given = dict(limits or {})
     for name in given:
         if name not in names:
-            raise InputError(f"there are limits of '{name}', which is not to be found")
+            raise InputError(f"there are limits of '{name}', which is not varied")
     if len(set(names)) < len(names):
-        raise InputError(f'{", ".join(names)}: every parameter is found once only')
+        raise InputError(f'{", ".join(names)}: name every parameter once')
     content = machine.scene.to_document()
     found = []
     for name in names:

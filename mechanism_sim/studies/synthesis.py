@@ -348,7 +348,7 @@ def path_four_bars(path: TargetPath, transmission: float = 0.0) -> list[PathFour
     if not kept:
         raise InputError(
             'no four-bar with a turning crank and a transmission angle of at least '
-            f'{math.degrees(transmission):g} deg takes these points in their order'
+            f'{math.degrees(transmission):g} deg passes these points in their order'
         )
     small = _EXACT * size  # of those that are exact the one with the best transmission is first
     kept.sort(key=lambda one: (max(one.rms, small), -_worst(one.transmission)))

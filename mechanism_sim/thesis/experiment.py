@@ -620,5 +620,5 @@ def _check_start(one: Trial, other: Trial) -> None:
         raise InputError(
             f'{one.bag}: speed, clearance and bearing are those of {other.bag} '
             f'({one.condition}), but the machines differ in more than the angle of the crank at '
-            'the start: they are no runs of one experiment'
+            'the start: they are not runs of one experiment'
         )

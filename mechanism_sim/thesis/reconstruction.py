@@ -54,7 +54,7 @@ def angular_acceleration(
     gravity : of the world, for instruments that read acceleration less gravity; else 0
     """
     if at == 0.0:
-        raise InputError('a sensor in the joint of its link does not feel it turn')
+        raise InputError('a sensor in the joint of its link does not sense its rotation')
     ax, ay = np.zeros((2, 1)) if joint is None else joint
     carried = -np.sin(angle) * (ax - gravity[0]) + np.cos(angle) * (ay - gravity[1])
     return np.asarray((reading - carried) / at)

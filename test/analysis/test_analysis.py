@@ -478,7 +478,7 @@ def test_contradictory_motion_is_refused():
     assert crank_of([]).summary() is None
     (_, message), (_, other) = motion()
     other.coordinates = ['crank', 'slider']
-    with pytest.raises(InputError, match='change on the way'):
+    with pytest.raises(InputError, match='change during the recording'):
         crank_of([message, other])
 
 

@@ -49,7 +49,7 @@ def test_an_angle_of_the_drive_may_be_asked_for():
     turns = np.array([0.5, 1.25])
     found = run.columns(['position.crank'], turns=turns)
     assert found['position.crank'] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
-    with pytest.raises(InputError, match='at times or at turns'):
+    with pytest.raises(InputError, match='either times or turns'):
         run.columns(['position.crank'])
 
 

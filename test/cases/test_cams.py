@@ -577,7 +577,7 @@ WRONG = [
     ({'tangent': {'nose': '10 mm'}}, {}, "'joints.contact.law.tangent.lift' is missing"),
     ({**TANGENT, 'eccentric': '5 mm'}, {}, "exactly one of 'segments', 'points'"),
     (TANGENT, {'base_radius': None}, "'base_radius' is missing"),
-    (HOLLOW, {'roller': '40 mm'}, 'too hollow'),
+    (HOLLOW, {'roller': '40 mm'}, 'too concave'),
     ({'profile': {'edges': edges(0.0)[:3]}}, {'base_radius': None}, 'meets no other'),
     ({'profile': {'edges': [{'line': [[0, 0], [1, 1]], 'arc': [0, 0]}]}}, {}, "either 'line'"),
     ({'profile': {'edges': edges(0.0)}}, {'base_radius': '24 mm'}, 'base_radius = 0.024 m is not'),

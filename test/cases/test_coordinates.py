@@ -573,7 +573,9 @@ def test_what_cannot_start_so_is_answered_by_one_sentence(mistake):
 def test_an_angle_for_a_block_is_answered():
     scene = scene_of('scissor_lift_redundant')
     scene['guess']['carriage'] = '90 deg'
-    with pytest.raises(InputError, match='carriage slides along carriage_guide, which says how'):
+    with pytest.raises(
+        InputError, match='carriage slides along carriage_guide, which determines its angle'
+    ):
         made(scene)
 
 

@@ -178,7 +178,7 @@ def test_a_report_is_written_of_runs_of_every_form(tmp_path, monkeypatch):
     assert 'rms(drive_torque)' in ms.report(
         run, 'm.html', measures=['rms(drive_torque)']
     ).read_text(encoding='utf-8')
-    with pytest.raises(InputError, match='measures are of one run'):
+    with pytest.raises(InputError, match='measures apply to a single run'):
         ms.report(run, other=run, measures=['rms(drive_torque)'])
 
 
@@ -206,7 +206,7 @@ def test_a_machine_of_python_runs_as_nodes_and_comes_back_from_its_bag(tmp_path)
 @pytest.mark.parametrize(
     ('source', 'said'),
     [
-        (3, '3 is no scene: give a name, a path, YAML as text, a dictionary, a Scene or a'),
+        (3, '3 is not a scene: give a name, a path, YAML as text, a dictionary, a Scene or a'),
         (None, 'null is no scene'),
         ('pendulm', "there is no scene 'pendulm'; did you mean 'pendulum'?"),
         (Path('none.yaml'), "there is no scene file 'none.yaml'"),

@@ -628,7 +628,7 @@ HELD = {'fixed': ['arm.end', 'block']}
         ),
         (
             {'joints.c': {**DISCS, 'clearance': {'radial': '1 mm', 'restitution': 0.5}}},
-            'joints.c cannot have a clearance: links that touch part by themselves',
+            'joints.c cannot have a clearance: links in contact separate by themselves',
         ),
         (
             {

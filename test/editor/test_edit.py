@@ -612,7 +612,7 @@ def test_whatever_is_done_to_a_scene_it_stays_one_that_can_be_undone(name):
                 p for o in page.state['outline'] for p in o['parts']
             ]
         assert isinstance(documents.parse(page.text), dict)
-        assert 'that was no command of this page' not in page.said
+        assert 'that is not a command of this page' not in page.said
         assert all(strict_json.dumps(m) for m in page.heard)
         page.heard.clear()
     while page.state['undo']:

@@ -182,7 +182,7 @@ def test_the_command(tmp_path):
     for arguments, said in (
         (('--only', 'trian'), "did you mean 'train'"),
         (('--sample', '0'), '--sample must be at least 1'),
-        (('train',), "'train' is one word too many"),
+        (('train',), "'train' is one argument too many"),
     ):
         done = run(*arguments, program=main)
         assert done.returncode == 2

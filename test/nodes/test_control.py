@@ -294,7 +294,7 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     assert found['statuses']['crank_drive'][3]['announced [s]'] == '0.3'
     assert found['statuses']['recorder'][3]['bag'] == str(bag)
     balance = found['statuses']['linkage'][3]
-    assert abs(float(balance['missing in the energy balance [J]'])) < 1e-9
+    assert abs(float(balance['residual of the energy balance [J]'])) < 1e-9
     with bag.open('rb') as file:  # read by another's reader
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         messages = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]

@@ -467,13 +467,13 @@ def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(a
         assert box.locator('small').inner_text() == 'restarting …'
     run.controls[path] = run.controls[path].at(1e-3 * asked.value)
     run.server.send(run.stage())
-    box.get_by_text('begins the run anew').wait_for()
+    box.get_by_text('restarts the run').wait_for()
     shown = math.log(asked.value / 0.0254) / math.log(100.0)
     assert float(slider.input_value()) == pytest.approx(1e3 * shown, abs=1.0)
     slide(run.tab, path, 900)
     assert run.command().value > asked.value
     run.server.send({'type': 'message', 'text': 'no such thing', 'path': path})
-    box.get_by_text('begins the run anew').wait_for()
+    box.get_by_text('restarts the run').wait_for()
     assert float(slider.input_value()) == pytest.approx(1e3 * shown, abs=1.0)
     assert run.tab.complaints == []
 

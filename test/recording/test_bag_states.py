@@ -230,10 +230,10 @@ EXPECTED = {
     'late': dict.fromkeys(READERS, '')
     | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'animate -o x.wav': 'nothing to hear', 'thesis experiment': 'whole turns of crank'},
+    | {'animate -o x.wav': 'there is no sound', 'thesis experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
     | {
-        'animate -o x.wav': 'nothing to hear',
+        'animate -o x.wav': 'there is no sound',
         'thesis experiment': 'the experiment is that of a four_bar',
     },
 }
@@ -331,8 +331,8 @@ def test_damaged_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     for source in (file, file.parent):
         done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        words = {'thesis experiment': '', 'bag recover': 'is no MCAP file: ros2 bag itself'}
-        assert words.get(reader, 'is no SQLite bag, or damaged') in done.stderr
+        words = {'thesis experiment': '', 'bag recover': 'is not an MCAP file: ros2 bag itself'}
+        assert words.get(reader, 'is not an SQLite bag, or damaged') in done.stderr
 
 
 @pytest.mark.network

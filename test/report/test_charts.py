@@ -228,7 +228,7 @@ def test_energy_and_solver_agree_with_the_solution(loose, found, charts):
     assert rows['steps'] == f'{solution.stats.steps}'
     assert rows['impacts'] == f'{len(solution.impacts)}'
     assert rows['largest error of a closure'] == f'{solution.max_closure_error:.3g} m'
-    told = float(rows['energy missing at the end'].removesuffix(' J'))
+    told = float(rows['energy error at the end'].removesuffix(' J'))
     assert told == pytest.approx(solution.energy.residual, abs=1e-15)
 
 

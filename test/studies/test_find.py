@@ -162,7 +162,7 @@ def test_more_keys_than_goals_give_one_of_many():
     assert found.reached
     w, a = found.values.values()
     assert 0.5 * w + 2.0 * 9.81 * a == pytest.approx(10.0, rel=1e-8)
-    assert 'one of many: 2 keys are varied for 1 measure' in text(found)
+    assert 'one of many solutions: 2 keys are varied for 1 measure' in text(found)
 
 
 def test_a_goal_beyond_the_limits_is_not_reached():
@@ -395,8 +395,8 @@ def test_the_optimum_of_a_press_is_that_of_a_grid():
         (('--subject-to', 'mean(drive_torque)'), 'write MEASURE < VALUE'),
         (('--subject-to', '1 < mean(drive_torque) < 2'), 'write MEASURE < VALUE'),
         (('--subject-to', 'mean(drive_torque) < 2 m'), 'the wanted value 2 m'),
-        (('--subject-to', 'mean(drive_torque) < range(t)'), 'are no like units'),
-        (('--restart',), 'goes with a table'),
+        (('--subject-to', 'mean(drive_torque) < range(t)'), 'the units differ in kind'),
+        (('--restart',), 'needs a table'),
         (('-o', 'a.doc'), 'the ending must be .yaml'),
         (('-o', 'a.csv', '-o', 'b.npz'), 'are of one kind'),
     ],

@@ -370,7 +370,7 @@ def test_a_heavy_frame_moves_as_if_it_did_not_move_the_machine(tmp_path):
         ({'mass': -1.0}, 'mass'),
         ({'mass': 1e-14}, 'natural frequency'),
         ({'joints': ['rocker_grund']}, "did you mean 'rocker_ground'"),
-        ({'joints': ['crank_coupler']}, 'no joint of the ground'),
+        ({'joints': ['crank_coupler']}, 'not a joint of the ground'),
         ({'springs': {}}, "unknown key 'oscillators.frame.springs'"),
     ],
 )

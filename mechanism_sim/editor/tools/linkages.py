@@ -48,7 +48,7 @@ def _slider(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     if handle is None or GROUND in (pin[0], *(x for x, _ in handle.members if gone)):
         raise InputError(
             'a slider is put on the free end of a link, or on a pin of two links: press there, '
-            'drag its way'
+            'drag along its guide'
         )
     at, own = handle.at, referred(*pin)
     axis = _round_axis(at, end.at) if math.dist(at, end.at) > sketch.grid.step else 0.0
@@ -100,8 +100,8 @@ register(
         'slider',
         'S',
         'M3 5h10v6H3zM0 12.5h16V14H0z',
-        'Press on the free end of a link, drag along the rail; let go on another link, or press '
-        'on a pin of both, and the rail is on that',
+        'Press on the free end of a link, drag along the rail; release on another link, or '
+        'press on a pin of both, and the rail is on that',
         _slider,
         'band',
     ),
@@ -183,7 +183,7 @@ register(
         'rotor',
         'Z',
         'M7 1h2v14H7zM1 7h14v2H1zm3-3h8v8H4z',
-        'Click: an unbalanced disk on a support that gives way',
+        'Click: an unbalanced disk on a compliant support',
         _disk,
     ),
 )

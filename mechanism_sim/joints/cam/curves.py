@@ -125,7 +125,7 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
     try:
         return from_spline(scipy.interpolate.CubicSpline(x, y, bc_type=ends))
     except ValueError as error:
-        raise InputError(f'no spline goes through these points: {error}') from error
+        raise InputError(f'no spline passes through these points: {error}') from error
 
 
 class BoundaryCondition(NamedTuple):

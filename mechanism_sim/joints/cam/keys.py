@@ -82,7 +82,7 @@ class ConditionPart(Part):
     """Conditions on a polynomial at a place of its segment."""
 
     at: Way
-    """Place, counted as `from` and `to`."""
+    """Position within the segment, counted as `from` and `to`."""
     lift: Rise | None = None
     """Displacement of the follower since the beginning of the segment."""
     velocity: Rise | None = None
@@ -106,11 +106,11 @@ class SegmentPart(Part):
     rise: Rise = QuantityValue(0.0, '')
     """Of the follower, negative for a return; 0 is a dwell."""
     curve: Curve = 'cycloidal'
-    """How it gets there."""
+    """Law of the segment."""
     conditions: tuple[ConditionPart, ...] = ()
-    """Of a polynomial: its degree is one less than their number, with those of its two ends."""
+    """Conditions of a polynomial, of degree one less than their number with those at both ends."""
     points: tuple[tuple[float, float], ...] = ()
-    """Of a spline, from [0, 0] to [1, 1]."""
+    """Points of a spline, from [0, 0] to [1, 1]."""
     ends: Literal['clamped', 'natural', 'not-a-knot'] = 'clamped'
     """Of a spline."""
 
@@ -134,16 +134,16 @@ class NosePart(Part):
     nose: Length
     """Radius of the nose."""
     lift: Length
-    """How far the nose stands out beyond the base circle."""
+    """Height of the nose above the base circle."""
     at: Angle | None = None
-    """Angle of the cam at the nose; without it the rise begins at 0."""
+    """Angle of the cam at the nose; if not given, the rise begins at 0."""
 
 
 class FlankPart(NosePart):
     """A cam of a base circle and a round nose, joined by arcs."""
 
     flank: Position
-    """Radius of the flanks; negative if they are hollow."""
+    """Radius of the flanks; negative if they are concave."""
 
 
 Point = tuple[Position, Position]
@@ -182,7 +182,7 @@ class ProfilePart(Part):
     degree: Literal[3, 5, 7] = 5
     """Of the spline through these points."""
     error: Displacement = 0.0
-    """Standard deviation of measured distances: the spline is smooth, and so far off."""
+    """Standard deviation of measured distances, by which the spline is smoothed."""
     edges: tuple[EdgePart, ...] = ()
     """Instead: lines and arcs, which meet without corners; in any order. Or `file` names a drawing
     (DXF) beside the scene, `layer` one of its layers, and `units` its unit, if it says none.
@@ -208,9 +208,9 @@ class LawPart(Part):
     degree: Literal[1, 3, 5, 7] = 5
     """Of the spline through these points."""
     error: Rise | None = None
-    """Standard deviation of measured displacements: the spline is smooth, and so far off."""
+    """Standard deviation of measured displacements, by which the spline is smoothed."""
     eccentric: Length | None = None
-    """Instead: the cam is a circle, so far off the camshaft."""
+    """Instead: eccentricity of a circular cam."""
     tangent: NosePart | None = None
     """Instead: a base circle and a round nose, joined by tangents."""
     arcs: FlankPart | None = None
@@ -238,15 +238,15 @@ class LiftOffPart(Part):
     """A follower that leaves the cam and strikes it again."""
 
     restitution: Coefficient
-    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    """Coefficient of restitution: 0 without rebound, 1 without loss."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works."""
+    """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient."""
+    """Coefficient of Coulomb friction."""
     pin_radius: Radius = 0.0
     """Of the pin on which a roller turns; required with friction of one."""
     contact: Contact | None = None
-    """A law of force instead of a rigid contact."""
+    """A contact force law instead of a rigid contact."""
 
 
 class GroovePart(Part):
@@ -257,13 +257,13 @@ class GroovePart(Part):
     restitution: Coefficient | None = None
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works."""
+    """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient, on the pin of the roller."""
+    """Coefficient of Coulomb friction, on the pin of the roller."""
     pin_radius: Radius = 0.0
     """Of that pin; required with friction."""
     contact: Contact | None = None
-    """A law of force instead of rigid walls."""
+    """A contact force law instead of rigid walls."""
 
 
 @KINDS.add('cam')
@@ -335,8 +335,8 @@ class CamKeys(PhaseKeys):
         if joint.name not in machine.plan.clearances and not isinstance(joint, GroovePair):
             notes.append(
                 f'{name}: always in contact, so that the cam pulls its follower where the force '
-                "is negative; with 'lift_off' it would part (the command lift-off says from which "
-                'speed)'
+                "is negative; with 'lift_off' it would separate ('mechanism-sim find "
+                "--lift-off' gives the speed)"
             )
         pressure = math.degrees(cam.largest_pressure_angle)
         limit = LARGEST_PRESSURE[joint.distance.swings]

@@ -103,9 +103,7 @@ class Diagram(PiecewiseLaw):
         if not all(math.isfinite(v) for s in segments for v in (s.start, s.end, s.rise)):
             raise InputError('angles and rises of a displacement diagram are finite numbers')
         if not reciprocating and abs(sum(rises)) > 1e-12 * max(map(abs, rises)):
-            raise InputError(
-                f'the follower does not come back: its rises add up to {sum(rises):g}'
-            )
+            raise InputError(f'the follower does not return: its rises add up to {sum(rises):g}')
         levels = np.cumsum([0.0, *rises])
         levels -= levels.min()
         self.segments = tuple(segments)

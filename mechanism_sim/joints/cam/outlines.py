@@ -224,7 +224,7 @@ def _fitted(
             worst = float(np.degrees(angle[:, 1:][back][0])) % 360.0
             raise InputError(
                 f'the follower cannot touch all of the profile: near {worst:.4g} deg of the cam '
-                'it is too hollow'
+                'it is too concave'
             )
         first = angle[:, :1]
         width = np.remainder(angle[:, -1] - angle[:, 0], TURN)
@@ -279,8 +279,8 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     d = base + lift - nose
     if not 0.0 < nose < base + 0.5 * lift or d <= 0.0:
         raise InputError(
-            f'a nose of {1e3 * nose:g} mm does not fit a base circle of {1e3 * base:g} mm and a '
-            f'lift of {1e3 * lift:g} mm: make it smaller'
+            f'a nose radius of {1e3 * nose:g} mm does not fit a base circle of {1e3 * base:g} mm '
+            f'and a lift of {1e3 * lift:g} mm: make it smaller'
         )
     if math.isinf(flank):
         cosine = (base - nose) / d
@@ -289,7 +289,7 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     if not -1.0 < cosine < 1.0:
         raise InputError(
             f'flanks of {1e3 * flank:g} mm do not touch both a base circle of {1e3 * base:g} mm '
-            f'and a nose of {1e3 * nose:g} mm that lifts by {1e3 * lift:g} mm'
+            f'and a nose radius of {1e3 * nose:g} mm that lifts by {1e3 * lift:g} mm'
         )
     half = math.acos(cosine)
     middle = half if at is None else at

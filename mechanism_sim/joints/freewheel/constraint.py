@@ -31,7 +31,7 @@ class Freewheel(Transmission):
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
 
-    parts: ClassVar[str] = 'clutch that holds one way'
+    parts: ClassVar[str] = 'one-way clutch'
 
     sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
     teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel

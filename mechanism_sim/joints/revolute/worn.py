@@ -348,7 +348,7 @@ def worn_shape(
         why = (
             'of a pin and a bushing that are both worn, one must be nearly round'
             if both
-            else 'its grooves are too narrow for the pin; more harmonics follow it nearer'
+            else 'its grooves are too narrow for the pin; more harmonics approximate it better'
         )
         raise ValueError(
             f'has a profile that is off by {error:.3g} m where pin and bushing touch, allowed are '

@@ -32,7 +32,7 @@ class WormKeys(SpatialKeys):
     hand: Literal['right', 'left'] | None = None
     """Of a worm, right without it: then its wheel turns the same way, each seen on its axis."""
 
-    firm = 'a worm has no play here'
+    firm = 'the backlash of a worm is not modelled'
     rubs_by = (), False
 
     def read(self, names: Names, name: str) -> WormDrive:

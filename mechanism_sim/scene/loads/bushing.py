@@ -48,7 +48,7 @@ class BushingPart(ElementKeys):
     damping: BushingDamping = BushingDamping()
     """Against the rates of all three."""
     free_angle: Annotated[float, si('rad')] = 0.0
-    """At which it turns nothing."""
+    """Angle without torque."""
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
         """Its force, and its moment."""

@@ -95,10 +95,10 @@ class Encoder(DirectSource):
 
 @SENSORS.add('encoder')
 class EncoderKeys(BetweenKeys):
-    """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
+    """An incremental encoder with two tracks, sampled at `sample_rate`."""
 
     lines: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1024
-    """In a turn; four counts each."""
+    """Lines per turn; four counts each."""
     index: Angle | None = None
     """Angle of the index line: counts are from there once it has passed, else from the start."""
 

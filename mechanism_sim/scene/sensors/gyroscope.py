@@ -11,7 +11,7 @@ from mechanism_sim.sensing.imu import Attitude
 
 @SENSORS.add('gyroscope')
 class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
-    """A gyroscope; at an impact what it reads jumps."""
+    """A gyroscope; its reading jumps at an impact."""
 
     at: Offset = 0.0
     """From the link's origin; counts on elastic links, which turn with their cross-sections."""

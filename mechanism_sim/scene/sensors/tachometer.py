@@ -57,10 +57,10 @@ class Tachometer(DirectSource):
 
 @SENSORS.add('tachometer')
 class TachometerKeys(BetweenKeys):
-    """A pickup that marks of a link pass; the samples are a speed without a sign."""
+    """A pickup that senses marks of a link; the samples are a speed without a sign."""
 
     pulses: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
-    """In a turn: marks at equal angles, one on the link's x axis."""
+    """Pulses per turn: marks at equal angles, one on the link's x axis."""
 
     reads = 'angular_velocity'
     does = 'a tachometer times'
