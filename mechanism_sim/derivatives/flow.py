@@ -16,8 +16,9 @@ from mechanism_sim.derivatives.influences import (
     NUMBERS,
     Influence,
     LawTable,
+    behind,
     built_in,
-    nothing,
+    influences,
     own,
 )
 from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
@@ -32,9 +33,16 @@ from mechanism_sim.scene import Machine
 _MEMORY = 2e6  # numbers in the equations that are solved at once
 _MOST = 1024  # segments
 
-_CHATTER = (
+CHATTER = (
     'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
     'closed from this impact on'
+)
+"""Of a limit where a chatter is ended."""
+
+
+_SEATED = (
+    'this key pushes a contact that is closed at the start; derivatives are those of a contact '
+    'that stays closed'
 )
 
 
@@ -73,6 +81,7 @@ class Flow:
     impacts : (i, len(NUMBERS), P)
     final : (2f + s, P) of free coordinates, their rates, states at the end
     limits : in the order of time
+    begun : limits at the start by the column of a key, that of one that ends being not a number
     """
 
     coefficients: Array
@@ -82,6 +91,7 @@ class Flow:
     impacts: Array
     final: Array
     limits: tuple[DerivativeLimit, ...]
+    begun: dict[int, DerivativeLimit]
 
 
 class Flows:
@@ -92,7 +102,7 @@ class Flows:
     machine : whose equations are integrated
     influence : derivatives (..., P) of what its runs are made of
     end : [s] up to which its laws are asked for
-    keys : by whose values the derivatives are
+    keys : by whose values the derivatives are, None for a number of the start
     """
 
     def __init__(
@@ -100,7 +110,7 @@ class Flows:
         machine: Machine,
         influence: Influence,
         end: float,
-        keys: Sequence[NumericKey] = (),
+        keys: Sequence[NumericKey | None] = (),
     ) -> None:
         physics = machine.physics
         assert isinstance(physics, DynamicPhysics)  # noqa: S101 - its equations are integrated
@@ -117,7 +127,7 @@ class Flows:
             moved |= {i for i, m in zip(symbols, _moves(columns), strict=True) if m}
         beside = {}
         for column, key in enumerate(keys):
-            if built_in(key):
+            if key and built_in(key):
                 others = [m.physics for m in key.beside]
                 known = [LinearEquations(x, []) for x in others if isinstance(x, DynamicPhysics)]
                 beside[column] = key.step, known
@@ -127,19 +137,24 @@ class Flows:
         self.width = len(self.free) + len(system.states)
 
     @classmethod
-    def by_state(cls, machine: Machine, end: float) -> Flows:
-        """Derivatives by the 2f + s numbers of a state at the start of runs up to `end` [s]."""
-        return cls(machine, nothing(own(machine, end), machine.equations.system.width), end)
+    def by_state(cls, machine: Machine, end: float, keys: Sequence[NumericKey] = ()) -> Flows:
+        """Derivatives by the 2f + s numbers of a state at the start of runs up to `end` [s].
+
+        Those by P `keys` at a fixed start are the columns behind them.
+        """
+        width = machine.equations.system.width
+        known = behind(influences(machine, keys, end), width)
+        return cls(machine, known, end, [*[None] * width, *keys])
 
     def transition(
         self, motion: Motion, impacts: Sequence[Impact]
     ) -> tuple[Array, tuple[DerivativeLimit, ...]]:
-        """State transition matrix (2f + s, 2f + s) of a motion, and where it has limits.
+        """State transition matrix (2f + s, 2f + s + P) of a motion, and where it has limits.
 
         Rows are free coordinates, their rates and states of first order at the end, columns those
-        at the start. Directions that a closed contact or loop forbids decay to nothing.
+        at the start and P keys. Directions that a closed contact or loop forbids decay to nothing.
         """
-        flow = self.along(motion, impacts, np.eye(self.count))
+        flow = self.along(motion, impacts, np.eye(self.system.width, self.count))
         return flow.final, flow.limits
 
     def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:
@@ -234,6 +249,7 @@ class _Walk:
         self._approaches = np.full((m, len(self._approach), flows.count), np.nan)
         self._logged = np.full((len(impacts), len(NUMBERS), flows.count), np.nan)
         self._limits: list[DerivativeLimit] = []
+        self._begun: dict[int, DerivativeLimit] = {}
         self._struck = self._by_segment()
 
     def _by_segment(self) -> dict[int, list[int]]:
@@ -256,11 +272,35 @@ class _Walk:
         ends = np.append(np.flatnonzero(self._moved), m)
         known = np.concatenate([self._shift[ends[:-1]], np.zeros((1, self._of.count))])
         times = np.append(curve.start, curve.end)[ends]
-        shift = np.array([np.interp(curve.start, times, x) for x in known.T])
-        return Flow(
-            self._coefficients, self._states, shift.reshape(-1, m).T, self._approaches,
-            self._logged, self._state, tuple(self._limits),
+        shift = np.array([np.interp(curve.start, times, x) for x in known.T]).reshape(-1, m).T
+        found = (
+            self._coefficients, self._states, shift, self._approaches, self._logged, self._state
         )  # fmt: skip
+        for x in found:
+            x[..., [p for p, limit in self._begun.items() if limit.ends]] = np.nan
+        return Flow(*found, tuple(self._limits), self._begun)
+
+    def _begin(self) -> None:
+        """Derivatives at the start where keys change contacts or switches there."""
+        of, f, t = self._of, len(self._of.free), float(self._motion.curve.start[0])
+        at = of.equations.points(self._motion, np.array([0]), np.zeros(1), damped=False)
+        side, modes = self._side(at, of.equations.slopes(at), 0), self._motion.modes[0].tolist()
+        laws = [[_derivative(x[:1], 0.0, order) for order in range(3)] for x in self._laws]
+        x = self._variation(0, laws)
+        for p, others in enumerate(of.influence.begun):
+            closed = {i for now, _ in others for i, mode in enumerate(now) if mode != modes[i]}
+            if not others:
+                continue
+            where = ', '.join(of.system.gaps[i].name for i in sorted(closed))
+            text, ends = _SEATED, False
+            try:
+                of.jumps.begin(side, others)
+                if closed:
+                    self._state[f : 2 * f, p] = of.jumps.seated(side, x, modes, p)
+            except NoDerivativeError as error:
+                text, ends = f'{error}; there are no derivatives by it', True
+            if closed or ends:
+                self._begun[p] = DerivativeLimit(t, where, text, ends)
 
     def _chunk(self, first: int, last: int) -> bool:
         """Segments `first` to `last - 1` and the events at their ends; False at a limit."""
@@ -272,6 +312,8 @@ class _Walk:
         self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
         begun = curve.start[k] + curve.start_low[k]
         self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
+        if not first and any(of.influence.begun):
+            self._begin()
         h = curve.duration[k, None]
         self._ends = [[_derivative(x, h, order) for order in range(3)] for x in self._laws]
         count, w = len(k), of.width
@@ -352,7 +394,7 @@ class _Walk:
     def _jump(self, k: int, j: int, before: Side, after: Side) -> bool:
         """Take derivatives across the event at the start of segment k; False if there are none."""
         of, t = self._of, float(self._motion.curve.start[k])
-        x = self._variation(j)
+        x = self._variation(j, self._ends)
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
         where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
@@ -371,16 +413,16 @@ class _Walk:
         for i, row in zip(struck, found.impacts, strict=False):
             self._logged[i] = row
         chatters = [i.joint for i in impacts if i.ends_chatter]
-        self._limits += [DerivativeLimit(t, joint, _CHATTER, False) for joint in chatters]
+        self._limits += [DerivativeLimit(t, joint, CHATTER, False) for joint in chatters]
         return True
 
-    def _variation(self, j: int) -> Variation:
-        """Derivatives at the end of the j-th segment of the chunk."""
+    def _variation(self, j: int, laws: Sequence[Sequence[Array]]) -> Variation:
+        """Derivatives at the j-th of some points of the chunk, with those of prescribed motion."""
         of, system = self._of, self._of.system
         n, f, P = len(system.coordinates), len(of.free), of.count
         q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
         q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
-        for m, (i, ends) in enumerate(zip(system.prescribed_index, self._ends, strict=True)):
+        for m, (i, ends) in enumerate(zip(system.prescribed_index, laws, strict=True)):
             q[i], v[i], a_p[m] = (x[j] for x in ends)
         parameters = self._given[j].copy()
         for m, i in enumerate(system.parameters.approach):

@@ -21,6 +21,9 @@ from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law
 from mechanism_sim.planar.endless_laws import unrolled
 from mechanism_sim.scene import Machine
 
+_Begun = tuple[tuple[int, ...], tuple[int, ...]]
+"""Modes of contacts, rows of switches."""
+
 NUMBERS = tuple(n for n in Impact._fields if n not in ('joint', 'ends_chatter'))
 """Fields of an impact that have derivatives."""
 
@@ -45,13 +48,19 @@ class Influence(NamedTuple):
     friction: Array  #: (m,)
     approach: Array  #: (a,) [m/s] of compliant contacts that touch at the start
     rows: list[Array]  #: (rows, symbols) of every switch
+    begun: list[
+        set[_Begun]
+    ]  #: by key: contacts and switches of other starts, where it changes them
 
 
 def influences(machine: Machine, keys: Sequence[NumericKey], end: float) -> Influence:
     """Derivatives (..., P) of all that a run up to a time [s] is made of, by P keys."""
-    base = _Parts(machine, end)
-    columns = [differences(key, base.of, base.values) for key in keys]
-    return base.split(np.array(columns).reshape(len(keys), len(base.values)).T)
+    base, columns, begun = _Parts(machine, end), [], []
+    for key in keys:
+        base.others = set()
+        columns.append(differences(key, base.of, base.values))
+        begun.append(base.others)
+    return base.split(np.array(columns).reshape(len(keys), len(base.values)).T, begun)
 
 
 def built_in(key: NumericKey) -> bool:
@@ -63,19 +72,20 @@ def built_in(key: NumericKey) -> bool:
 def own(machine: Machine, end: float) -> Influence:
     """The numbers themselves."""
     base = _Parts(machine, end)
-    return base.split(base.values)
+    return base.split(base.values, [])
 
 
-def nothing(known: Influence, count: int) -> Influence:
-    """Derivatives of such numbers by `count` keys on which none depends."""
+def behind(known: Influence, count: int) -> Influence:
+    """Derivatives by `count` keys on which none of the numbers depends, then the known ones."""
 
-    def zeros(x: Array) -> Array:
-        return np.zeros((*x.shape, count))
+    def wide(x: Array) -> Array:
+        return np.pad(x, [*[(0, 0)] * (x.ndim - 1), (count, 0)])
 
-    laws = [LawTable(*map(zeros, table)) for table in known.laws]
-    rows, e, mu = [zeros(x) for x in known.rows], zeros(known.restitution), zeros(known.friction)
-    parameters, start, approach = map(zeros, (known.parameters, known.start, known.approach))
-    return Influence(parameters, start, laws, e, mu, approach, rows)
+    laws = [LawTable(*map(wide, table)) for table in known.laws]
+    rows, e, mu = [wide(x) for x in known.rows], wide(known.restitution), wide(known.friction)
+    parameters, start, approach = map(wide, (known.parameters, known.start, known.approach))
+    begun = [*(set() for _ in range(count)), *known.begun]
+    return Influence(parameters, start, laws, e, mu, approach, rows, begun)
 
 
 class _Parts:
@@ -86,7 +96,9 @@ class _Parts:
         self._driven = [*plan.prescribed, *plan.powered]
         self._laws = [plan.laws_until(c, end) for c in self._driven]
         self._names = _names(self._system)
-        self._begun: tuple[object, ...] | None = None
+        self._begun: _Begun | None = None
+        self._rubbing: tuple[float, ...] = ()
+        self.others: set[_Begun] = set()
         self._shapes: list[tuple[int, ...]] = []
         self.values = self.of(machine)
 
@@ -100,11 +112,14 @@ class _Parts:
         turned = np.array(state.q) + 2.0 * np.pi * np.array(state.turns, dtype=float)
         scaled = [x * s.scale for x, s in zip(state.states, system.states, strict=True)]
         snapshot = run.snapshot()
-        begun = snapshot.modes, snapshot.switches, snapshot.rubbing
-        self._begun = self._begun or begun
+        begun = snapshot.modes, snapshot.switches
+        self._begun, self._rubbing = self._begun or begun, self._rubbing or snapshot.rubbing
         if begun != self._begun:
+            self.others.add(begun)
+        if snapshot.rubbing != self._rubbing:
             raise InputError(
-                f'{machine.name}: contacts at the start come and go with this key: no derivative'
+                f'{machine.name}: joints with friction that rest at the start slip with another '
+                'value of this key: no derivative'
             )
         parts = [
             system.parameters.values,
@@ -133,7 +148,7 @@ class _Parts:
             tables.append(LawTable(np.array(starts), np.array(numbers)))
         return tables
 
-    def split(self, values: Array) -> Influence:
+    def split(self, values: Array, begun: list[set[_Begun]]) -> Influence:
         """The parts of vectors (n, ...)."""
         parts, at = [], 0
         for shape in self._shapes:
@@ -143,7 +158,7 @@ class _Parts:
         count = 2 * len(self._driven)
         laws = [LawTable(*parts[2 + k : 4 + k]) for k in range(0, count, 2)]
         e, mu, approach, *rows = parts[2 + count :]
-        return Influence(parts[0], parts[1], laws, e, mu, approach, rows)
+        return Influence(parts[0], parts[1], laws, e, mu, approach, rows, begun)
 
 
 def _names(system: System) -> list[str]:

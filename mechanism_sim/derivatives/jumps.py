@@ -10,7 +10,7 @@ Calculation of Lyapunov exponents for dynamic systems with discontinuities, Chao
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
 from mechanism_sim.derivatives.influences import NUMBERS, Influence
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.events import Impact, Mode
 
 _ALIKE = 1e-7  # of the largest: what differs by less is equal
 _SMALL = 1e-9
@@ -189,6 +189,53 @@ class Jumps:
         old, new = (self._terms(side, asked).values for side in (before, after))
         if (old * new >= -((_SMALL * np.abs([old, new]).max()) ** 2)).any():
             raise NoDerivativeError('a load switches at the same instant')
+
+    # --- starts -------------------------------------------------------------------------------
+
+    def begin(self, side: Side, others: Iterable[tuple[tuple[int, ...], tuple[int, ...]]]) -> None:
+        """Refuse other starts by their modes and rows, if they make another beginning of this."""
+        size = max(np.abs(side.rates).max(initial=0.0), np.abs(side.at.v).max() ** 2)
+        for modes, rows in others:
+            if (~self._closed(side) & (np.array(modes, dtype=int) > Mode.FREE_FLIGHT)).any():
+                raise NoDerivativeError('it closes a contact that is open at the start')
+            pars = side.at.parameters.copy()
+            index = self._system.parameters.switches
+            for switch, symbols, row in zip(self._system.switches, index, rows, strict=True):
+                pars[symbols, 0] = switch.values(row)
+            rates = self._eq.slopes(side.at._replace(parameters=pars)).rate[:, 0]
+            if np.abs(rates - side.rates).max(initial=0.0) > _SMALL * size:
+                raise NoDerivativeError('a load begins with another part at the start')
+
+    def seated(self, side: Side, x: Variation, modes: Sequence[int], key: int) -> Array:
+        """Rates (f,) of free coordinates by a key, after blows that keep closed contacts closed.
+
+        A small rate out of a contact that is pressed ends in a chatter about as short as it is
+        small, whatever the restitution below 1: its impulse is that of a plastic impact.
+        """
+        closed, m, f = [i for i, x in enumerate(modes) if x], len(self._names), len(self._free)
+        if self._system.compliant or (self._e[closed] == 1.0).any():
+            raise NoDerivativeError('it changes the contacts with which the motion begins')
+        z, t, rough = self._differential(x), len(closed), self._rows > m
+        own = closed + ([m + i for i in closed] if rough else [])
+        n, terms = len(own), self._terms(side, self._unit_terms(tuple(closed), tuple(own)))
+        moved, A = terms.moved(z), terms.values[2 * t + n : 2 * t + n + n * n].reshape(n, n)
+        W = terms.values[2 * t + n + n * n :][: n * f].reshape(n, f)
+        opens = np.abs(moved[:t, key]).max() > _SMALL * np.abs(z[: len(x.q), key]).max()
+        if opens:
+            raise NoDerivativeError('it opens a contact that is closed at the start')
+        held = [*range(t)]  # what impulses act on, each along its column of `along`
+        along = np.eye(n)
+        for k, i in enumerate(closed if rough else ()):
+            if modes[i] == Mode.STICKING:
+                held.append(t + k)
+            elif modes[i] in (Mode.SLIDING_FORWARD, Mode.SLIDING_BACKWARD):
+                along[t + k, k] = self._mu[i] * (
+                    1.0 if modes[i] == Mode.SLIDING_BACKWARD else -1.0
+                )
+        along = along[:, held]
+        rate = moved[2 * t : 2 * t + n][held]
+        impulse = -along @ np.linalg.solve((A @ along)[held], rate[:, key])
+        return np.asarray(x.v[self._free, key] + impulse @ W)
 
     # --- impacts ------------------------------------------------------------------------------
 

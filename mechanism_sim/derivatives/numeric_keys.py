@@ -58,41 +58,56 @@ class NumericKey:
 
     @cached_property
     def beside(self) -> list[Machine]:
-        """Machines with the values at `OFFSETS`."""
-        return [self.at(self.value + x * self.step) for x in OFFSETS]
+        """Machines with the values at `OFFSETS`, which can all begin."""
+        found = [self.at(self.value + x * self.step) for x in OFFSETS]
+        if self.machine.level.dynamic:
+            for machine in found:
+                machine.initial_state()
+        return found
 
 
 def numeric_keys(machine: Machine, paths: Sequence[str]) -> list[NumericKey]:
     """The numbers of a scene by their paths; InputError if one is none."""
     if isinstance(paths, str):
         raise InputError(f"derivatives: give a list of paths, as ['{paths}']")
-    numbers = dict(_numbers(machine.scene.to_document(exclude=_SILENT)))
+    leaves = dict(_leaves(machine.scene.to_document(exclude=_SILENT)))
     found = []
     for path in dict.fromkeys(paths):
-        value, unit = numbers[path] if path in numbers else _at_start(machine, path, numbers)
+        value, unit = (
+            _quantity(leaves[path]) if path in leaves else _at_start(machine, path, leaves)
+        )
+        if not _is_number(value) or isinstance(value, int):
+            kind = 'a whole number' if isinstance(value, int) else 'no number'
+            raise InputError(f"{machine.name}: '{path}' is {kind}, without a derivative")
         found.append(_stepped(machine, path, value, unit))
     return found
 
 
-def _numbers(content: Any, path: str = '') -> Iterator[tuple[str, tuple[float, str]]]:
-    """Paths, values and units of all numbers in a document."""
+def _leaves(content: Any, path: str = '') -> Iterator[tuple[str, Any]]:
+    """Paths and values of all that a document holds, quantities as value and unit."""
+    parts: Any = ()
     if isinstance(content, Mapping):
-        for key, value in content.items():
-            yield from _numbers(value, f'{path}.{key}' if path else str(key))
-    elif isinstance(content, tuple | list):
-        if len(content) == 2 and isinstance(content[1], str) and _is_number(content[0]):
-            yield path, (float(content[0]), content[1])
-    elif _is_number(content) and not isinstance(content, int):
-        yield path, (float(content), '')
+        parts = content.items()
+    elif isinstance(content, tuple | list) and _quantity(content) == (content, ''):
+        parts = enumerate(content)
+    elif content is not None:
+        yield path, content
+    for key, value in parts:
+        yield from _leaves(value, f'{path}.{key}' if path else str(key))
+
+
+def _quantity(leaf: Any) -> tuple[Any, str]:
+    """Value and unit."""
+    if isinstance(leaf, tuple | list) and len(leaf) == 2 and isinstance(leaf[1], str):
+        return leaf if _is_number(leaf[0]) else (leaf, '')
+    return leaf, ''
 
 
 def _is_number(x: Any) -> bool:
     return isinstance(x, float | int) and not isinstance(x, bool) and math.isfinite(x)
 
 
-def _at_start(
-    machine: Machine, path: str, numbers: Mapping[str, tuple[float, str]]
-) -> tuple[float, str]:
+def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[float, str]:
     """A coordinate or a rate at the start that the scene does not give: as it starts."""
     begin, _, coordinate = path.rpartition('.')
     which = {'initial.position': 0, 'initial.velocity': 1}.get(begin)
@@ -102,7 +117,11 @@ def _at_start(
         straight = coordinate in machine.mechanism.displacements
         unit = ('m' if straight else 'rad') + ('/s' if which else '')
         return (state.q, state.v)[which][i], unit
-    known = [*numbers, *(f'initial.{x}.{c}' for x in ('position', 'velocity') for c in free)]
+    if own := next((x for x in leaves if x.startswith(f'{path}.')), None):
+        raise InputError(
+            f"{machine.name}: '{path}' holds several values: give the path of a number, as '{own}'"
+        )
+    known = [*leaves, *(f'initial.{x}.{c}' for x in ('position', 'velocity') for c in free)]
     raise InputError(
         f"{machine.name}: '{path}' is no number of the scene that its motion depends on"
         f'{nearest(path, known)}'
@@ -121,8 +140,8 @@ def _stepped(machine: Machine, path: str, value: float, unit: str) -> NumericKey
         else:
             return key
     raise InputError(
-        f"{machine.name}: '{path}' is {value:g}, at the end of what it may be, where it has no "
-        f'derivative: {why}'
+        f"{machine.name}: no derivative by '{path}' = {value:g}, for values beside it are "
+        f'refused: {why}'
     )
 
 

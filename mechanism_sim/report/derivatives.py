@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mechanism_sim import strict_json
+from mechanism_sim.derivatives.flow import CHATTER
 from mechanism_sim.report.sections import Section
 from mechanism_sim.results.derivatives import RunDerivative
 from mechanism_sim.results.measures import Measured
@@ -44,7 +45,7 @@ def sections(found: Mapping[str, RunDerivative], measures: Sequence[Measured]) -
         ]
         if texts:
             rows += [[name, f'{x:.6g}'] for name, x in d.measures(*texts).items()]
-        notes = [str(limit) for limit in d.limits if limit.ends]
+        notes = [str(limit) for limit in d.limits if limit.text != CHATTER]
         if others := len(d.limits) - len(notes):
             notes.append(f'{others} ends of chatter, after which a contact counts as closed')
         made.append(Section(f'derivatives by {path} (SI units)', table=rows, notes=notes))

@@ -161,7 +161,8 @@ class _Integrated(RunDerivative):
     def __init__(
         self, key: NumericKey, piece: Piece, flow: Flow, torques: Array, column: int
     ) -> None:
-        super().__init__(key, piece, flow.limits)
+        begun = [flow.begun[column]] if column in flow.begun else []
+        super().__init__(key, piece, [*begun, *flow.limits])
         self._torques = torques[..., column]
         self._coefficients = flow.coefficients[..., column]
         self._states, self._shift = flow.states[..., column], flow.shift[:, column]

@@ -224,9 +224,21 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
     *path, last = key.split('.')
     place: Any = data
     for part in path:
-        if place.get(part) is None:
+        if isinstance(place, dict) and place.get(part) is None:
             place[part] = {}
-        place = place[part]
-        if not isinstance(place, dict):
+        place = place[_part(place, part, key, file)]
+        if not isinstance(place, dict | list):
             raise InputError(f"{file}: '{key}' cannot be set, because '{part}' is a plain value")
-    place[last] = value
+    place[_part(place, last, key, file)] = value
+
+
+def _part(place: dict[str, Any] | list[Any], part: str, key: str, file: str) -> Any:
+    """The key, or the index of an element of a list."""
+    if isinstance(place, dict):
+        return part
+    if not (part.isdecimal() and int(part) < len(place)):
+        last = len(place) - 1
+        raise InputError(
+            f"{file}: '{key}' cannot be set: '{part}' is none of 0 to {last} of a list"
+        )
+    return int(part)

@@ -7,7 +7,7 @@ revolutions later, by Newton's method. Impacts are part of the map.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import Flows
+from mechanism_sim.derivatives.numeric_keys import WEIGHTS, numeric_keys
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
@@ -57,9 +58,14 @@ class PeriodicResponse:
 
 
 class PoincareMap:
-    """The map of a machine from one passage of its start angle to a later one."""
+    """The map of a machine from one passage of its start angle to a later one.
 
-    def __init__(self, machine: Machine) -> None:
+    Parameters
+    ----------
+    paths : dotted, of P numbers of its scene, by which `sensitivity` has derivatives
+    """
+
+    def __init__(self, machine: Machine, paths: Sequence[str] = ()) -> None:
         law = machine.drive.law
         if not machine.drive.steady or not isinstance(law, DriveLaw) or not machine.drive.fastest:
             raise InputError(
@@ -77,7 +83,7 @@ class PoincareMap:
         run = machine.start()
         if not isinstance(run, EventLoop):
             raise InputError(f'{machine.name}: a compliant machine has no section of states')
-        self._machine, self._run = machine, run
+        self._machine, self._run, self._keys = machine, run, numeric_keys(machine, paths)
         self._period = machine.drive.period
         mechanism, speed = machine.mechanism, abs(law.coefficients[1])
         slides = np.array([c in mechanism.displacements for c in machine.equations.system.free])
@@ -106,7 +112,22 @@ class PoincareMap:
         return replace(end, time=state.time), struck.impacts, struck.normal_impulse
 
     def growth(self, state: State, revolutions: int) -> tuple[Array, State]:
-        """Derivatives of the state later by the state, in the measure of `difference`; and it.
+        """The matrix of `sensitivity` (2f, 2f), and the state later."""
+        M, _, end = self.sensitivity(state, revolutions)
+        return M, end
+
+    def sensitivity(self, state: State, revolutions: int) -> tuple[Array, Array, State]:
+        """Derivatives of the state later, exact through impacts, in the measure of `difference`.
+
+        At a fixed point, ``M`` is the monodromy matrix, whose eigenvalues are the Floquet
+        multipliers, and the fixed point moves by ``solve(I - M, by)`` with the keys: where an
+        eigenvalue is 1 it folds.
+
+        Returns
+        -------
+        M : (2f, 2f) by the state
+        by : (2f, P) by the keys in SI units, at a fixed state and a crank that has turned as far
+        end : the state later
 
         Raises
         ------
@@ -121,12 +142,24 @@ class PoincareMap:
         J, limits = self._flows.transition(motion, impacts)
         if ends := [limit for limit in limits if limit.ends]:
             raise RunError(f'{self._machine.name}: {ends[0]}')
+        last, f = np.array([len(motion) - 1]), len(state.q)
+        free = self._flows.free
+        flow = [motion.curve.local(last, motion.curve.duration[last], k)[0, free] for k in (1, 2)]
+        J[:, 2 * f :] += np.outer(np.concatenate(flow), revolutions * self._longer)
+        J /= self.scale[:, None]
         end = replace(self._run.state, time=state.time)
-        return np.asarray(J * self.scale / self.scale[:, None]), end
+        return J[:, : 2 * f] * self.scale, J[:, 2 * f :], end
 
     @cached_property
     def _flows(self) -> Flows:
-        return Flows.by_state(self._machine, 0.0)
+        return Flows.by_state(self._machine, 0.0, self._keys)
+
+    @cached_property
+    def _longer(self) -> Array:
+        """Derivatives (P,) of the time of a revolution [s]."""
+        periods = [[m.drive.period for m in key.beside] for key in self._keys]
+        steps = [key.step for key in self._keys]
+        return np.reshape(periods, (-1, len(WEIGHTS))) @ WEIGHTS / steps
 
     def directions(self, state: State, h: float = 1e-6) -> Array:
         """Basis (2 f, r) of the directions in which a state can change: contacts stay closed."""

@@ -132,18 +132,51 @@ def test_energies_count_impacts_as_they_move() -> None:
 
 
 @pytest.mark.parametrize(
-    ('path', 'words'),
+    ('scene', 'path', 'words'),
     [
-        ('drive.sped', "did you mean 'drive.speed'"),
-        ('branch', 'is no number of the scene'),
-        (f'{PLAY}.friction', 'at the end of what it may be'),
-        ('solver.rtol', 'is no number of the scene that its motion depends on'),
-        ('initial.velocity.roker', "did you mean 'initial.velocity.rocker'"),
+        ('four_bar_clearance', 'drive.sped', "did you mean 'drive.speed'"),
+        ('four_bar_clearance', 'branch', 'is no number of the scene'),
+        ('four_bar_clearance', f'{PLAY}.friction', 'values beside it are refused'),
+        ('four_bar_clearance', 'solver.rtol', 'is no number of the scene that its motion depends'),
+        ('four_bar_clearance', 'initial.velocity.roker', "mean 'initial.velocity.rocker'"),
+        ('four_bar_clearance', 'initial.position.rocker', 'puts the pin of coupler_rocker'),
+        ('four_bar_clearance', 'links.coupler', "several values.*as 'links.coupler.length'"),
+        ('pendulum', 'gravity', "holds several values: give the path of a number, as 'gravity.0'"),
+        ('gear_pair', 'gears.pinion.teeth', 'is a whole number'),
+        ('gear_pair', 'gears.pinion.module', 'pinion and wheel do not mesh'),
     ],
 )
-def test_paths_without_a_derivative_are_refused(path: str, words: str) -> None:
+def test_paths_without_a_derivative_are_refused(scene: str, path: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
-        ms.simulate('four_bar_clearance', duration=0.01, derivatives=[path])
+        ms.simulate(scene, duration=0.01, derivatives=[path])
+
+
+def test_numbers_of_lists_have_derivatives() -> None:
+    """Of a pendulum let go: its angle goes by ``-m g s cos(q) t^2/(2 I)``."""
+    run = ms.simulate('pendulum', duration=0.01, derivatives=['gravity.1'])
+    slope = run.derivatives['gravity.1'].final['bar']['position']
+    inertia = 0.1 + 1.2 * 0.5**2
+    wanted = 1.2 * 0.5 * np.cos(np.radians(-30.0)) / inertia * 0.5 * 0.01**2
+    assert slope == pytest.approx(wanted, rel=1e-3)
+
+
+def test_a_push_on_a_closed_contact_ends_in_a_chatter_as_short_as_it_is_small() -> None:
+    """Its derivative is that of a plastic blow, whatever the restitution."""
+    path = 'initial.velocity.rocker'
+    run = ms.simulate('four_bar_clearance', duration=0.1, derivatives=[path, 'drive.speed'])
+    known = run.derivatives[path]
+    assert [(x.t, x.where, x.ends) for x in known.limits] == [(0.0, 'coupler_rocker', False)]
+    assert not run.derivatives['drive.speed'].limits
+    start = run.sample(0.0, 'velocity.rocker')['velocity.rocker'][0]
+    names = ['velocity.coupler', 'velocity.rocker']
+    own = np.array([known.sample(0.1, n)[n][0] for n in names])
+    for push in (1e-5, -1e-5):
+        other = ms.simulate(
+            ms.load_scene('four_bar_clearance', {path: start + push}), duration=0.1
+        )
+        assert other.impacts
+        moved = [(other.sample(0.1, n)[n][0] - run.sample(0.1, n)[n][0]) / push for n in names]
+        assert np.abs(own - moved).max() < 1e-5 * np.abs(own).max()
 
 
 def test_a_chatter_that_is_ended_is_named_with_its_instant_and_joint() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.derivatives.flow import Flows
-from mechanism_sim.studies.periodic import find_periodic
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.studies.periodic import PoincareMap, find_periodic
 from test.builders import PLAY
 
 
@@ -51,3 +52,29 @@ def test_multipliers_are_known_to_their_last_digits() -> None:
     assert response is not None
     assert response.period == 2
     assert response.spread < 1e-7
+
+
+def test_fixed_points_move_with_keys_as_those_of_other_machines() -> None:
+    values = {'drive.speed': (480.0 * np.pi / 30.0, 1e-3), f'{PLAY}.radial': (0.254e-3, 1e-10)}
+    machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})
+    response = find_periodic(machine)
+    assert response is not None
+    section = PoincareMap(machine, list(values))
+    M, by, _ = section.sensitivity(response.state, response.period)
+    moved = np.linalg.solve(np.eye(len(M)) - M, by)
+    sizes = sorted(np.abs(np.linalg.eigvals(M)))
+    assert sizes[-2:] == pytest.approx(np.abs(response.multipliers), rel=1e-6)
+
+    def fixed(path: str, value: float) -> State:
+        text = f'{value!r} rad/s' if path == 'drive.speed' else value
+        other = PoincareMap(ms.load_scene(machine, {path: text}))
+        state = response.state
+        for _ in range(4):  # Newton's method, as every state is brought into contact
+            M, end = other.growth(state := other.start(state), response.period)
+            off = other.difference(state, end)
+            state = other.displace(state, np.linalg.solve(np.eye(len(M)) - M, off))
+        return other.start(state)
+
+    for column, (path, (value, h)) in zip(moved.T, values.items(), strict=True):
+        difference = section.difference(fixed(path, value - h), fixed(path, value + h)) / (2.0 * h)
+        assert np.abs(column - difference).max() < 1e-4 * np.abs(difference).max()

@@ -87,7 +87,7 @@ def refusal(overrides, scene=LOOSE):
         ('title', 5, ['title = 5', 'must be text']),
         ('outputs.forces', 'maybe', ['true or false']),
         ('drive.speed.x', 4, ["'drive.speed.x' cannot be set, because 'speed' is a plain value"]),
-        ('gravity.1', 4, ["because 'gravity' is a plain value"]),
+        ('gravity.2', 4, ["'2' is none of 0 to 1 of a list"]),
         # what is missing
         ('links.coupler.mass', None, ["links.coupler needs 'mass' too", 'mass, inertia and cog']),
         ('joints.coupler_rocker.clearance', {'radial': '1 mm'}, ["restitution' is missing"]),
