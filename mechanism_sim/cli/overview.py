@@ -20,8 +20,9 @@ GROUPS = {
 }
 """All commands by purpose, in the order in which `--help` lists them."""
 
-UNLISTED = 'node', 'thesis'
-"""Commands without a place in `--help`: launch files start nodes, and one source has a thesis."""
+UNLISTED = 'node', 'thesis', 'basins', 'lyapunov'
+"""Commands without a place in `--help`: launch files start nodes, one source has a thesis, and
+options of `bifurcation` and `statistics` do what the others do."""
 
 VERBS = {
     'bag': 'list or publish the contents of a bag, or close a bag whose recorder was killed',
@@ -30,7 +31,6 @@ VERBS = {
 """Commands that consist of others, as `thesis starts`."""
 
 RENAMED: dict[str, str] = {
-    'basins': 'mechanism-sim bifurcation --vary A=... --vary B=...',
     'bench': 'python -m benchmarks',
     'completion': 'mechanism-sim --completion',
     'equations': 'mechanism-sim check --equations',
@@ -38,7 +38,6 @@ RENAMED: dict[str, str] = {
     'info': 'mechanism-sim bag info',
     'layout': 'mechanism-sim export --format foxglove|rviz',
     'lift-off': 'mechanism-sim find --lift-off',
-    'lyapunov': 'mechanism-sim statistics --exponents N',
     'periodic': 'mechanism-sim find --periodic',
     'profile': 'mechanism-sim draw --profile',
     'recover': 'mechanism-sim bag recover',

@@ -28,25 +28,26 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
+    text = "quantities of the section, as velocity.rocker; of impacts 'approach_speed'"
     sub = command(
         'bifurcation', _bifurcation, 'periods and sections of the motion over a parameter'
     )
-    scene_options(sub)
-    several(
-        sub,
-        '--vary',
-        'PATH=LOW:HIGH:N',
-        'a key, its limits and the number of '
-        'values; two of them: which response each pair leads to',
-        'vary',
-    )
-    text = "quantities of the section, as velocity.rocker; of impacts 'approach_speed'"
+    vary = 'a key, its limits and the number of values'
+    _shared(sub, f'{vary}; two of them: which response each pair leads to')
     several(sub, '--of', 'NAME', f'{text}; several times', 'of')
+    flag(sub, '--starts', "begin each value from the scene's own start, too")
+    text = 'which response each start, or each pair of values, leads to'
+    _shared(command('basins', _bifurcation, text), f'{vary}; two of them')
+
+
+def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
+    """Options of responses over one key, and over two."""
+    scene_options(sub)
+    several(sub, '--vary', 'PATH=LOW:HIGH:N', vary, 'vary')
     option(sub, '--at-impacts', 'JOINT', 'sections at impacts in this joint, not once a turn')
     option(sub, '--transient', 'N', 'turns of the drive until it has settled', 60)
     option(sub, '--keep', 'N', 'turns in which sections are taken', 60)
     option(sub, '--longest', 'P', 'longest period to look for, in turns', 16)
-    flag(sub, '--starts', "begin each value from the scene's own start, too")
     option(sub, '-o --output', 'TABLE', f'a row for each point: {TABLES}')
     option(sub, '--plot', 'FILE', 'draw the sections: .png, .svg or .pdf')
     workers_options(sub)
@@ -63,7 +64,9 @@ def _bifurcation(options: argparse.Namespace) -> int:
     if len(vary) != max(1, len(options.vary)) or len(vary) > 2:
         raise InputError('--vary: give one key, or two different ones; sweep takes more')
     two = len(vary) == 2
-    if two:
+    if options.command == 'basins' and not two:
+        raise InputError('basins: --vary: give two keys; bifurcation takes one')
+    if two and options.command == 'bifurcation':
         refuse_options(options, ['of', 'starts'], 'does not apply to two keys')
     if options.plot:
         figures.check_picture('--plot', options.plot)

@@ -46,6 +46,7 @@ def add(command: Command) -> None:
         'by numbers of the scene, as drive.speed,links.coupler.mass: of the final state, impacts '
         'and measures',
     )
+    flag(sub, '--horizon', 'until when digits of the run hold, by exact derivatives along it')
     option(sub, '--sample-rate', 'HZ', 'samples per second, for --output', float)
     option(sub, '-o --output', 'FILE', f'write samples of all quantities: {TABLES}')
     flag(sub, '--no-events', 'with --json: counts of events instead of their lists')
@@ -85,13 +86,20 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
     from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
-    from mechanism_sim.report import derivatives, measured, progress, summary  # noqa: PLC0415
+    from mechanism_sim.report import (  # noqa: PLC0415
+        derivatives,
+        measured,
+        progress,
+        studies,
+        summary,
+    )
     from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
     from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
+    from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events needs --json: without it no events are listed')
@@ -103,6 +111,8 @@ def _solve(options: argparse.Namespace) -> int:
     snapshot = Snapshot.load(options.resume) if options.resume else None
     paths = [p.strip() for p in options.derivatives.split(',')] if options.derivatives else []
     asked = AskedDerivatives(machine, paths, end, snapshot) if paths else None
+    if options.horizon:
+        check_horizon(machine)
     digest, turns = MotionDigest(), ImpactTally(machine)
     pieces: list[Piece] = []
     impacts: list[Impact] = []
@@ -111,7 +121,7 @@ def _solve(options: argparse.Namespace) -> int:
         observers = [taken.add, turns.add, *([table.add] if table else [])]
         run = stream(machine, None, end, show, snapshot, observers)
         for piece in run:
-            if asked:
+            if asked or options.horizon:
                 pieces.append(piece)
             if options.json:
                 digest.add(piece.motion, piece.impacts)
@@ -122,15 +132,18 @@ def _solve(options: argparse.Namespace) -> int:
         run.snapshot.save(options.save)
     found = taken.found()
     by = asked.along(whole(run, pieces)) if asked else {}
+    held = horizon(whole(run, pieces)) if options.horizon else None
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
         print_json(
             summary.to_json(run, digest.hexdigest(), turns, *events)
             | measured.to_json(found)
             | derivatives.to_json(by, [m.text for m in found])
+            | (studies.horizon_json(held) if held else {})
         )
     else:
         told = derivatives.sections(by, found)
+        told += [studies.horizon_section(held)] if held else []
         echo(text([*summary.sections(run, turns), *measured.section(found), *told]))
     return 0
 

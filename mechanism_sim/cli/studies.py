@@ -48,6 +48,11 @@ def add(command: Command) -> None:
         'a run are significant'
     )
     option(sub, '--exponents', 'N', text, int)
+    sub = command('lyapunov', _exponents, 'how fast neighbouring motions part, with intervals')
+    scene_options(sub)
+    length_options(sub, '200 if not given')
+    skip_option(sub, '20 if not given')
+    option(sub, '--exponents', 'N', 'number of the largest Lyapunov exponents', 1)
     sub = command('find', _find, 'find values of keys for which measures have wanted values')
     scene_options(sub, count='?')
     text = 'a key and the limits of its value, or PATH=VALUE,VALUE,...; several times'
@@ -128,22 +133,27 @@ def _statistics(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.statistics import statistics  # noqa: PLC0415
 
-    machine = read_machine(options)
-    turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
     if options.exponents is not None:
         refuse_options(options, ['measure'], 'does not apply to --exponents')
-        return _exponents(options, machine, turns)
+        return _exponents(options)
+    machine, turns, skip = _turning(options)
     with progress.bar('statistics', turns * machine.drive.period, quiet=options.json) as show:
-        skip = skipped_turns(options, 20)
         found = statistics(machine, turns, skip, show, read_measures(options, machine))
     return print_result(options, found, studies.statistics_json, studies.statistics)
 
 
-def _exponents(options: argparse.Namespace, machine: Machine, turns: int) -> int:
+def _turning(options: argparse.Namespace) -> tuple[Machine, int, int]:
+    """A machine, the turns of its run, and those to leave out."""
+    machine = read_machine(options)
+    turns = math.floor(turns_of(options, machine, 200) * (1.0 + 1e-12))
+    return machine, turns, skipped_turns(options, 20)
+
+
+def _exponents(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.lyapunov import lyapunov  # noqa: PLC0415
 
-    skip = skipped_turns(options, 20)
+    machine, turns, skip = _turning(options)
     length = (skip + turns) * machine.drive.period
     with progress.bar('exponents', length, quiet=options.json) as show:
         found = lyapunov(machine, turns, skip, options.exponents, show)

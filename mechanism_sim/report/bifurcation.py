@@ -46,13 +46,26 @@ def _ranges(found: list[Response]) -> list[tuple[Response, Response, int]]:
 
 
 def to_json(found: Bifurcation) -> dict[str, Any]:
-    """All sections in SI units."""
+    """All sections in SI units: ``measure`` of a point is its quantity ``of``."""
     return {
         'parameter': found.parameter.path,
         'of': list(found.plan.of),
         'units': list(found.units),
         'section': f'impacts.{found.plan.joint}' if found.plan.joint else 'turn',
         'coexisting': found.coexisting,
+        'points': [
+            {
+                'value': r.value,
+                'measure': x,
+                'of': name,
+                'period': r.period or None,
+                'branch': r.branch,
+                'response': r.number,
+            }
+            for r in found.responses
+            for row in r.points.tolist()
+            for name, x in zip(found.plan.of, row, strict=True)
+        ],
         'responses': [
             {
                 'value': r.value,
@@ -60,7 +73,6 @@ def to_json(found: Bifurcation) -> dict[str, Any]:
                 'period': r.period or None,
                 'response': r.number,
                 'impacts_per_turn': r.impacts,
-                'points': r.points.tolist(),
                 **({'failed': r.note} if r.note else {}),
             }
             for r in found.responses

@@ -6,13 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from mechanism_sim.report.sections import Section
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people
 
 if TYPE_CHECKING:  # each is slow to load, and a command needs but one
     from mechanism_sim.studies.identification import Result
     from mechanism_sim.studies.lift_off import LiftOff
-    from mechanism_sim.studies.lyapunov import LyapunovExponents
+    from mechanism_sim.studies.lyapunov import Horizon, LyapunovExponents
     from mechanism_sim.studies.periodic import PeriodicResponse
     from mechanism_sim.studies.statistics import Statistics
 
@@ -181,7 +182,31 @@ def exponents_json(found: LyapunovExponents) -> dict[str, object]:
     return {
         'revolutions': found.revolutions,
         'skipped': found.skipped,
-        'exponents': [plain(x) for x in found.values],
-        'half_widths': [plain(x) for x in found.half_widths],
+        'exponents': [
+            {'value': plain(x), 'low': plain(x - half), 'high': plain(x + half)}
+            for x, half in zip(found.values, found.half_widths, strict=True)
+        ],
         'horizon': plain(found.horizon),
+    }
+
+
+def horizon_section(found: Horizon) -> Section:
+    """What is left of a run's digits, for people."""
+    left = f'of {found.digits:.3g} digits {found.left:.2g} hold at the end'
+    if math.isfinite(found.time):
+        left = f'of {found.digits:.3g} digits none holds after {found.time:.4g} s'
+    elif found.limit:
+        left = f'of {found.digits:.3g} digits {found.left:.2g} hold at t = {found.limit.t:.4g} s'
+    return Section(notes=[left, *([str(found.limit)] if found.limit else [])])
+
+
+def horizon_json(found: Horizon) -> dict[str, object]:
+    """JSON of it: the key ``horizon``; its time is null where digits hold to the end."""
+    return {
+        'horizon': {
+            'time': plain(found.time),
+            'digits': plain(found.digits),
+            'left': plain(found.left),
+            'limit': plain(found.limit),
+        }
     }

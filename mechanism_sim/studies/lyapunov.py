@@ -1,4 +1,4 @@
-"""Lyapunov exponents: how fast neighbouring motions part, by exact derivatives through impacts.
+"""Lyapunov exponents and horizons: how fast neighbouring motions part, by exact derivatives.
 
 G. Benettin et al., Meccanica 15 (1980) 9: directions are carried along by the derivatives of the
 motion and made orthogonal again once a turn; their growth is averaged.
@@ -13,15 +13,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.derivatives.flow import DerivativeLimit, Flows
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
-from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.results.solution import Solution
+from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.studies.periodic import PoincareMap
 
 _DIGITS = 16.0
 """With which a run begins."""
 _ALIGNING = 10
 """Turns until any directions have turned to those that grow most."""
+_WINDOW = 64
+"""Segments, after each of which errors of the steps join those of the run so far."""
 
 
 @dataclass(frozen=True)
@@ -107,3 +112,65 @@ def lyapunov(
             found.append((-math.inf, 0.0))
     values, halves = zip(*found, strict=True)
     return LyapunovExponents(revolutions, skip, period, tuple(values), tuple(halves))
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """How long digits of one run hold.
+
+    Attributes
+    ----------
+    digits : that steps have
+    left : that hold at the end of the run, or where it is given up; of the range of its motion
+    time : [s] from which on no digit holds; infinite if some hold to the end
+    limit : where derivatives end, if they do before
+    """
+
+    digits: float
+    left: float
+    time: float
+    limit: DerivativeLimit | None = None
+
+
+def check_horizon(machine: Machine) -> None:
+    """Refuse a machine whose motion is no solution of an initial value problem."""
+    if not isinstance(machine.physics, DynamicPhysics):
+        raise InputError(f'{machine.name}: it has no free motion, so all of its digits hold')
+
+
+def horizon(run: Solution) -> Horizon:
+    """How far errors of the size of the tolerance grow along a run, by its exact derivatives.
+
+    Errors E of free coordinates and rates, over the ranges of these, go on as ``J E`` from window
+    to window, and steps add theirs: ``E E' = J E E' J' + rtol^2``.
+    """
+    machine, curve = run.machine, run.motion.curve
+    check_horizon(machine)
+    flows = Flows.by_state(machine, float(curve.end))
+    n, free, states = len(curve), flows.free, flows.system.states
+    ends = [curve.local(np.arange(n), np.zeros(n), order)[:, free] for order in (0, 1)]
+    if states:
+        ends.append(run.motion.states[:, :, 0] / [state.scale for state in states])
+    ranges = np.ptp(np.concatenate(ends, axis=1), axis=0)
+    scale = np.where(ranges > 0.0, ranges, 1.0)
+    tolerance = max(machine.scene.solver.rtol, float(np.finfo(float).eps))
+    added = tolerance * np.eye(flows.count)
+    errors, size, t, limit = added, tolerance, math.inf, None
+    begun = curve.begun_by([impact.t for impact in run.impacts])
+    for first in range(0, n - 1, _WINDOW):
+        last = min(first + _WINDOW, n - 1)  # the event that begins it belongs to this window
+        end = float(curve.start[last] + curve.duration[last])
+        motion = run.motion.between(float(curve.start[first]), end)
+        impacts = [i for i, k in zip(run.impacts, begun, strict=True) if first < k <= last]
+        flow = flows.along(motion, impacts, np.eye(flows.count))
+        if limit := next((x for x in flow.limits if x.ends), None):
+            break
+        q = flow.coefficients[-1, free]
+        J = np.concatenate([q[:, 0], q[:, 1], flow.states[-1, :, 0]])
+        grown = np.concatenate([(J * scale / scale[:, None]) @ errors, added], axis=1)
+        errors = np.linalg.qr(grown.T, mode='r').T  # as long as it is wide
+        size = float(np.linalg.norm(errors, 2))
+        if size >= 1.0:
+            t = float(curve.start[last])
+            break
+    return Horizon(-math.log10(tolerance), max(0.0, -math.log10(size)), t, limit)

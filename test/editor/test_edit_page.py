@@ -398,7 +398,9 @@ def test_a_pump_jack_with_a_motor_from_nothing_to_a_report_of_its_wear(tab, tmp_
         row = hand.page.locator('[data-worn="force link_2_link_3"]')
         row.wait_for()
         before, after, ratio = row.locator('td').all_inner_texts()
-        assert before.endswith('N') and after.endswith('N') and float(ratio.strip('× ')) > 1.0
+        assert before.endswith('N')
+        assert after.endswith('N')
+        assert float(ratio.strip('× ')) > 1.0
         assert 'clearance' not in hand.text  # it is the run that is worn, not the document
         assert '--' not in hand.page.locator('body').inner_text()
         hand.tab.shoot('edit_pump_jack')

@@ -83,6 +83,10 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path):
     )  # fmt: skip
     found = run_json(*args)
     assert [r['branch'] for r in found['responses']] == ['up', 'down'] * 2
+    assert {(p['branch'], p['of']) for p in found['points']} == {
+        ('up', 'velocity.ball'), ('down', 'velocity.ball')
+    }  # fmt: skip
+    assert all({'value', 'measure', 'period', 'branch'} <= p.keys() for p in found['points'])
     assert (tmp_path / 'b.svg').stat().st_size > 1000
     head = (tmp_path / 'b.csv').read_text(encoding='utf-8').splitlines()[0]
     assert head.startswith('drive.speed [rpm],branch,period,response,velocity.ball')
@@ -110,6 +114,12 @@ def test_mistakes_get_one_sentence(args, said):
     assert done.returncode == 2
     assert said in done.stderr.splitlines()[-1]
     assert 'Traceback' not in done.stderr
+
+
+def test_basins_want_two_keys():
+    done = run('basins', 'four_bar_clearance', '--vary', 'drive.speed=1:2:3')
+    assert done.returncode == 2
+    assert 'basins: --vary: give two keys; bifurcation takes one' in done.stderr
 
 
 def test_a_motion_that_fails_its_audit_is_told(monkeypatch):

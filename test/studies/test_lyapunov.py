@@ -10,6 +10,7 @@ from bouncing_ball import ball, speed
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.studies.lyapunov import horizon
 
 
 def test_exponents_of_a_ball_that_bounces_once_a_turn():
@@ -37,16 +38,42 @@ def test_the_loose_four_bar_is_chaotic_and_loses_its_digits():
     assert 0.1 < found.horizon / found.period < 100.0
 
 
-def test_the_command_says_it(tmp_path):
+def test_the_commands_say_it(tmp_path):
     scene = tmp_path / 'ball.yaml'
     scene.write_text(ball(1.3), encoding='utf-8')
-    found = run_json(
-        'statistics', str(scene), '--exponents', '1', '--revolutions', '20', '--skip', '30'
-    )
-    assert found['exponents'][0] < 0.0
+    found = run_json('lyapunov', str(scene), '--revolutions', '20', '--skip', '30')
+    (exponent,) = found['exponents']
+    assert exponent['low'] <= exponent['value'] <= exponent['high'] < 0.0
     assert found['horizon'] is None
-    done = run('lyapunov', str(scene))
-    assert "is now 'mechanism-sim statistics --exponents N'" in done.stderr
-    done = run('statistics', str(scene), '--exponents', '9')
+    same = 'statistics', str(scene), '--exponents', '1', '--revolutions', '20', '--skip', '30'
+    assert run_json(*same) == found
+    done = run('lyapunov', str(scene), '--exponents', '9')
     assert done.returncode == 2
     assert 'it has 4 exponents, not 9' in done.stderr
+
+
+@pytest.mark.parametrize('scene', ['four_bar_clearance', 'hydraulic_arm'])
+def test_digits_of_a_run_hold_as_long_as_it_says(scene):
+    """Beside the same run with a hundredth of the tolerance: through impacts, and with states."""
+    length = {'revolutions': 5} if scene == 'four_bar_clearance' else {'duration': 0.5}
+    coarse, fine = (
+        ms.simulate(ms.load_scene(scene, {'solver.rtol': rtol}), **length)
+        for rtol in (1e-10, 1e-12)
+    )
+    found = horizon(coarse)
+    assert math.isinf(found.time)
+    assert 3.0 < found.left < found.digits == pytest.approx(10.0)
+    names = [f'position.{c}' for c in coarse.physics.system.free]
+    t = np.linspace(0.0, coarse.duration, 200)
+    a, b = (run.sample(t, *names) for run in (coarse, fine))
+    off = max(np.abs(a[n] - b[n]).max() / np.ptp(a[n]) for n in names)
+    assert off <= 10.0**-found.left
+
+
+def test_solve_says_until_when_its_digits_hold():
+    done = run('solve', 'slider_crank', '--horizon')
+    assert done.returncode == 2
+    assert 'it has no free motion, so all of its digits hold' in done.stderr
+    found = run_json('solve', 'four_bar_clearance', '--revolutions', '14', '--horizon')['horizon']
+    assert 1.0 < found['time'] < 2.4
+    assert found['left'] == 0.0

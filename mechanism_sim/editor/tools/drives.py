@@ -105,7 +105,7 @@ register(
     'drive',
     Tool(
         'drive', 'D', 'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z',
-        'Click on a link: it turns, or slides, at a constant speed', _drive,
+        'Click on a link: it is driven at a constant speed', _drive,
     ),
     Tool(
         'motor', 'Shift+D', 'M1 5h2V3h7v2h2v2h3v2h-3v2h-2v2H3v-2H1zm4 0v6h3V5z',
