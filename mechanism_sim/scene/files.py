@@ -21,6 +21,9 @@ from mechanism_sim.units import plain
 
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
 
+COMPONENTS = 'x', 'y'
+"""Last words of paths of one of both numbers of a point or vector."""
+
 Model = TypeVar('Model', bound=BaseModel)
 
 _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
@@ -226,7 +229,13 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
     for part in path:
         if place.get(part) is None:
             place[part] = {}
-        place = place[part]
+        inside = place[part]
+        if last in COMPONENTS and isinstance(inside, list | tuple) and len(inside) == 2:
+            place[part] = [
+                value if c == last else x for c, x in zip(COMPONENTS, inside, strict=True)
+            ]
+            return
+        place = inside
         if not isinstance(place, dict):
             raise InputError(f"{file}: '{key}' cannot be set, because '{part}' is a plain value")
     place[last] = value
