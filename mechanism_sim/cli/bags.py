@@ -145,7 +145,7 @@ def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
     from mechanism_sim.report import progress, studies  # noqa: PLC0415
     from mechanism_sim.studies.identification import ROUNDS, Identification  # noqa: PLC0415
-    from mechanism_sim.studies.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import OF_JOINT, parameters, read_limits  # noqa: PLC0415
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
@@ -166,7 +166,11 @@ def _fit(options: argparse.Namespace) -> int:
     if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
         refuse_options(options, ['joint'], f'needs --fit of {", ".join(OF_JOINT)}')
     wanted = parameters(
-        first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
+        first.machine,
+        options.fit.split(','),
+        first.sensor,
+        options.joint,
+        read_limits('--range', options.ranges),
     )
     with progress.count('fit', sum(rounds), quiet=options.json) as show, workers:
         found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
@@ -197,10 +201,12 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
 def _band(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
-    low, colon, high = text.partition(':')
-    if not colon:
-        raise InputError(f"--band '{text}': write for example '500 Hz:2 kHz'")
-    return quantity('--band', low, 'Hz')[0], quantity('--band', high, 'Hz')[0]
+    from mechanism_sim.ranges import check_order, read_range  # noqa: PLC0415
+
+    given = read_range('--band', text, '500 Hz:2 kHz').values
+    low, high = (quantity('--band', x, 'Hz')[0] for x in given)
+    check_order('--band', low, high, given)
+    return low, high
 
 
 def _fit_options(sub: argparse.ArgumentParser) -> None:

@@ -260,10 +260,10 @@ def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[
         return to(preview(machine), options.namespace, options.frame_prefix), []
     if options.format == 'html':
         from mechanism_sim.pages import ideal  # noqa: PLC0415
-        from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
+        from mechanism_sim.ranges import named_ranges  # noqa: PLC0415
 
-        limits = ranges(options.slider, '--slider').items()
-        sliders = {path: (str(low), str(high)) for path, (low, high) in limits}
+        given = named_ranges('--slider', options.slider, 'links.crank.length=50 mm:80 mm')
+        sliders = {path: (one.values[0], one.values[1]) for path, one in given.items()}
         return ideal.page(machine, sliders, options.scene)
     from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
 

@@ -55,14 +55,16 @@ def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
 
 def _bifurcation(options: argparse.Namespace) -> int:
     from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.ranges import named_ranges  # noqa: PLC0415
     from mechanism_sim.report import bifurcation as report  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.studies.basins import basins  # noqa: PLC0415
     from mechanism_sim.studies.bifurcation import bifurcation  # noqa: PLC0415
 
-    vary = dict(map(_varied, options.vary or ['']))
-    if len(vary) != max(1, len(options.vary)) or len(vary) > 2:
+    given = named_ranges('--vary', options.vary or [''], 'drive.speed=100 rpm:600 rpm:51', True)
+    if len(given) > 2:
         raise InputError('--vary: give one key, or two different ones; sweep takes more')
+    vary = {path: (*one.values, one.count) for path, one in given.items()}
     two = len(vary) == 2
     if options.command == 'basins' and not two:
         raise InputError('basins: --vary: give two keys; bifurcation takes one')
@@ -102,15 +104,3 @@ def _write(options: argparse.Namespace, columns: list[Column], chart: Chart) -> 
         tables.write(Path(options.output), columns)
     if options.plot:
         figures.save(figures.paint(chart), Path(options.plot))
-
-
-def _varied(text: str) -> tuple[str, tuple[str, str, int]]:
-    """Path, and limits and number of values, of ``PATH=LOW:HIGH:N``."""
-    path, _, rest = text.partition('=')
-    low, high, count = [*(part.strip() for part in rest.split(':')), '', '', ''][:3]
-    if not (path and low and high and count.isdecimal() and rest.count(':') == 2):
-        given = f" '{text}'" if text else ''
-        raise InputError(
-            f"--vary{given}: write PATH=LOW:HIGH:N, as 'drive.speed=100 rpm:600 rpm:51'"
-        )
-    return path.strip(), (low, high, int(count))

@@ -212,10 +212,10 @@ def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.studies.find import find  # noqa: PLC0415
     from mechanism_sim.studies.goal import read_goals  # noqa: PLC0415
-    from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import read_limits  # noqa: PLC0415
 
     goals = read_goals(options.so_that, options.minimise, options.maximise, options.subject_to)
-    vary = ranges(options.vary or [''], '--vary', lists=True)
+    vary = read_limits('--vary', options.vary or [''], lists=True)
     scene, table, picture = _outputs(options)
     front = len(options.minimise) + len(options.maximise) > 1
     if picture and not front and (len(vary) > 1 or len(goals) > 1):
@@ -302,11 +302,12 @@ def _teeth_options(sub: argparse.ArgumentParser) -> None:
 
 def _teeth(options: argparse.Namespace) -> int:
     from mechanism_sim.joints.mesh.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
+    from mechanism_sim.ranges import read_range  # noqa: PLC0415
     from mechanism_sim.report import teeth  # noqa: PLC0415
 
-    fewest, colon, most = options.teeth_range.partition(':')
-    if not (colon and fewest.isdecimal() and most.isdecimal()):
-        raise InputError(f"--teeth-range '{options.teeth_range}': write for example 18:120")
+    fewest, most = read_range('--teeth-range', options.teeth_range, '18:120').values
+    if not (fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth-range '{options.teeth_range}': both must be whole numbers")
     count = int(fewest), int(most)
     distance = (
         quantity('--centre-distance', options.centre_distance, 'm')[0]

@@ -75,17 +75,13 @@ def _span(name: str, text: str, unit: str) -> Array:
     """Equidistant values from ``A:B:N``."""
     import numpy as np  # noqa: PLC0415
 
+    from mechanism_sim.ranges import check_order, read_range  # noqa: PLC0415
+
     example = {'Hz': '1 Hz:20 Hz:39', 'rad/s': '0 rpm:3000 rpm:31'}[unit]
-    parts = text.split(':')
-    if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
-        raise InputError(
-            f"{name} '{text}': expected first, last and number of values, 2 or more, as "
-            f"'{example}'"
-        )
-    low, high = (quantity(name, x, unit)[0] for x in parts[:2])
-    if not low < high:
-        raise InputError(f"{name} '{text}': the first value must be below the last")
-    return np.linspace(low, high, int(parts[2]))
+    given = read_range(name, text, example, counted=True)
+    low, high = (quantity(name, x, unit)[0] for x in given.values)
+    check_order(name, low, high, given.values)
+    return np.linspace(low, high, given.count)
 
 
 def _modes(options: argparse.Namespace) -> int:

@@ -373,11 +373,25 @@ def cycle(
             f'{machine.name}: static forces need masses, prescribed drives and no clearance; this '
             f'scene is one of {machine.level.value}'
         )
-    chosen = choose_points(machine, points)
+    chosen, whole = choose_points(machine, points), machine
+    machine, begin, end = cycle_window(machine, start, periods, duration)
+    steady = is_steady(machine)
+    solution = simulate(machine, duration=end)
+    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
+    repeats = steady and duration is None
+    return Cycle(machine, solution, t, repeats, chosen, local, static, machine is not whole)
+
+
+def cycle_window(
+    machine: Machine,
+    start: float | None = None,
+    periods: int = 1,
+    duration: float | str | None = None,
+) -> tuple[Machine, float, float]:
+    """The machine that runs in a cycle, and the instants [s] between which the cycle is."""
     ranged = over_range(machine) if duration is None and not machine.scene.duration else None
     machine = ranged or machine
-    steady = is_steady(machine)
-    begin = 0.0
+    steady, begin = is_steady(machine), 0.0
     if start is not None and ranged is None:
         if not steady:
             raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
@@ -385,13 +399,8 @@ def cycle(
         begin = math.remainder(start - angle, 2.0 * math.pi) / speed
         begin += machine.drive.period if begin < 0.0 else 0.0
     if steady and duration is None:
-        end = begin + periods * machine.drive.period
-    else:
-        end = begin + span(machine, periods if periods != 1 else None, duration)
-    solution = simulate(machine, duration=end)
-    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
-    repeats = steady and duration is None
-    return Cycle(machine, solution, t, repeats, chosen, local, static, ranged is not None)
+        return machine, begin, begin + periods * machine.drive.period
+    return machine, begin, begin + span(machine, periods if periods != 1 else None, duration)
 
 
 def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:

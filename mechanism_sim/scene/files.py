@@ -21,6 +21,9 @@ from mechanism_sim.units import plain
 
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
 
+COMPONENTS = 'x', 'y'
+"""Last words of paths of one of both numbers of a point or vector."""
+
 Model = TypeVar('Model', bound=BaseModel)
 
 _DOCS = {'scene': 'scenes.md', 'sweep': 'studies.md'}
@@ -233,9 +236,11 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
 
 
 def _part(place: dict[str, Any] | list[Any], part: str, key: str, file: str) -> Any:
-    """The key, or the index of an element of a list."""
+    """The key, or the index of an element of a list, of two numbers also ``x`` and ``y``."""
     if isinstance(place, dict):
         return part
+    if part in COMPONENTS and len(place) == len(COMPONENTS):
+        return COMPONENTS.index(part)
     if not (part.isdecimal() and int(part) < len(place)):
         last = len(place) - 1
         raise InputError(

@@ -8,7 +8,6 @@ joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995,
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -201,7 +200,7 @@ def varied(
             raise InputError(f'{path}: the number of values must be at least 2')
         (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
         values = np.linspace(parameter.low, parameter.high, count).tolist()
-        found.append((parameter, values, _written((high, low), parameter)))
+        found.append((parameter, values, (parameter.unit, parameter.scale)))
     return found
 
 
@@ -240,15 +239,6 @@ def section(
     plan = SectionPlan(names, joint or '', **when)
     units, words = zip(*found, strict=True)
     return plan, tuple(units), tuple(words)
-
-
-def _written(limits: Sequence[Any], parameter: Parameter) -> tuple[str, float]:
-    """The unit in which limits are written, and by what SI values are multiplied for it."""
-    for limit, value in zip(limits, (parameter.high, parameter.low), strict=True):
-        said = re.fullmatch(r'\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(\S.*?)\s*', str(limit), re.I)
-        if said and value:
-            return said[2], float(said[1]) / value
-    return '', 1.0
 
 
 def follow(

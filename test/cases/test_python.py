@@ -236,7 +236,7 @@ def test_what_is_no_scene_is_one_sentence(source, said):
         (lambda: ms.play('slider_crank', end='5 mm'), "end = '5 mm' has the unit 'mm'"),
         (lambda: ms.find('slider_crank', {}, 'mean(drive_torque) = 1'), 'at least one key'),
         (lambda: ms.find('slider_crank', {'drive.speed': (2, 1)}, minimise='rms(drive_torque)'),
-         'the second must be larger'),
+         'the second value must be larger'),
         (lambda: ms.sweep({'grid': {}}, scene='pendulum'), "either 'revolutions' or 'duration'"),
         (lambda: ms.report('pendulum', 'a.pdf'), '.html'),
     ],
