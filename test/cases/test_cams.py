@@ -475,6 +475,7 @@ def test_mistakes_in_files_are_answered_by_one_sentence(tmp_path, law, said):
 # Nodes and bags
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_nodes_and_bags_have_the_motion_of_a_long_table(tmp_path):
     """Of an ideal cam, whose rows are found together, and of one that the follower may leave."""

@@ -113,6 +113,7 @@ def answered(path):
         assert said.encode('utf-8')
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1 << 40))
 @SAMPLE
 def test_damaged_bags_are_read_or_refused_in_a_sentence(whole, seed):

@@ -28,6 +28,7 @@ KINDS = (
 )
 
 
+@pytest.mark.slow
 def test_a_run_does_not_notice_strangers(tmp_path):
     run, stranger, code = disturb(tmp_path, 3000, 1, 0.5, '--realtime-factor', '0.1')
     said = run.stderr()

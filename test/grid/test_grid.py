@@ -91,6 +91,7 @@ def judged(draft, refusals=()):
     return run_case(GridCase(Family('mine', 1, make, refusals), 0, 0))
 
 
+@pytest.mark.slow
 def test_every_scene_of_the_grid_can_be_written(tmp_path):
     cases = [case for f in FAMILIES for case in grid(only=[f.name])[:: max(1, f.count // 4)]]
     write_scenes(cases, tmp_path)
@@ -206,6 +207,7 @@ def test_a_process_holds_no_more_than_it_may_and_cases_do_not_depend_on_it():
     assert one.peak_memory > 2**26
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_costs_the_case_that_it_was_at(monkeypatch, tmp_path):
     """It is started with a module that ends Python at the second case."""
     (tmp_path / 'sitecustomize.py').write_text(

@@ -156,6 +156,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_a_managed_node_begins_when_it_is_activated_and_waits_when_it_is_not(tmp_path):
     env, bag = environment(), tmp_path / 'run.mcap'

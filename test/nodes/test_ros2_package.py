@@ -244,6 +244,7 @@ def test_a_node_says_what_it_lacks_and_needs_no_more(package, node, code, said):
         assert sentence.endswith(f'{sys.executable} -m pip install {package}')
 
 
+@pytest.mark.slow
 def test_a_run_and_its_page_need_no_extra(tmp_path):
     args = 'report', 'four_bar_clearance', '--duration', '0.1', '-o', str(tmp_path / 'page.html')
     done = subprocess.run(

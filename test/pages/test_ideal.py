@@ -281,6 +281,7 @@ def test_sliders_move_the_machine_in_a_browser(browser, file, tmp_path, width, h
     context.close()
 
 
+@pytest.mark.slow
 def test_it_plays_there_and_back_between_limits(browser, file, tmp_path):
     tab = Tab(browser.new_page(), tmp_path)
     page = tab.page

@@ -238,6 +238,7 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(args, said, capsys):
     assert 'Traceback' not in err
 
 
+@pytest.mark.slow
 def test_a_view_with_a_scene_runs_it_and_ends_it(network):
     with started('view', SCENE, '--port', '0', '--json', '--realtime-factor', '0.5') as view:
         with connect(address_of(view).replace('http', 'ws') + 'live') as page:

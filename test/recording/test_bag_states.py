@@ -267,6 +267,7 @@ def test_what_was_said_before_a_failure_is_in_the_bag(states):
     assert len(messages_of(states['failed'], '/scene')) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_signal_that_is_too_short_is_named(states):
     for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):

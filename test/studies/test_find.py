@@ -45,6 +45,7 @@ def test_every_crossing_is_found_to_rounding():
         assert figure == pytest.approx(0.5 * SPEED + 2.0 * 9.81 * abs(value), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_processes_change_nothing():
     goal = 'highest(drive_torque) = 10 N m'
     vary, shown = {'links.bar.cog': ('-0.4 m', '0.4 m')}, []
@@ -165,6 +166,7 @@ def test_more_keys_than_goals_give_one_of_many():
     assert 'one of many solutions: 2 keys are varied for 1 measure' in text(found)
 
 
+@pytest.mark.slow
 def test_a_goal_beyond_the_limits_is_not_reached():
     found = find(rotor(), BOTH, 'highest(drive_torque) = 30 N m', samples=4)
     assert not found.reached
@@ -178,6 +180,7 @@ def test_a_goal_beyond_the_limits_is_not_reached():
     assert '(the end of its range)' in said
 
 
+@pytest.mark.slow
 def test_two_weights_balance_a_bar():
     """The least of ``|(1 - 0.2 m1, 0.2 - 0.2 m2)|``, a cone without derivatives at its tip."""
     points = {'w': [-0.2, 0.0], 'u': [0.0, -0.2]}

@@ -211,6 +211,7 @@ def test_a_straight_line_of_the_literature():
     assert error(found, z).max() == pytest.approx(found.largest, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_four_bar_that_takes_the_path(tmp_path, monkeypatch):
     """Its own measure is the distance that the command told, and it stays so as a file."""
     z = traced(np.linspace(0.0, TURN, 24, endpoint=False))
