@@ -190,7 +190,7 @@ def _find(options: argparse.Namespace) -> int:
         own = 'needs a scene, and --teeth takes none'
         refuse_options(options, ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE], own)
         if options.scene is not None:
-            raise InputError(f"find --teeth takes no scene; '{options.scene}' was given")
+            raise InputError(f"find --teeth takes no scene, but '{options.scene}' was given")
         return _teeth(options)
     refuse_options(options, _TEETH, 'needs --teeth')
     refuse_options(options, ['transmission'], 'needs --path')
@@ -251,7 +251,7 @@ def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.studies.synthesis import path_four_bars  # noqa: PLC0415
 
     if options.scene is not None:
-        raise InputError(f"find --path takes no scene; '{options.scene}' was given")
+        raise InputError(f"find --path takes no scene, but '{options.scene}' was given")
     scene, *others = _outputs(options)
     if any(others):
         raise InputError('--output: find --path writes a scene, NAME.yaml')

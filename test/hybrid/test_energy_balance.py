@@ -128,7 +128,7 @@ def test_a_load_that_its_nodes_miss_is_missing_in_the_balance(monkeypatch):
     assert off > 1e-6 * right.exchanged
     assert abs(wrong.residual) > 0.1 * off
     assert wrong.error > TOLERANCES.audit.promised * wrong.exchanged
-    assert 'may be off' in wrong.doubt
+    assert 'may have an error' in wrong.doubt
     with pytest.raises(RunError, match='J remain'):
         balance().judge(1.0)
 

@@ -156,7 +156,7 @@ def test_a_formula_may_have_units_and_pi():
         ('300/min', "names 'min', a unit"),
         ('2*pi t', "'t' cannot stand behind 'pi'"),
         ('3 kg', 'is not a unit of'),
-        ('(t > 2)*3', 'the condition .* is no value'),
+        ('(t > 2)*3', 'the condition .* is not a value'),
     ],
 )
 def test_a_load_of_another_unit_is_refused(torque, said):
