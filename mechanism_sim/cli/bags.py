@@ -21,7 +21,7 @@ from mechanism_sim.cli.options import (
     workers_options,
 )
 from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
@@ -65,7 +65,10 @@ def _recover(options: argparse.Namespace) -> int:
     return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
 
-_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers', 'dask'
+_FIT = (
+    'scene', 'set', 'range', 'joint', 'sensor', 'channel', 'full-scale', 'method', 'seed',
+    'rounds', 'workers', 'dask',
+)  # fmt: skip
 _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
     'band', 'pin-radius', 'plots', 'namespace',
@@ -144,7 +147,7 @@ def _analyze(options: argparse.Namespace) -> int:
 def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
     from mechanism_sim.report import progress, studies  # noqa: PLC0415
-    from mechanism_sim.studies.identification import ROUNDS, Identification  # noqa: PLC0415
+    from mechanism_sim.studies.identification import METHODS, ROUNDS, identify  # noqa: PLC0415
     from mechanism_sim.studies.parameters import OF_JOINT, parameters, read_limits  # noqa: PLC0415
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
@@ -154,6 +157,11 @@ def _fit(options: argparse.Namespace) -> int:
     workers = read_workers(options)
     if options.seed < 0:
         raise InputError('--seed must be at least 0')
+    if options.method not in (None, *METHODS):
+        raise InputError(
+            f"--method '{options.method}'{nearest(options.method, METHODS)}: allowed are "
+            f'{", ".join(METHODS)}'
+        )
     with progress.busy('reading', options.json):
         signals = measurements(
             options.bags,
@@ -161,6 +169,8 @@ def _fit(options: argparse.Namespace) -> int:
             options.overrides,
             options.sensor,
             skipped_time(options),
+            options.channel,
+            options.full_scale or '',
         )
     first = signals[0]
     if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
@@ -168,12 +178,12 @@ def _fit(options: argparse.Namespace) -> int:
     wanted = parameters(
         first.machine,
         options.fit.split(','),
-        first.sensor,
+        first.name,
         options.joint,
         read_limits('--range', options.ranges),
     )
     with progress.count('fit', sum(rounds), quiet=options.json) as show, workers:
-        found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
+        found = identify(signals, wanted, options.method, options.seed, rounds, workers, show)
     return print_result(options, found, studies.fit_json, studies.fit_text)
 
 
@@ -210,11 +220,12 @@ def _band(text: str | None) -> tuple[float, float] | None:
 
 
 def _fit_options(sub: argparse.ArgumentParser) -> None:
-    more = sub.add_argument_group("a bearing's parameters from an accelerometer's signal")
+    more = sub.add_argument_group('parameters of a machine from measured signals')
     option(
         more, '--fit', 'NAME,...',
-        'instead of the summary: find these so that runs reproduce the recorded signal: some of '
-        'restitution, friction, radial, noise, or dotted paths',
+        'instead of the summary: find these so that runs reproduce the signal of a bag, or of a '
+        '.csv, .wav, .uff or .tdms file: some of restitution, friction, radial, noise, or dotted '
+        'paths',
     )  # fmt: skip
     more.add_argument(
         '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
@@ -226,7 +237,14 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'; several times",
     )  # fmt: skip
     option(more, '--joint', 'J', 'the loose joint, where there are several')
-    option(more, '--sensor', 'S', 'the sensor, where there are several')
+    option(more, '--sensor', 'S', 'the sensor, where there are several; of files also a quantity')
+    option(more, '--channel', 'C', 'of a file, if it is not named like its sensor or quantity')
+    option(more, '--full-scale', 'Q', "largest number of a .wav, as '50 m/s^2'")
+    option(
+        more, '--method', 'M',
+        'gauss-newton (sample by sample) or regression (features of the signal, for chaos); by '
+        'itself the first, if runs follow the signal',
+    )  # fmt: skip
     option(more, '--seed', 'N', 'of the random numbers of the search', 0)
     option(more, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
     workers_options(more)

@@ -34,6 +34,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
+    from mechanism_sim.studies.plan import SweepPlan
 
 
 def add(command: Command) -> None:
@@ -102,6 +103,8 @@ def add(command: Command) -> None:
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot and --plots: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
+    flag(sub, '--first-order', "instead: shares of variance and worst case of the tolerances in "
+         "'vary', by one run with derivatives, and runs that say if that is enough")  # fmt: skip
     option(sub, '--plots', 'PLACE', 'draw all charts: these, tornados and response surfaces; to a '
            'folder, a .pdf, or NAME.svg for NAME_*.svg')  # fmt: skip
     option(sub, '--pareto', 'A,B', 'with --plots: runs that are best in two measures, the least '
@@ -339,6 +342,8 @@ def _sweep(options: argparse.Namespace) -> int:
 
     with progress.busy('checking', options.json) as say:
         plan = read_plan(options.file, options.measures, say)
+    if options.first_order:
+        return _first_order(options, plan)
     table = Path(options.output or f'{plan.name}{default_ending()}')
     if options.over and not (options.plot or options.plots):
         raise InputError('--over needs --plot FILE or --plots PLACE')
@@ -369,3 +374,27 @@ def _sweep(options: argparse.Namespace) -> int:
     else:
         print(report.render(summary, plan, rows))
     return 0
+
+
+def _first_order(options: argparse.Namespace, plan: SweepPlan) -> int:
+    """Tolerances to first order, with their table and tornados."""
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report import sweep as report  # noqa: PLC0415
+    from mechanism_sim.report.sweep_charts import SweepCharts  # noqa: PLC0415
+    from mechanism_sim.studies.tolerances import first_order  # noqa: PLC0415
+
+    others = 'plot', 'over', 'effects', 'bags', 'windows', 'restart', 'pareto'
+    refuse_options(options, others, 'does not apply to --first-order')
+    report.check_charts(plan, options.plots, None, '--plots')
+    table = tables.check_file('--output', options.output) if options.output else None
+    count = 1 + 2 * len(plan.factors) + 2 * len(plan.measures)
+    workers = read_workers(options)
+    with progress.count('sweep', count, quiet=options.json) as show, workers:
+        found = first_order(plan, workers, show)
+    if table:
+        tables.write(table, report.first_order_table(found), {'sweep': plan.name})
+    if options.plots:
+        drawn = SweepCharts(found.plan, found.rows, found.effects)
+        figures.save_all(drawn.tornados(), Path(options.plots))
+    return print_result(options, found, report.first_order_json, report.first_order)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from mechanism_sim.studies.effects import effects, exceedances, number
 from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row, has_failed
 from mechanism_sim.studies.sweep import SweepSummary
+from mechanism_sim.studies.tolerances import FirstOrder
+from mechanism_sim.tables import Column
 from mechanism_sim.units import for_people
 
 _MOST_ROWS = 40
@@ -157,6 +160,63 @@ def to_json(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> dict
 def _mean_text(row: Row, name: str, scale: float) -> str:
     mean, half = number(row, name) * scale, number(row, f'{name}_half_width') * scale
     return f'{mean:.4g} +- {half:<7.2g}' if math.isfinite(mean) else 'none'
+
+
+def first_order(found: FirstOrder) -> str:
+    """Tolerances to first order for people."""
+    stacks: list[list[str]] = [
+        ['', 'unit', 'nominal', 'deviation', 'worst case', '', 'in full runs', '']
+    ]
+    table: list[list[str]] = [['effect of', 'on', 'unit', 'lower end', 'upper end', 'share']]
+    notes = []
+    for s in found.stacks:
+        unit, scale = for_people(s.unit, max(abs(s.nominal), *map(abs, s.worst)))
+        figures = [s.nominal, s.deviation, *s.worst, *s.corners]
+        stacks.append([s.measure, unit, *(_text(scale * x) for x in figures)])
+        for c in sorted(s.contributions, key=lambda c: -c.share):
+            row = [_text(scale * c.low), _text(scale * c.high), f'{100.0 * c.share:.1f} %']
+            table.append([c.factor, s.measure, unit, *row])
+        if not s.enough:
+            most = max(s.contributions, key=lambda c: c.bent)
+            notes.append(
+                f'{s.measure}: first order is not enough: full runs are off by '
+                f'{100.0 * s.bent:.0f} % of three deviations, most by {most.factor}; run the '
+                'design'
+            )
+    return '\n'.join([
+        'measures to first order', *text_table.lines(stacks, 2),
+        'changes at the ends of tolerances, shares of variance', *text_table.lines(table, 3),
+        *notes, f'{found.runs} runs',
+    ])  # fmt: skip
+
+
+def first_order_json(found: FirstOrder) -> dict[str, object]:
+    """JSON of them, SI units."""
+    return {
+        'runs': found.runs,
+        'measures': {
+            s.measure: plain(
+                asdict(s)
+                | {
+                    'enough': s.enough,
+                    'contributions': {c.factor: asdict(c) for c in s.contributions},
+                }
+            )
+            for s in found.stacks
+        },
+    }
+
+
+def first_order_table(found: FirstOrder) -> list[Column]:
+    """A row for each measure and factor."""
+    rows = [(s, c) for s in found.stacks for c in s.contributions]
+    keys = 'slope', 'deviation', 'share', 'low', 'high', 'bent'
+    return [
+        Column('measure', [s.measure for s, _ in rows]),
+        Column('factor', [c.factor for _, c in rows]),
+        *(Column(key, [float(getattr(c, key)) for _, c in rows], '' if key == 'share' else 'SI')
+          for key in keys),
+    ]  # fmt: skip
 
 
 def check_charts(plan: SweepPlan, file: str | None, over: str | None, option: str) -> None:

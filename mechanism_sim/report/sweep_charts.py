@@ -41,9 +41,11 @@ Finished = list[tuple[Run, Row]]
 
 
 class SweepCharts:
-    """The charts of a sweep whose runs are finished."""
+    """The charts of a sweep whose runs are finished; `known` are effects found otherwise."""
 
-    def __init__(self, plan: SweepPlan, rows: Sequence[Row]) -> None:
+    def __init__(
+        self, plan: SweepPlan, rows: Sequence[Row], known: Sequence[Effect] | None = None
+    ) -> None:
         self.plan = plan
         pairs = zip(plan.runs, rows, strict=True)
         self._done: Finished = [(run, row) for run, row in pairs if not has_failed(row)]
@@ -52,7 +54,7 @@ class SweepCharts:
         self._units = {c.name: c.unit for c in plan.own} | {'impulse': 'N s', 'I_n': 'N s'}
         self._swept = [c for c in plan.columns if c != REPEAT]
         self._numeric = [c for c in self._swept if is_numeric(plan, c)]
-        self._effects = effects(plan, rows)
+        self._effects = effects(plan, rows) if known is None else known
 
     def charts(self, over: str | None, pareto: Sequence[str] = ()) -> Iterator[Chart]:
         """All that there are; `pareto` are two measures, of which a minus means the greatest."""

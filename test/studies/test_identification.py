@@ -13,7 +13,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import SensorBlock, float64_array, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.report.studies import fit_text, unlike
-from mechanism_sim.results.sensor_record import SensorRecord
+from mechanism_sim.results.measured import SensorRecord
 from mechanism_sim.studies.identification import Identification
 from mechanism_sim.studies.parameters import NAMES, parameters, ranges
 from mechanism_sim.studies.runs import Workers
