@@ -67,7 +67,8 @@ def pieces(
     for topic, message, _ in bag.messages(kinds):
         kind = kinds[topic]
         if kind == 'impacts':
-            impacts.append(_impact(message))
+            values = _IMPACT(message)
+            impacts.append(Impact._make((*values[:_WORK], np.nan, *values[_WORK:])))
         elif kind == 'mode_changes':
             modes.append(_mode_change(bag, message))
         elif kind == 'motion':
@@ -78,11 +79,6 @@ def pieces(
             others[kind](message)
     if impacts or modes:
         yield RecordedPiece(impacts=impacts, modes=modes)
-
-
-def _impact(message: Any) -> Impact:
-    values = _IMPACT(message)
-    return Impact._make((*values[:_WORK], np.nan, *values[_WORK:]))
 
 
 def _mode_change(bag: Bag, message: Any) -> ModeChange:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from io import StringIO
-from typing import Any
 
 from mechanism_sim.export.outlines import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
@@ -26,7 +25,12 @@ def to_dxf(outline: Outline) -> str:
         for part in parts:
             if not document.layers.has_entry(_layer(part)):
                 document.layers.add(_layer(part), linetype=linetype)
-            _draw(space, part)
+            layer = {'layer': _layer(part)}
+            if isinstance(part, Circle):
+                centre = 1e3 * part.centre[0], 1e3 * part.centre[1]
+                space.add_circle(centre, 1e3 * part.radius, dxfattribs=layer)
+            else:
+                space.add_lwpolyline(1e3 * part.points.T, close=part.closed, dxfattribs=layer)
     document.layers.add('SHAFT')
     for place in outline.shafts:
         u, v = (1e3 * c for c in place)
@@ -40,12 +44,3 @@ def to_dxf(outline: Outline) -> str:
 def _layer(part: Polygon | Circle) -> str:
     """Named after the part; some characters may not be in it."""
     return re.sub(r'[<>/\\":;?*|=`]', '_', part.name.upper())
-
-
-def _draw(space: Any, part: Polygon | Circle) -> None:
-    layer = {'layer': _layer(part)}
-    if isinstance(part, Circle):
-        centre = 1e3 * part.centre[0], 1e3 * part.centre[1]
-        space.add_circle(centre, 1e3 * part.radius, dxfattribs=layer)
-    else:
-        space.add_lwpolyline(1e3 * part.points.T, close=part.closed, dxfattribs=layer)

@@ -50,7 +50,9 @@ def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
     measures = plan.measured
     table: list[list[str]] = []
     heads = ['run']
-    scale, unit = _of_impulses(rows)
+    # the scale and the unit in which impulses are read
+    large = max((abs(number(row, 'impulse')) for row in rows), default=0.0)
+    scale, unit = (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
     if measures:
         shown = [(c.name, *for_people(c.unit, _largest(rows, c.name))) for c in measures]
         heads += [f'{name} [{u}]' if u else name for name, u, _ in shown]
@@ -87,12 +89,6 @@ def _given(value: Any, unit: str) -> str:
 def _largest(rows: Sequence[Row], name: str) -> float:
     """The largest size of a figure in all rows."""
     return max((abs(x) for row in rows if math.isfinite(x := number(row, name))), default=0.0)
-
-
-def _of_impulses(rows: Sequence[Row]) -> tuple[float, str]:
-    """The scale and the unit in which impulses are read."""
-    large = max((abs(number(row, 'impulse')) for row in rows), default=0.0)
-    return (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
 
 
 def _text(value: float) -> str:

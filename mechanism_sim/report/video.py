@@ -121,7 +121,13 @@ class _GifWriter(AbstractMovieWriter):
         super().setup(fig, outfile, dpi)
         self._frames: list[Image.Image] = []
         self._colours = Image.new('P', (1, 1))
-        self._colours.putpalette(_palette())
+        # red, green and blue of each colour, 0 to 255
+        shares, accent = np.linspace(0.0, 1.0, _SHADES)[:, None], np.array(rgb(ACCENT))
+        part = np.linspace(0.15, 1.0, 12)[:, None]
+        # none so near to white that white would be taken for it
+        mixed = [shares * np.ones(3), accent + shares[:-4] * (1.0 - accent), shares[8:] * accent]
+        mixed += [1.0 - part * (1.0 - np.array(rgb(x))) for x in (GROUND, *LINKS)]
+        self._colours.putpalette([int(x) for x in np.rint(255.0 * np.concatenate(mixed)).ravel()])
 
     def grab_frame(self, **_: Any) -> None:
         buffer = BytesIO()
@@ -135,16 +141,6 @@ class _GifWriter(AbstractMovieWriter):
             self.outfile, save_all=True, append_images=others, loop=0,
             duration=round(1000.0 / self.fps),
         )  # fmt: skip
-
-
-def _palette() -> list[int]:
-    """Red, green and blue of each colour, 0 to 255."""
-    shares, accent = np.linspace(0.0, 1.0, _SHADES)[:, None], np.array(rgb(ACCENT))
-    part = np.linspace(0.15, 1.0, 12)[:, None]
-    # none so near to white that white would be taken for it
-    mixed = [shares * np.ones(3), accent + shares[:-4] * (1.0 - accent), shares[8:] * accent]
-    mixed += [1.0 - part * (1.0 - np.array(rgb(x))) for x in (GROUND, *LINKS)]
-    return [int(x) for x in np.rint(255.0 * np.concatenate(mixed)).ravel()]
 
 
 def _ffmpeg() -> str:

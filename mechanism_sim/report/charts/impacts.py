@@ -80,7 +80,13 @@ def _stems(
     course: ChartedRun, struck: list[Impact], window: ChartWindow, title: str, key: str
 ) -> Chart:
     curves = []
-    for name, number, twin in _places(course):
+    # the gaps with the number of their joint's colour, and whether it is the joint's second
+    joints = course.record.machine.physics.joints
+    for name, number, twin in [
+        (name, joints.index(joint), i > 0)
+        for joint, names in gaps_of(course).items()
+        for i, name in enumerate(names)
+    ]:
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
         sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
         own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
@@ -93,16 +99,6 @@ def _stems(
     x = replace(TIME, low=window.start, high=window.end)
     panel = Panel(x, Axis('normal impulse', 'mN s', low=0.0), tuple(curves))
     return Chart(key, title, (panel,), 'time')
-
-
-def _places(course: ChartedRun) -> list[tuple[str, int, bool]]:
-    """The gaps with the number of their joint's colour, and whether it is the joint's second."""
-    joints = course.record.machine.physics.joints
-    return [
-        (name, joints.index(joint), i > 0)
-        for joint, names in gaps_of(course).items()
-        for i, name in enumerate(names)
-    ]
 
 
 def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
