@@ -13,7 +13,7 @@ from mechanism_sim.analysis.fields import FieldRange, field_ranges
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.loads import LoadSummary, load_summary
 from mechanism_sim.analysis.modes import JointModes, ModeShares
-from mechanism_sim.analysis.pieces import pieces
+from mechanism_sim.analysis.pieces import KINDS, find_topics, pieces
 from mechanism_sim.analysis.published import (
     PARTS,
     EnergySummary,
@@ -25,7 +25,6 @@ from mechanism_sim.analysis.published import (
     names_of_parts,
 )
 from mechanism_sim.analysis.record import check_motion
-from mechanism_sim.analysis.topics import KINDS, find_topics
 from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
