@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import heyoka as hy
 
-from mechanism_sim.linkages.elements import SceneElement
 from mechanism_sim.linkages.formulas import FormulaScope
+from mechanism_sim.linkages.springs import SceneElement
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.jet import Jet

@@ -10,7 +10,6 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.linkages.elements import SceneElement
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, polynomial
@@ -23,6 +22,18 @@ from mechanism_sim.planar.virtual_work import located
 
 _AXES = 'x', 'y'
 _TURN = {'axis.x': math.cos, 'axis.y': math.sin}
+
+
+@dataclass(frozen=True)
+class SceneElement:
+    """A force element of a scene, ``springs.NAME`` or ``loads.NAME``."""
+
+    name: str
+
+    @property
+    def key(self) -> str:
+        """With which the keys of its parameters begin: no joint has such a name."""
+        return self.name.replace('.', ':', 1)
 
 
 @dataclass(frozen=True)
