@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
+from mechanism_sim.analysis.loads import load_summary
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.contacts import contacts
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.energy import energy, solver
 from mechanism_sim.report.charts.impacts import impacts
-from mechanism_sim.report.charts.loads import loads
 from mechanism_sim.report.charts.motion import drive, elastic, forces, guides, motion
 from mechanism_sim.report.charts.parts import parts
 from mechanism_sim.report.charts.sensors import sensors
+from mechanism_sim.report.loads import SHARE, load_rows, peaks_of
+from mechanism_sim.results.ranges import LoadPeaks
 
 
 def sections(record: Record, skip: int = 0) -> list[ChartSection]:
@@ -39,3 +45,32 @@ def sections(record: Record, skip: int = 0) -> list[ChartSection]:
         solver(course),
     )
     return [s for s in found if s and (s.charts or s.rows or s.table)]
+
+
+def loads(course: ChartedRun) -> ChartSection | None:
+    """Largest force in each joint, torque of the drive, and how long they last."""
+    record, run = course.record, course.run
+    peaks = LoadPeaks(record.machine, course.begin, shapes=True, bearings=True)
+    peaks.add(record.piece.motion)
+
+    def angle(t: float) -> float | None:
+        return None if record.slides else float(record.angle(np.array([t]))[0]) % math.tau
+
+    found = {name: peak for name, peak in peaks.peaks().items() if peak.value}
+    known = load_summary(found, peaks.shapes(), angle)
+    if known is None:
+        return None
+    levels: dict[str, float] = {}
+    for name in found:
+        kind, _, of = name.removesuffix('.size').partition('.')
+        drive = kind == 'drive_torque'
+        if (line := kind if drive else name) in run.quantities:
+            levels.setdefault('drive' if drive else of, run.levels.reached(line, SHARE))
+    text = (
+        'Forces and torques between impacts, whose impulses are no forces. The duration is the '
+        'time around the largest value in which the load is above half of it, the impulse that of '
+        'this time.'
+    )
+    notes = [f' {note}.' for note in peaks_of(known, levels)]
+    table = tuple(load_rows(record.machine.plan.main, known, levels))
+    return ChartSection('loads', 'Largest loads', text + ''.join(notes), (), table=table)
