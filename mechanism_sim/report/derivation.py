@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import heyoka as hy
@@ -26,7 +26,6 @@ from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.virtual_work import generalised
-from mechanism_sim.report.equations import Equation, EquationGroup, MachineEquations
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
@@ -479,3 +478,36 @@ class Vectors:
     def use(self, label: str) -> None:
         """Let symbols stand for one vector, if it has any, and no others."""
         self._abbreviations = self._named.get(label, {})
+
+
+@dataclass(frozen=True)
+class Equation:
+    """``left = right``, each the sum of its terms in their order."""
+
+    name: str
+    left: tuple[Expression, ...]
+    right: tuple[Expression, ...]
+    note: str = ''
+
+
+@dataclass(frozen=True)
+class EquationGroup:
+    """Equations of one kind."""
+
+    name: str
+    heading: str
+    equations: tuple[Equation, ...]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class MachineEquations:
+    """All equations of a machine, and the symbols in them."""
+
+    scene: str
+    title: str
+    level: str
+    coordinates: tuple[tuple[Symbol, Symbol, Symbol], ...]  #: with rate and acceleration
+    parameters: tuple[Symbol, ...]  #: constants of the scene
+    variables: tuple[Symbol, ...]  #: forces, gaps and what else follows from the motion
+    parts: tuple[EquationGroup, ...]
