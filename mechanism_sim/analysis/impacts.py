@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.results.means import Mean, impact_means
-from mechanism_sim.results.turns import impacts_by_turn
+from mechanism_sim.results.turns import Mean, impact_means, impacts_by_turn
 
 _SLACK = 1e-9  # a revolution that is full but for rounding is full
 

@@ -17,8 +17,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.results.means import impact_means
-from mechanism_sim.results.turns import impacts_by_turn
+from mechanism_sim.results.turns import impact_means, impacts_by_turn
 
 MARKED = 6  #: impacts marked in [SB] 8.11
 

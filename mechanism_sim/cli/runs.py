@@ -88,9 +88,9 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.report import derivatives, measured, progress, summary  # noqa: PLC0415
     from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
-    from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
+    from mechanism_sim.results.turns import ImpactTally  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.no_events and not options.json:

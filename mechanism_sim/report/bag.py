@@ -18,7 +18,7 @@ from mechanism_sim.analysis.wear import WearMap
 from mechanism_sim.report.loads import load_rows
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows
-from mechanism_sim.results.means import Mean
+from mechanism_sim.results.turns import Mean
 from mechanism_sim.text_table import Cell
 
 _ROWS = 12  # of a table of revolutions, before its middle is left out

@@ -18,10 +18,10 @@ from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.recording import realtime_factor
 from mechanism_sim.report.sections import Section, SummaryRow, amount
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.means import ImpactTally, Mean
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.simulate import Stream
 from mechanism_sim.results.solution import Solution, Stats
+from mechanism_sim.results.turns import ImpactTally, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people
