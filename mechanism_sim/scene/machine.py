@@ -18,32 +18,34 @@ import hashlib
 import json
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot, State
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import Play, in_plane
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import Law
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
+from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.main_drive import MainDrive
 from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan, announce
-from mechanism_sim.scene.rigid import rigid_scene
-from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.schema import JointPart, Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.units import QuantityValue
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
 
@@ -277,3 +279,40 @@ class Machine(Rich):
         gaps, _ = contacts_of(self.scene.joints, self.mechanism, self.plan.clearances)
         gaps += bounds_of(self.scene.joints, self.mechanism, self.touching)
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
+
+
+def rigid_scene(plan: ScenePlan, assembly: Assembly) -> Scene:
+    """A scene with elastic links made rigid, and shafts that do not give way.
+
+    It starts where that of `plan` does, assembled so, although guides carry some links now.
+    """
+    ideal, scene = plan.ideal, plan.scene
+    guides = [ideal.joint(j) for j in plan.bending]
+    carried = {link for j in guides for link in (j.first, j.second)}
+    initial = {
+        kind: {
+            c: x
+            for c, x in getattr(scene.initial, kind).items()
+            if c not in ideal.deformations and not (carried and (c in carried or '.' in c))
+        }
+        for kind in ('position', 'velocity')
+    }
+    changed: dict[str, Any] = {
+        'links': {name: stiffened(link) for name, link in scene.links.items()},
+        'joints': {
+            name: JointPart.model_validate({'revolute': j.points})
+            if j.kind_keys.gives_way
+            else j.model_copy(update={'clearance': in_plane(j.clearance)})
+            for name, j in scene.joints.items()
+        },
+        'initial': scene.initial.model_copy(update=initial),
+    }
+    if not carried:
+        return scene.model_copy(update=changed)
+    tree = ScenePlan(scene.model_copy(update=changed | {'guess': {}})).ideal
+    q, _ = converted(ideal, tree, assembly.q, assembly.v)
+    guess = {
+        c: QuantityValue(x, 'm' if c in tree.displacements else 'rad')
+        for c, x in zip(tree.coordinates, q.tolist(), strict=True)
+    }
+    return scene.model_copy(update=changed | {'guess': guess})
