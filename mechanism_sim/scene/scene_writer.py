@@ -18,11 +18,10 @@ from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.facts import Facts, facts_of
+from mechanism_sim.scene.facts import Facts, facts_of, quantity
 from mechanism_sim.scene.files import as_given, check_scene, find_scene, overridden, read_yaml
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.schema import AnyScene, LinkPart, Scene
-from mechanism_sim.scene.written import quantity
 from mechanism_sim.units import QuantityValue
 
 TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
