@@ -55,7 +55,7 @@ from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
-from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.sensing.point import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, plain
 from mechanism_sim.vibration.frame import Frame
