@@ -47,8 +47,14 @@ from mechanism_sim.thesis.experiment import (
     with_limits,
     with_orders,
 )
-from mechanism_sim.thesis.experiment_page import renewed
-from mechanism_sim.thesis.experiment_tables import figure, render, summary, tables, to_json
+from mechanism_sim.thesis.experiment_tables import (
+    figure,
+    render,
+    renewed,
+    summary,
+    tables,
+    to_json,
+)
 
 TURNS = 6
 MESH = 0.1
