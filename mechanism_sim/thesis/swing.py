@@ -16,14 +16,17 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
+from mechanism_sim.numerics.rational import Modes, Rational
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, SensorSource
-from mechanism_sim.thesis.angular_acceleration import TurningLink
 from mechanism_sim.thesis.angular_reconstruction import LINKS, Rebuilt, Reconstruction
 
+_ROUNDING = 1e-13
+"""Of a speed: steps of it that are smaller are none."""
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
 _SEGMENTS = 2048
@@ -307,3 +310,51 @@ def all_samples(
         channel.take(part)
     blocks = channel.blocks(final=True)
     return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)
+
+
+class TurningLink:
+    """A source as `mechanism_sim.sensing.channel.Channel` takes it: exact, impacts included.
+
+    Parameters
+    ----------
+    mechanism : the machine
+    link : one of its links that turns
+
+    Raises
+    ------
+    ValueError
+        If no coordinate is the angle of that link.
+    """
+
+    inputs = 1
+
+    def __init__(self, mechanism: Mechanism, link: str) -> None:
+        self._index = mechanism.coordinates.index(link)
+        self._before: float | None = None
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from the angular acceleration to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Angular acceleration (1, N) [rad/s^2], as ``motion.curve.at(segments, dt, 2)``."""
+        return np.asarray(motion.curve.local(segments, dt, 2).T[self._index][None])
+
+    def impulses(self, motion: Motion) -> Array:
+        """Steps of the angular velocity (m, 1) [rad/s] at the start of the m pieces that follow.
+
+        Pieces must come in the order of time; what is a step at the first depends on the last of
+        the call before.
+        """
+        curve = motion.curve
+        every = np.arange(len(curve))
+        after, ends = (
+            curve.local(every, dt, 1)[:, self._index]
+            for dt in (np.zeros(len(curve)), curve.duration)
+        )
+        first = after[0] if self._before is None else self._before
+        before = np.append(first, ends[:-1])
+        self._before = float(ends[-1])
+        step = after - before
+        step[np.abs(step) <= _ROUNDING * (np.abs(after) + np.abs(before))] = 0.0
+        return np.asarray(step[:, None])

@@ -25,7 +25,6 @@ from mechanism_sim.studies.plan import Extent, read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.thesis import experiment_figures
-from mechanism_sim.thesis.angular_acceleration import TurningLink
 from mechanism_sim.thesis.claims import (
     LESS,
     MORE,
@@ -55,6 +54,7 @@ from mechanism_sim.thesis.experiment_tables import (
     tables,
     to_json,
 )
+from mechanism_sim.thesis.swing import TurningLink
 
 TURNS = 6
 MESH = 0.1
