@@ -10,8 +10,7 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.bending import bendings
-from mechanism_sim.export.scale import round_below, scale_bar
+from mechanism_sim.export.bending import bendings, round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.joints.contact_keys import Clearance, Play
 from mechanism_sim.joints.joint_keys import bounds_of

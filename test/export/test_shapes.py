@@ -16,8 +16,8 @@ from textbook import TOOTH_SYSTEMS
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
+from mechanism_sim.export.bending import scale_bar
 from mechanism_sim.export.palette import DARK, LINKS, PAPER, rgb
-from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import OPEN, area, circle, simplified
 from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.export.stage import stage_of
