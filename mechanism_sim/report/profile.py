@@ -13,7 +13,6 @@ import numpy as np
 from mechanism_sim import output
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.export.dxf import to_dxf
 from mechanism_sim.export.outlines import (
     Outline,
     cam_outline,
@@ -22,7 +21,7 @@ from mechanism_sim.export.outlines import (
     pair_outline,
     rack_outline,
 )
-from mechanism_sim.export.svg import to_svg
+from mechanism_sim.export.svg import to_dxf, to_svg
 from mechanism_sim.joints.bevel.constraint import BevelPair, SpatialPair
 from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
