@@ -8,10 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim.analysis.crank import Crank, MotionSummary
-from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.loads import LoadSummary, load_summary
-from mechanism_sim.analysis.modes import FieldRange, JointModes, ModeShares, field_ranges
+from mechanism_sim.analysis.modes import (
+    FieldRange,
+    JointModes,
+    Ledger,
+    LedgerCollector,
+    ModeShares,
+    field_ranges,
+)
 from mechanism_sim.analysis.pieces import KINDS, find_topics, pieces
 from mechanism_sim.analysis.published import (
     PARTS,

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from mechanism_sim.analysis.delivery_audit import Ledger
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
 from mechanism_sim.analysis.impacts import ImpactSummary
 from mechanism_sim.analysis.loads import LoadSummary
-from mechanism_sim.analysis.modes import FieldRange, JointModes
+from mechanism_sim.analysis.modes import FieldRange, JointModes, Ledger
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.summary import Summary
 from mechanism_sim.analysis.vibration import SensorSummary
