@@ -16,6 +16,8 @@ from mechanism_sim.analysis.modes import (
     Ledger,
     LedgerCollector,
     ModeShares,
+    SensorSummary,
+    VibrationCollector,
     field_ranges,
 )
 from mechanism_sim.analysis.pieces import KINDS, find_topics, pieces
@@ -30,7 +32,6 @@ from mechanism_sim.analysis.published import (
     names_of_parts,
 )
 from mechanism_sim.analysis.record import check_motion
-from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import parse_description
