@@ -1,4 +1,4 @@
-"""A recorded run as a whole: its machine, its motion and events, and what its sensors said.
+"""A recorded run as a whole: its machine, motion, events, sensors, and revolutions as its clock.
 
 The summary of a bag needs one pass and little memory. What is asked for here needs the machine,
 rebuilt from the recorded scene, and all of the motion: then everything that can be asked of a

@@ -10,7 +10,7 @@ from typing import Any
 from mechanism_sim.analysis.crank import Crank, MotionSummary
 from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
 from mechanism_sim.analysis.loads import LoadSummary, load_summary
-from mechanism_sim.analysis.modes import (
+from mechanism_sim.analysis.collectors import (
     FieldRange,
     JointModes,
     Ledger,

@@ -1,4 +1,4 @@
-"""How elastic links are drawn: deformed, more than they are by a factor that drawings state."""
+"""How elastic links are drawn: deformed, more than they are by a round factor, with scale bars."""
 
 from __future__ import annotations
 

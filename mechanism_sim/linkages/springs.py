@@ -1,4 +1,4 @@
-"""Springs and dampers between two points, two links, or along a guide."""
+"""Springs and dampers between two points, two links, along a guide; bushings at one point."""
 
 from __future__ import annotations
 

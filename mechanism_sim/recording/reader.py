@@ -1,4 +1,4 @@
-"""Reading bags of any storage, whole or cut short, in bounded memory."""
+"""Reading bags of any storage, whole or cut short, in bounded memory: ROS 2, JSON, protobuf."""
 
 from __future__ import annotations
 

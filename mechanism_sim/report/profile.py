@@ -21,7 +21,7 @@ from mechanism_sim.export.outlines import (
     pair_outline,
     rack_outline,
 )
-from mechanism_sim.export.svg import to_dxf, to_svg
+from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.joints.bevel.constraint import BevelPair, SpatialPair
 from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating

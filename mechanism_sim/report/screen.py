@@ -1,4 +1,8 @@
-"""A machine on a figure whose parts move from frame to frame."""
+"""A machine on a figure whose parts move from frame to frame, and a play under a lens.
+
+`Stage` and its frames say where everything is; this draws it with Matplotlib, a lens in radii of
+the bushing or halves of the space between walls. Pages and viewers draw the same data.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Turns of a coordinate: how many there are by a time, and when they end."""
+"""Turns of a coordinate: how many by a time, when they end; means per turn with their intervals."""
 
 from __future__ import annotations
 

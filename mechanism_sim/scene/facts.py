@@ -1,4 +1,4 @@
-"""Facts of a key by its schema: unit, bounds, choices."""
+"""Facts of a key by its schema: unit, bounds, choices; parts as files give them, with units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A scene written out for people: every key with its meaning, its unit and its default."""
+"""A scene written out for people, or begun from another: keys with meaning, unit and default."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""The tables of the thesis's experiment, as Markdown and as JSON."""
+"""The tables of the thesis's experiment, as Markdown, as JSON, and in a page.
+
+A table stands between ``<!-- experiment: NAME -->`` and ``<!-- /experiment -->``. NAME is that of
+a table, or ``summary``. Of a long one, ``NAME; COLUMN = VALUE`` has the rows with this value.
+"""
 
 from __future__ import annotations
 

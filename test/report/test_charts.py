@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from running import one_of
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.modes import ModeShares
+from mechanism_sim.analysis.collectors import ModeShares
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode

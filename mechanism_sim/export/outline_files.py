@@ -1,4 +1,4 @@
-"""Outlines as SVG, in true size."""
+"""Outlines in true size: as SVG, and as DXF [mm] with each curve on a layer of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long each joint with clearance follows, and how long it flies."""
+"""Sums over the messages of a bag: modes of joints, fields, deliveries, signals of sensors."""
 
 from __future__ import annotations
 
