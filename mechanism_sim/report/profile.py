@@ -13,6 +13,7 @@ import numpy as np
 from mechanism_sim import output
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.export.outlines import (
     Outline,
     cam_outline,
@@ -21,7 +22,6 @@ from mechanism_sim.export.outlines import (
     pair_outline,
     rack_outline,
 )
-from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.joints.bevel.constraint import BevelPair, SpatialPair
 from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating

@@ -1,4 +1,4 @@
-"""Turns of a coordinate: how many by a time, when they end; means per turn with their intervals."""
+"""Turns of a coordinate: how many by a time, when they end; means per turn, with intervals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The acceleration of a point of a link along its axes, and how it turns, as instruments feel it."""
+"""Acceleration of a point of a link along its axes, and how it turns, as instruments feel it."""
 
 from __future__ import annotations
 
