@@ -17,8 +17,7 @@ from mechanism_sim.analysis.collectors import (
     VibrationCollector,
     field_ranges,
 )
-from mechanism_sim.analysis.crank import Crank, MotionSummary
-from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
+from mechanism_sim.analysis.impacts import Crank, ImpactCollector, ImpactSummary, MotionSummary
 from mechanism_sim.analysis.loads import LoadSummary, load_summary
 from mechanism_sim.analysis.pieces import KINDS, find_topics, pieces
 from mechanism_sim.analysis.published import (

@@ -15,8 +15,8 @@ from scipy import stats
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import MotionDigest, analyze
-from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.analysis.details import Wanted, find_details
+from mechanism_sim.analysis.impacts import Crank
 from mechanism_sim.analysis.pieces import RecordedPiece
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError
