@@ -11,8 +11,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import INK, colour
 from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
-from mechanism_sim.report.brush import Brush
-from mechanism_sim.report.labels import Labels
+from mechanism_sim.report.brush import Brush, Labels
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.quantities.motion import choose_points

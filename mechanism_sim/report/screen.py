@@ -24,9 +24,8 @@ from mechanism_sim.export.palette import ACCENT, INK, colour, tint
 from mechanism_sim.export.skeleton import bounds
 from mechanism_sim.export.stage import HALF, PLAY, Stage, StageFrames, Swaying, stage_of
 from mechanism_sim.planar.play import gaps_of
-from mechanism_sim.report.brush import Brush
+from mechanism_sim.report.brush import Brush, Labels, Move
 from mechanism_sim.report.drawing import PATHS, rule, trace
-from mechanism_sim.report.labels import Labels, Move
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantities.motion import choose_points
