@@ -11,8 +11,12 @@ from mechanism_sim.results.quantities.compliance import (
     of_points_of_elastic_links,
     of_tilting_joints,
 )
-from mechanism_sim.results.quantities.contacts import of_contacts, of_readings
-from mechanism_sim.results.quantities.force_elements import of_force_elements, of_states
+from mechanism_sim.results.quantities.contacts import (
+    of_contacts,
+    of_force_elements,
+    of_readings,
+    of_states,
+)
 from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
 from mechanism_sim.results.quantities.motion import of_coordinates, of_mass_centre, of_points
 from mechanism_sim.results.quantities.shafts import of_shafts
