@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.linkages.four_bar import Branch, FourBar
-from mechanism_sim.linkages.slider_crank import SliderCrank
+from mechanism_sim.linkages.four_bar import Branch, FourBar, SliderCrank
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 
