@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
+from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 from mechanism_sim.units import number, written
 
 SHARE = 0.999

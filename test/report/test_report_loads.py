@@ -8,7 +8,7 @@ from builders import ROUGH, simulated
 from running import run as command
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
+from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.subjects import loads
 from mechanism_sim.report.charts.thinning import HeldLevels

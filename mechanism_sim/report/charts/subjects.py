@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.loads import load_summary
 from mechanism_sim.analysis.published import PARTS
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.series import Series
+from mechanism_sim.analysis.summary import load_summary
 from mechanism_sim.arrays import Array
 from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, ChartSection

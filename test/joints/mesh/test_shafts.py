@@ -8,7 +8,7 @@ from running import run
 from tooth_forces import bevel, helical
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import load_summary
+from mechanism_sim.analysis.summary import load_summary
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import pitch_angles
 from mechanism_sim.joints.worm.forces import WormPair
