@@ -89,7 +89,7 @@ def animate(
     scene : all that `load_scene` takes
     file : .mp4, .gif, .svg to be numbered, or a folder for SVG frames
     run : what it does, such as a solution; the scene's own run if not
-    start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
+    start, end, fps, speed : as `mechanism_sim.report.video.film` has them
     size : longer side, or width and height [pixels]
     shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`
     """
