@@ -7,11 +7,9 @@ pin in a slot becomes a light block that slides in the slot and turns on the pin
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from xml.etree import ElementTree
 
 import numpy as np
 
@@ -31,7 +29,6 @@ from mechanism_sim.planar.mechanism import (
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
 
-Element = ElementTree.Element
 WORLD = 'world'
 
 #: mass of a block in a slot, and of links without mass, as a share of the heaviest link's
@@ -230,19 +227,3 @@ def _carried(pose: Array, rate: Array, at: Vector2) -> tuple[Array, Array]:
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = c * at[0] - s * at[1], s * at[0] + c * at[1]
     return pose[:2] + np.array([x, y]), rate[:2] + rate[2] * np.array([-y, x])
-
-
-def text(*numbers: float) -> str:
-    """Numbers that are read as the same floats."""
-    return ' '.join(repr(float(x)) for x in numbers)
-
-
-def comment(parent: Element, sentence: str) -> None:
-    """A sentence in a comment, where no two hyphens may meet."""
-    parent.append(ElementTree.Comment(f' {re.sub("-+", "-", sentence)} '))
-
-
-def written(root: Element) -> str:
-    """The text of a file, indented."""
-    ElementTree.indent(root)
-    return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'

@@ -11,18 +11,8 @@ from functools import cached_property
 from typing import TypeGuard
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import (
-    WORLD,
-    Element,
-    Ideal,
-    check_names,
-    comment,
-    steady,
-    text,
-    time_step,
-    way,
-    written,
-)
+from mechanism_sim.export.ideal import WORLD, Ideal, check_names, steady, time_step, way
+from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.springs import Elongation, GuidedSpring, Spring, TorsionSpring

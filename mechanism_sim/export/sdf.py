@@ -8,17 +8,8 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import (
-    WORLD,
-    Element,
-    Ideal,
-    check_names,
-    comment,
-    text,
-    time_step,
-    way,
-    written,
-)
+from mechanism_sim.export.ideal import WORLD, Ideal, check_names, time_step, way
+from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Weld
