@@ -1,4 +1,4 @@
-"""Impacts in joints with clearance, counted by joint and by revolution."""
+"""Impacts in joints with clearance, by joint and by revolution of the crank, their clock."""
 
 from __future__ import annotations
 

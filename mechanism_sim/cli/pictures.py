@@ -94,10 +94,7 @@ _HEARD = 'distance', 'direction', 'pulse'
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.screen import FilmParts  # noqa: PLC0415
-    from mechanism_sim.report.video import (
-        Target,  # noqa: PLC0415
-        film,  # noqa: PLC0415
-    )
+    from mechanism_sim.report.video import Target, film  # noqa: PLC0415
 
     if Path(options.output or '').suffix == '.wav':
         refuse_options(options, _SEEN, 'is of a film: a .wav file has none')

@@ -1,4 +1,4 @@
-"""The ideal four-bar linkage in closed form: position, velocity, acceleration.
+"""The ideal four-bar linkage and slider-crank in closed form: positions, motion, limits.
 
 Links are vectors ``l2 u(th2) + l3 u(th3) - l4 u(th4) - l1 u(0) = 0`` ([V] 2.3.1, second case: two
 unknown angles). All functions are vectorised over the crank angle.
@@ -94,7 +94,13 @@ class FourBar:
 
 @dataclass(frozen=True)
 class SliderCrank:
-    """Dimensions of an offset slider-crank."""
+    """Dimensions of an offset slider-crank.
+
+    The crank turns about the origin; its rod moves a slider along the line y = offset, [V] 2.3.3.
+    For the slider's joint on the side of positive x
+
+        x = crank cos(th2) + sqrt(rod^2 - (offset - crank sin(th2))^2)
+    """
 
     crank: float  #: [m]
     rod: float  #: [m]

@@ -1,4 +1,4 @@
-"""Paints the shapes of a mechanism on Matplotlib axes, and moves them to other poses."""
+"""Paints the shapes of a mechanism and their names on Matplotlib axes, and moves the shapes."""
 
 from __future__ import annotations
 

@@ -8,10 +8,10 @@ from typing import Any
 from mechanism_sim.analysis.open_run import is_run, open_run
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.recording import Bag
-from mechanism_sim.report import animation, drawing, figures, lines
+from mechanism_sim.report import drawing, figures, lines
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts
-from mechanism_sim.report.video import Target
+from mechanism_sim.report.video import Target, film
 from mechanism_sim.results.cycle import Cycle, instant
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.solution import Piece
@@ -97,5 +97,5 @@ def animate(
     start, end = argument('start', start, 's'), argument('end', end, 's')
     fps = argument('fps', fps, 'Hz')
     record = Record(machine, run or simulate(machine), {})
-    film = animation.film(record, target, start, end, fps, speed)
-    return film.write(FilmParts(**shown), size)[0]
+    chosen = film(record, target, start, end, fps, speed)
+    return chosen.write(FilmParts(**shown), size)[0]

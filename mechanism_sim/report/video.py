@@ -1,4 +1,4 @@
-"""Files that moving pictures are written to: MP4 by ffmpeg, GIF by Pillow, numbered SVG."""
+"""Films: their instants, and the files they go to: MP4 by ffmpeg, GIF by Pillow, numbered SVG."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contacts of joints with clearance: gaps, forces, states."""
+"""Quantities of contacts, of readings of cams, gears, Geneva wheels, of force elements, states."""
 
 from __future__ import annotations
 

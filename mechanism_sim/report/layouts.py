@@ -1,4 +1,4 @@
-"""Plots of a run that are worth a look, as paths into its topics."""
+"""Layouts for Foxglove, whose keys Lichtblick reads too, and RViz: the machine, plots."""
 
 from __future__ import annotations
 
