@@ -13,8 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, polynomial
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.loads import Load, moment_of
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, LinkPoint

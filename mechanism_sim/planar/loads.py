@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Jet
 from mechanism_sim.planar.points import Vector2
 
 

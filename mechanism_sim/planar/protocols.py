@@ -13,8 +13,7 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.loads import Load, Wrench
 from mechanism_sim.planar.view import Draft
 

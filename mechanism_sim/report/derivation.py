@@ -22,7 +22,7 @@ from mechanism_sim.numerics.formula import Words
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Jet
 from mechanism_sim.planar.protocols import Gap
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.virtual_work import generalised

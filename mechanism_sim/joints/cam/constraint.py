@@ -24,8 +24,7 @@ from mechanism_sim.joints.cam.reading import CamReading, read_cam
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate

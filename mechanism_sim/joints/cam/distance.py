@@ -27,8 +27,7 @@ from mechanism_sim.joints.cam.followers import (
 )
 from mechanism_sim.joints.cam.profiles import Cam
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 
 Pair: TypeAlias = tuple[Jet, Jet]
 

@@ -18,8 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.laws import Eccentric, Law, Raised
 from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise
 from mechanism_sim.numerics.symbolic import dense, polynomial
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 
 _LONGEST = 0.5 * math.pi  # [rad] of a row: beyond, its own place would be ambiguous
 

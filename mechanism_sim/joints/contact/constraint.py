@@ -19,8 +19,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import with_turning

@@ -23,8 +23,7 @@ import heyoka as hy
 from mechanism_sim.joints.mesh.placement import Harmonic, PlacedMesh
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, slid
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.points import Vector2
 

@@ -10,8 +10,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.loads import Load, Wrench, contact_wrench
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.play import with_turning

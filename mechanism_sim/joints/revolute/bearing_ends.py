@@ -21,8 +21,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.play import ENDS, STOPS, MeasuredGap, end_name
