@@ -23,7 +23,7 @@ from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.joints.mesh.involute import Fillet, Gear
-from mechanism_sim.nodes.markers import painted
+from mechanism_sim.nodes.force_markers import painted
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report import drawing, figures
