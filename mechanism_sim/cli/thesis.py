@@ -70,7 +70,7 @@ def _experiment(options: argparse.Namespace) -> int:
 
 def _contact_loss(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.thesis.losses import losses, render, to_json  # noqa: PLC0415
+    from mechanism_sim.thesis.contact_loss import losses, render, to_json  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):
