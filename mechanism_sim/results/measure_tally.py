@@ -18,10 +18,9 @@ from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.path_distance import PathDistances
-from mechanism_sim.results.quantity import Quantity
+from mechanism_sim.results.quantity import Quantity, View
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
-from mechanism_sim.results.view import View
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 

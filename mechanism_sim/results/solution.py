@@ -21,8 +21,7 @@ from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.results.catalogue import Catalogue, catalogue
-from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument

@@ -10,8 +10,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.protocols import EndGap
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 

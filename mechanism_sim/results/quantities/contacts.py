@@ -15,8 +15,7 @@ from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.view import Told
-from mechanism_sim.results.quantity import Quantity, Shown
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import product
 

@@ -14,8 +14,7 @@ from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import MotionBound
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 

@@ -10,8 +10,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import LinkPoint, Point
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}

@@ -16,8 +16,7 @@ from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.unknowns import Unknowns
 from mechanism_sim.planar.virtual_work import located
 from mechanism_sim.results.quantities.motion import tracks
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 
