@@ -35,8 +35,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
 )
 from mechanism_sim.planar.branch import SAMPLES
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.steep_loads import SteepLoads

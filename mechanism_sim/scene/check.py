@@ -16,8 +16,7 @@ from mechanism_sim.numerics.sampled import (
     describe_peaks,
     determined,
 )
-from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.endless_laws import ends
+from mechanism_sim.planar.drive import DriveLaw, ends
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drives import drive_key

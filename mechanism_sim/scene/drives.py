@@ -14,8 +14,17 @@ from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.formulas import FormulaTorque
 from mechanism_sim.numerics.time_series import TimeSeries
-from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw, curve_laws, speed_profile
-from mechanism_sim.planar.endless_laws import FormulaLaws, LawSource, RepeatedLaws, unrolled
+from mechanism_sim.planar.drive import (
+    DriveLaw,
+    FormulaLaws,
+    Law,
+    LawSource,
+    RepeatedLaws,
+    TorqueLaw,
+    curve_laws,
+    speed_profile,
+    unrolled,
+)
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
 from mechanism_sim.scene.formula_keys import check_formula, scope_of

@@ -20,8 +20,7 @@ from mechanism_sim.linkages.drive_range import DriveRange
 from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import ends
+from mechanism_sim.planar.drive import DriveLaw, Law, ends
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.switched_functions import SwitchedFunction

@@ -32,8 +32,14 @@ from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.configuration import converted
-from mechanism_sim.planar.drive import DriveLaw, Law, largest_speed, time_of_angle
-from mechanism_sim.planar.endless_laws import LawSource, unrolled
+from mechanism_sim.planar.drive import (
+    DriveLaw,
+    Law,
+    LawSource,
+    largest_speed,
+    time_of_angle,
+    unrolled,
+)
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
