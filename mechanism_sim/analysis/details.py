@@ -10,9 +10,15 @@ import numpy as np
 
 from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
+from mechanism_sim.analysis.roses import (
+    ImpactCycles,
+    Rose,
+    WearMap,
+    impact_cycles,
+    impact_rose,
+    wear_maps,
+)
 from mechanism_sim.analysis.signals import Signal
-from mechanism_sim.analysis.wear import WearMap, wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.orders import TurnSegments, order_spectrum

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.roses import Rose, impact_rose
-from mechanism_sim.analysis.wear import wear_maps
+from mechanism_sim.analysis.roses import Rose, impact_rose, wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
