@@ -18,7 +18,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode, ModeChange
 from mechanism_sim.recording import Bag
 from mechanism_sim.sensing.indicators import Indicators, Moments
-from mechanism_sim.sensing.orders import order_spectrum
+from mechanism_sim.sensing.spectra import order_spectrum
 
 _KEPT = 2**18  # samples of each sensor, the last ones, of which the strongest orders are sought
 _LONGEST = 1000  # items of an array; more of them are pictures and scans

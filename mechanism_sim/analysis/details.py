@@ -21,8 +21,14 @@ from mechanism_sim.analysis.roses import (
 from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
-from mechanism_sim.sensing.spectra import LineSpectrum, envelope_spectrum, power, shock_band
+from mechanism_sim.sensing.spectra import (
+    LineSpectrum,
+    TurnSegments,
+    envelope_spectrum,
+    order_spectrum,
+    power,
+    shock_band,
+)
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40

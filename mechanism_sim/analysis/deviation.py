@@ -20,8 +20,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.ideal import without_clearance
 from mechanism_sim.sensing.chain import Converter, Noise
-from mechanism_sim.sensing.orders import TurnSegments
-from mechanism_sim.sensing.spectra import power
+from mechanism_sim.sensing.spectra import TurnSegments, power
 
 _SAMPLES = 1024  # angles in a turn
 _SEGMENT = 4  # turns under the window, if there are as many

@@ -34,7 +34,7 @@ from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.orders import TurnSegments
+from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.tables import Table
 
 _NEWTON = 50
@@ -236,7 +236,7 @@ class Record(Revolutions):
         """A quantity at equal angles of the main drive, in whole turns from angle zero on.
 
         What the catalogue names is taken from the motion's polynomials at exactly these angles.
-        The signal of a sensor is interpolated (`mechanism_sim.sensing.orders.at_equal_angles`).
+        The signal of a sensor is interpolated (`mechanism_sim.sensing.spectra.at_equal_angles`).
 
         Parameters
         ----------

@@ -14,7 +14,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.chain import QUANTITIES
-from mechanism_sim.sensing.orders import TurnSegments, at_equal_angles
+from mechanism_sim.sensing.spectra import TurnSegments, at_equal_angles
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.orders import TurnSegments
+from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.thesis.angular_reconstruction import LINKS, Reconstruction
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (

@@ -22,7 +22,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.scene import scene_names
-from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
+from mechanism_sim.sensing.spectra import TurnSegments, order_spectrum
 from mechanism_sim.studies.run_bag import RunBag
 
 JOINT = 'coupler_rocker'
