@@ -17,7 +17,7 @@ from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
-from mechanism_sim.vibration.shaking import Forces, WholeMachine
+from mechanism_sim.vibration.shaken_frame import Forces, WholeMachine
 
 
 def forces_on(machine: Any, name: str) -> Forces:
