@@ -11,8 +11,9 @@ from typing import Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Float64
 from mechanism_sim.nodes.drive import Drive
-from mechanism_sim.nodes.middleware import RESULTS, Parameter
+from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.partners import SETTLE
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.planar.drive import DriveLaw
 
 

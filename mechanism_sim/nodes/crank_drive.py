@@ -12,15 +12,9 @@ from mechanism_sim.nodes.commands import DriveCommands
 from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
-from mechanism_sim.nodes.middleware import (
-    CLOCK,
-    RESULTS,
-    Client,
-    Future,
-    Parameter,
-    ReentrantCallbackGroup,
-)
+from mechanism_sim.nodes.middleware import Client, Future, Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.pace import AHEAD, Pace
+from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.worlds import Worlds

@@ -22,16 +22,8 @@ from mechanism_sim.messages import (
     type_name,
 )
 from mechanism_sim.messages.own import OWN
-from mechanism_sim.nodes.middleware import (
-    CLOCK,
-    LATCHED,
-    RESULTS,
-    Clock,
-    ClockType,
-    Node,
-    Parameter,
-    QoSOverridingOptions,
-)
+from mechanism_sim.nodes.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
+from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 
 DIAGNOSTICS_PERIOD = 1.0  # [s]
 OURS = RESULTS, LATCHED, CLOCK

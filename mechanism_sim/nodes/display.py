@@ -12,7 +12,8 @@ from mechanism_sim.messages import Impact, MarkerArray
 from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import MotionFollower
 from mechanism_sim.nodes.force_markers import ForceMarkers
-from mechanism_sim.nodes.middleware import LATCHED, RESULTS, Parameter
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 

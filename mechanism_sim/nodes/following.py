@@ -9,7 +9,7 @@ from typing import Any
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.messages import Motion
 from mechanism_sim.messages.segments import foreign, motion_of
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 ROUNDING = 1e-9

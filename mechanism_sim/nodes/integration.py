@@ -30,7 +30,8 @@ from mechanism_sim.messages import (
 from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.entities import Entities
-from mechanism_sim.nodes.middleware import LATCHED, RESULTS, Parameter
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.sample_topics import SampleTopics
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.inverse_dynamics import Observation

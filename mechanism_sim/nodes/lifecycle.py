@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, service_class
-from mechanism_sim.nodes.middleware import RESULTS, Parameter
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.results.run import prepare
 

@@ -15,7 +15,8 @@ from mechanism_sim.linkages.tracking import Tracker
 from mechanism_sim.messages import DiagnosticStatus, JointState, String, TFMessage, float64_array
 from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
-from mechanism_sim.nodes.middleware import LATCHED, RESULTS, Parameter, publish_all
+from mechanism_sim.nodes.middleware import Parameter, publish_all
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.ideal import without_clearance

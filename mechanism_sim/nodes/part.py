@@ -13,7 +13,8 @@ from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.following import MotionFollower
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.lifecycle import IntegratingNode
-from mechanism_sim.nodes.middleware import RESULTS, Parameter
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 

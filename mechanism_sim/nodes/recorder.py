@@ -13,14 +13,8 @@ from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.middleware import (
-    CLOCK_HEARD,
-    PROFILES,
-    RESULTS,
-    Parameter,
-    QoSProfile,
-    Timer,
-)
+from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
+from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import BagWriter, Qos
 from mechanism_sim.recording.runs import next_bag

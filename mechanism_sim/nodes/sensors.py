@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Imu, SensorBlock, float64_array
 from mechanism_sim.nodes.following import MotionFollower
-from mechanism_sim.nodes.middleware import RESULTS, Parameter
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout

@@ -17,8 +17,9 @@ from mechanism_sim.messages import (
     uint64_array,
 )
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
-from mechanism_sim.nodes.middleware import RESULTS, Parameter, publish_all
+from mechanism_sim.nodes.middleware import Parameter, publish_all
 from mechanism_sim.nodes.partners import LONG, Partners
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import Content, next_machine
 from mechanism_sim.scene import Machine, run_length
 

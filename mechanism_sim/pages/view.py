@@ -12,7 +12,6 @@ from mechanism_sim.errors import InputError, RunError, quoted
 from mechanism_sim.messages import Impact, Motion, String
 from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.middleware import (
-    LATCHED,
     HistoryPolicy,
     MiddlewareError,
     Parameter,
@@ -20,6 +19,7 @@ from mechanism_sim.nodes.middleware import (
     ReentrantCallbackGroup,
     ReliabilityPolicy,
 )
+from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import Control, controls
 from mechanism_sim.pages.live import Live

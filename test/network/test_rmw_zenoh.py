@@ -89,7 +89,7 @@ from mechanism_sim.messages import (
     Trigger,
 )
 from mechanism_sim.nodes.middleware import *
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 
 init()
 node = Node('server', namespace='/machine')
@@ -158,7 +158,7 @@ from mechanism_sim.messages import (
     SimulateSteps, String, Trigger, message_class,
 )
 from mechanism_sim.nodes.middleware import *
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 
 Setting = message_class('rcl_interfaces/msg/Parameter')
 init()
@@ -280,7 +280,7 @@ COMMAND = 'from mechanism_sim.cli import main; main()'
 LISTENER = """
 from mechanism_sim.messages import Impact, JointState, Progress
 from mechanism_sim.nodes.middleware import *
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 
 init()
 node = Node('listener')

@@ -104,7 +104,7 @@ import json
 from mechanism_sim.messages import Float64, Progress, service_class
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor, init, leave
 from mechanism_sim.nodes.crank_drive import CrankDrive
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 
 init()
 found = []

@@ -107,7 +107,7 @@ LATE = """
 import json
 from benchmarks.traffic import End
 from mechanism_sim.messages import MarkerArray, Progress, String
-from mechanism_sim.nodes.middleware import LATCHED, RESULTS
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 end, heard, seen = End('late'), {}, []
 node = end.node
 node.create_subscription(Progress, 'progress', lambda m: seen.append(m.time), RESULTS)

@@ -32,7 +32,8 @@ from mechanism_sim.messages import (
     stamp,
 )
 from mechanism_sim.messages import Parameter as ParameterMessage
-from mechanism_sim.nodes.middleware import LATCHED, RESULTS, MiddlewareError, Node, spin_once
+from mechanism_sim.nodes.middleware import MiddlewareError, Node, spin_once
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from ros_interfaces import checks
 from ros_interfaces.refusals import Refusals
 from zenoh_rclpy import inbox as inboxes

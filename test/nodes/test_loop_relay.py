@@ -34,7 +34,7 @@ PANEL = """
 import json, sys
 from mechanism_sim.messages import message_class
 from mechanism_sim.nodes.middleware import Node, init, shutdown, spin_once
-from mechanism_sim.nodes.middleware import LATCHED, RESULTS
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
 
 init()
 node = Node('panel')

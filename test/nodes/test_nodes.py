@@ -171,7 +171,7 @@ SLOW = """
 import sys, time
 from mechanism_sim.nodes.middleware import Node, init, shutdown, spin_once
 from mechanism_sim.messages import Impact, Progress
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 init()
 node = Node('slow_listener')
 got, finished = [], []
@@ -326,7 +326,7 @@ def test_an_option_of_another_node_is_refused(given, tmp_path, monkeypatch):
 PROGRESS = """
 from mechanism_sim.messages import Progress
 from mechanism_sim.nodes.middleware import Node, init, ok, shutdown, spin_once
-from mechanism_sim.nodes.middleware import RESULTS
+from mechanism_sim.nodes.qos import RESULTS
 init()
 node = Node('watcher')
 heard = []

@@ -25,8 +25,9 @@ from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.nodes import middleware, pace, partners
-from mechanism_sim.nodes.middleware import RESULTS, Node, Parameter, SingleThreadedExecutor
+from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
+from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording import read_bag

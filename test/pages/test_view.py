@@ -31,7 +31,7 @@ from mechanism_sim.messages import Motion as MotionMessage
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.nodes import middleware
-from mechanism_sim.nodes.middleware import LATCHED
+from mechanism_sim.nodes.qos import LATCHED
 from mechanism_sim.pages.controls import controls, visible_pace
 from mechanism_sim.pages.live import MOST, Live
 from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
