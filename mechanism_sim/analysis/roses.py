@@ -1,8 +1,12 @@
-"""Where a pin strikes its bushing: impacts by direction on both, and turn by turn.
+"""Where a pin strikes its bushing, and wears it: by direction on both, and turn by turn.
 
 After [SB] 8.1, figures 8.11 (impulse directions on the bearing components, each as seen by an
 observer who moves with its link) and 8.12 (dominant impacts of a cycle), and [SB] 7.3 for the sum
 of impulses and I_n.
+
+Archard's law: the volume worn off is in proportion to the integral of normal force times the way
+slid (J. F. Archard, Contact and rubbing of flat surfaces, J. Appl. Phys. 24 (1953) 981). Where the
+contact follows, the integrals run over the motion's polynomials; impacts come on top.
 """
 
 from __future__ import annotations

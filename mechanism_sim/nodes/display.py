@@ -9,9 +9,8 @@ from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
-from mechanism_sim.nodes import markers
 from mechanism_sim.nodes.following import MotionFollower
-from mechanism_sim.nodes.force_markers import ForceMarkers
+from mechanism_sim.nodes.force_markers import ForceMarkers, shapes
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.schedule import Schedule
@@ -67,7 +66,7 @@ class Display(SimulationNode):
     def _begin(self) -> None:
         self._schedule = Schedule(self.machine.scene.outputs.markers)
         self._swaying = Swaying(self.machine)
-        self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
+        self.send(self._shapes, shapes(self._preview.skeleton, self._prefix))
 
     def on_progress(self, message: Any) -> None:
         """End if all motion has come."""

@@ -1,6 +1,7 @@
-"""Markers of what changes from instant to instant: forces, contacts, plays, springs.
+"""Markers: what viewers draw of a machine, and of what changes from instant to instant.
 
-And the shapes of elastic links, which bend, and of frames on springs, which sway, as figures show.
+Shapes of links stand still in their frames. Forces, contacts, plays, springs, elastic links, which
+bend, and frames on springs, which sway, are drawn anew, as figures show.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Drives of coordinates: a prescribed angle, or a torque."""
+"""Drives of coordinates: a prescribed angle, with laws without end, or a torque."""
 
 from __future__ import annotations
 

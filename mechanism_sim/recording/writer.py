@@ -1,6 +1,10 @@
 """Writing bags: MCAP, profile `ros2`, that a kill cannot spoil.
 
 Log time is simulated time, so that bags of one scene are comparable.
+
+The records that come by the thousand, messages and their index, are packed here; all others are
+those of the package ``mcap``, whose writer makes three objects for every message. Source: the
+specification at mcap.dev, version 0. All platforms of this package are little-endian, as MCAP is.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Sweeps as text and as a picture."""
+"""Sweeps as text and as pictures: over values, effects, tornado, Pareto, surfaces."""
 
 from __future__ import annotations
 

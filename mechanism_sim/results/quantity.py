@@ -1,4 +1,4 @@
-"""A quantity that can be asked of a machine in motion by its name."""
+"""Quantities asked of a machine in motion by name; the view of it that evaluates them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drives of a linkage that is written out."""
+"""The drives of a linkage that is written out, by formulas, tables, splines and moves."""
 
 from __future__ import annotations
 

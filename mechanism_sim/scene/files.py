@@ -1,4 +1,8 @@
-"""Finding and reading scene files, overrides, and errors that say where and what to do."""
+"""Finding and reading scene files, overrides, and errors that say where and what to do.
+
+Pydantic's own words never reach a user: every sort of problem has words here, and the rest says of
+what the key is.
+"""
 
 from __future__ import annotations
 

@@ -1,9 +1,15 @@
-"""Frequency content of a signal: power, amplitudes, envelopes, spectral kurtosis.
+"""Frequency content of a signal: power, amplitudes, envelopes, spectral kurtosis; orders.
 
 Sources: P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE
 Trans. Audio Electroacoust. 15 (1967) 70; R. B. Randall and J. Antoni, Rolling element bearing
 diagnostics - a tutorial, Mech. Syst. Signal Process. 25 (2011) 485, for the envelope; J. Antoni,
 The spectral kurtosis, ibid. 20 (2006) 282.
+
+Of orders: K. R. Fyfe and E. D. S. Munck, Analysis of computed order tracking, Mech.
+Syst. Signal Process. 11 (1997) 187; synchronous averages: P. D. McFadden, A revised model for the
+extraction of periodic waveforms by time domain averaging, ibid. 1 (1987) 83. Here the angle is
+known at every sample, so that nothing is assumed of the motion between pulses of a tacho. Samples
+are interpolated by splines: band-limited interpolation fails where signals jump.
 """
 
 from __future__ import annotations
