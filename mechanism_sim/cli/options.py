@@ -24,7 +24,7 @@ Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.Arg
 
 NODE_CLASSES = {
     'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
-    'linkage': 'mechanism_sim.nodes.linkage:LinkageNode',
+    'linkage': 'mechanism_sim.nodes.part:LinkageNode',
     'cam': 'mechanism_sim.nodes.part:CamNode',
     'gear_train': 'mechanism_sim.nodes.part:GearTrain',
     'geneva': 'mechanism_sim.nodes.part:GenevaNode',

@@ -43,7 +43,7 @@ class Display(SimulationNode):
             Impact, 'impacts', self.once_ready(self._take_impact), RESULTS
         )
         self._topic = impacts.topic_name
-        self._following = _Following(self, self._take, self._rest, self._start_over)
+        _Following(self, self._take, self._rest, self._start_over)
         self.join()
 
     def _take_machine(self) -> None:
@@ -68,10 +68,6 @@ class Display(SimulationNode):
         self._swaying = Swaying(self.machine)
         self.send(self._shapes, shapes(self._preview.skeleton, self._prefix))
 
-    def on_progress(self, message: Any) -> None:
-        """End if all motion has come."""
-        self._following.look()
-
     def has_all_impacts(self) -> bool:
         """True if all impacts that were announced have come."""
         announced = (
@@ -88,7 +84,7 @@ class Display(SimulationNode):
             return
         self._impacts += 1
         self.send(self._forces, flash)
-        self._following.look()
+        self.after_report()
 
     def _take(self, motion: Motion) -> None:
         t = self._schedule.due(motion.curve.end)

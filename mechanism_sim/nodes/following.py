@@ -37,6 +37,7 @@ class MotionFollower:
         self._time, self._ended = 0.0, False
         node.create_subscription(Motion, 'motion', node.once_ready(self._on_motion), RESULTS)
         self._topic = node.resolve_topic_name('motion')
+        node.after_report = self.look
 
     def begin(self) -> None:
         """All partners are there: the motion will come by itself."""

@@ -105,9 +105,6 @@ class Integration:
         """A run begins: describe the scene and the machine."""
         self._description.publish(self._machine)
 
-    def look(self) -> None:
-        """Do nothing: the law of the drive limits the integration, not reports of partners."""
-
     def diagnose(self) -> dict[str, object]:
         """Statistics of the solver."""
         run = self._runner

@@ -1,9 +1,8 @@
-"""Nodes of the parts of one kind, such as all cams of a machine."""
+"""Nodes that integrate: the linkage, and those of the parts of one kind, such as all cams."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
@@ -43,16 +42,22 @@ class PartNode(IntegratingNode):
         """All partners are there."""
         self._role.begin()
 
-    def on_progress(self, message: Any) -> None:
-        """Check whether all motion has come."""
-        self._role.look()
-
     def diagnose(self) -> Diagnosis:
         """Statistics of the solver, if this node has one."""
         found = super().diagnose()
         if self.ready and isinstance(self._role, Integration):
             found.values |= self._role.diagnose()
         return found
+
+
+class LinkageNode(PartNode):
+    """Integrates the machine and publishes its motion, forces and events, and no states."""
+
+    kind = 'linkage'
+
+    def make_endpoints(self) -> None:
+        """Publish all that integration gives."""
+        self._role = Integration(self)
 
 
 class CamNode(PartNode):
