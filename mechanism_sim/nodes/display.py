@@ -9,11 +9,10 @@ from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
-from mechanism_sim.nodes.following import MotionFollower
+from mechanism_sim.nodes.following import MotionFollower, Schedule
 from mechanism_sim.nodes.force_markers import ForceMarkers, shapes
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
-from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 SCALES = {

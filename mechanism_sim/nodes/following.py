@@ -6,6 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.messages import Motion
 from mechanism_sim.messages.segments import foreign, motion_of
@@ -86,3 +89,19 @@ class MotionFollower:
         self._ended, again = True, node.partners.another_follows
         node.report(end, finished=True, again=again)
         node.done = not again
+
+
+class Schedule:
+    """Multiples of a period, handed out once each; `rate` [Hz]."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._next = 0
+
+    def due(self, end: float) -> NDArray[np.float64]:
+        """Times [s] before `end` that were not handed out yet."""
+        last = max(self._next, int(np.ceil(end * self._rate)))
+        t = np.arange(self._next, last + 1) / self._rate
+        t = t[t < end]
+        self._next += len(t)
+        return t

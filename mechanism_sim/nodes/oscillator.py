@@ -8,10 +8,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
 from mechanism_sim.messages.topics import OSCILLATOR_STATE
-from mechanism_sim.nodes.following import MotionFollower
+from mechanism_sim.nodes.following import MotionFollower, Schedule
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.vibration.shaken_frame import FrameStates
 

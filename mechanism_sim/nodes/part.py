@@ -9,12 +9,11 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import stamp
 from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.nodes.described_node import Diagnosis
-from mechanism_sim.nodes.following import MotionFollower
+from mechanism_sim.nodes.following import MotionFollower, Schedule
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.lifecycle import IntegratingNode
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 
