@@ -15,8 +15,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.cam.laws import Eccentric, Law, Raised
-from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise
+from mechanism_sim.joints.cam.laws import Eccentric, Law, LawPiece, Piecewise, Raised
 from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.frames import Frames, Jet
 

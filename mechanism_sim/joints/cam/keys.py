@@ -25,13 +25,13 @@ from mechanism_sim.joints.cam.laws import (
     Eccentric,
     Law,
     MeasuredLaw,
+    Piecewise,
     Raised,
     Segment,
     check_smoothness,
     spelled,
 )
 from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
-from mechanism_sim.joints.cam.piecewise import Piecewise
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Reference
