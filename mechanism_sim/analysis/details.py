@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import (
@@ -18,7 +19,6 @@ from mechanism_sim.analysis.roses import (
     impact_rose,
     wear_maps,
 )
-from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.sensing.spectra import (

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.pieces import find_topics
 from mechanism_sim.analysis.record import machine_of
-from mechanism_sim.analysis.signals import Signal, SignalCollectors
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording import Bag, read_bag
 from mechanism_sim.results.sensor_record import STRETCHES, SensorRecord

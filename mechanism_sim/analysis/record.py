@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
 from mechanism_sim.analysis.pieces import RecordedPiece, find_topics, gaps, pieces
-from mechanism_sim.analysis.signals import Signal, SignalCollectors, measured
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
