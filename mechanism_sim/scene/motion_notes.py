@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 
-from mechanism_sim.linkages.four_bar import FourBar, SliderCrank
-from mechanism_sim.linkages.grashof import (
+from mechanism_sim.linkages.four_bar import (
+    FourBar,
+    SliderCrank,
     change_points,
     classify,
     crank_limits,
