@@ -30,11 +30,12 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.spectra import TurnSegments
-from mechanism_sim.thesis.angular_reconstruction import LINKS, Reconstruction
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (
+    LINKS,
     MESHES,
     LinkMotion,
+    Reconstruction,
     Severity,
     TurningLink,
     all_samples,

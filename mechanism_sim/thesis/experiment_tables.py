@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 from mechanism_sim import output
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.strict_json import plain
-from mechanism_sim.thesis.angular_reconstruction import LINKS
 from mechanism_sim.thesis.claims import (
     UNDECIDED,
     Claim,
@@ -34,7 +33,7 @@ from mechanism_sim.thesis.experiment import (
     Repeats,
     Trial,
 )
-from mechanism_sim.thesis.swing import MESHES
+from mechanism_sim.thesis.swing import LINKS, MESHES
 
 _MARKED = re.compile(
     r'^(?P<begin><!-- experiment: (?P<name>[^\n]+?) -->\n).*?^(?P<end><!-- /experiment -->)$',
