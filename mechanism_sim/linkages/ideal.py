@@ -248,7 +248,8 @@ class LinkageMotion:
             If the loops cannot be closed, or the last position is singular and no slope is given.
         """
         try:
-            q, failed = self._ahead(last, driven), None
+            # coordinates (n, N) that close the loops, from where the last ones (n,) point
+            q, failed = self._closed(self._pointed(last, driven)), None
             seen = np.column_stack([last, q])
         except RunError as error:
             q, failed, seen = last[:, None], error, last[:, None]
@@ -319,10 +320,6 @@ class LinkageMotion:
         scale = self.kinematics.scale
         off = np.linalg.norm((q[:, 0] - last - way) / scale)
         return bool(off <= 0.5 * np.linalg.norm(way / scale) + 1e-9)
-
-    def _ahead(self, last: Array, driven: Array) -> Array:
-        """Coordinates (n, N) that close the loops, from where the last ones (n,) point."""
-        return self._closed(self._pointed(last, driven))
 
     def _pointed(self, last: Array, driven: Array) -> Array:
         """Coordinates (n, N) to which the last ones (n,) point."""

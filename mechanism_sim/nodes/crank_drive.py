@@ -82,13 +82,6 @@ class CrankDrive(Drive):
         self._laws, self._law = list(self.machine.drive.laws), 0
         self._source = self.machine.drive.source
 
-    def _later(self) -> list[Any]:
-        """The laws behind the present one, as far as they are known; one at least if any comes."""
-        if self._source and self._law + 1 == len(self._laws):
-            following = self._source.after(self.law)
-            self._laws += [following] if following else []
-        return self._laws[self._law + 1 :]
-
     def take_over(self, laws: Sequence[Any]) -> None:
         """Let other laws take over, the first at `announced`."""
         self._source = None
@@ -226,7 +219,11 @@ class CrankDrive(Drive):
             return
         self.final = final
         while True:
-            later = self._later()
+            # the laws behind the present one, as far as they are known; one at least if any comes
+            if self._source and self._law + 1 == len(self._laws):
+                following = self._source.after(self.law)
+                self._laws += [following] if following else []
+            later = self._laws[self._law + 1 :]
             change = later[0].valid_from if later else math.inf
             last = final and horizon <= change
             if last or min(horizon, change) > max(self.announced, self.law.valid_from):

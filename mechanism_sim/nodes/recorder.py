@@ -97,16 +97,13 @@ class Recorder(SimulationNode):
 
     def _add_topics(self) -> None:
         for topic, (kind, qos) in self._topics.items():
-            self._add_topic(topic, kind, qos)
-
-    def _add_topic(self, topic: str, kind: Any, qos: QoSProfile) -> None:
-        policies = Qos(
-            qos.reliability.name.lower(),
-            qos.durability.name.lower(),
-            qos.history.name.lower(),
-            qos.depth,
-        )
-        self.writer.add_topic(topic, type_name(kind), policies)
+            policies = Qos(
+                qos.reliability.name.lower(),
+                qos.durability.name.lower(),
+                qos.history.name.lower(),
+                qos.depth,
+            )
+            self.writer.add_topic(topic, type_name(kind), policies)
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
