@@ -13,7 +13,8 @@ from pydantic import Field, model_validator
 
 from mechanism_sim.joints.contact_keys import Clearance
 from mechanism_sim.keys.quantities import Length, Part
-from mechanism_sim.linkages.four_bar import FourBar, beside_change_point
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import beside_change_point
 from mechanism_sim.scene.schema import (
     LOAD_SECTIONS,
     AnyScene,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 
-from mechanism_sim.linkages.four_bar import (
-    FourBar,
-    SliderCrank,
+from mechanism_sim.linkages.four_bar import FourBar, SliderCrank
+from mechanism_sim.linkages.grashof import (
     change_points,
     classify,
     crank_limits,

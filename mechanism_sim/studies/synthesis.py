@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.four_bar import FourBar, full_turns, transmission_range
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import full_turns, transmission_range
 from mechanism_sim.results.path_distance import TargetPath
 
 _CURVES, _PLACES = 1 << 16, 96

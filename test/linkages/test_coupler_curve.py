@@ -10,7 +10,8 @@ from coupler_curve import cognates, coupler_curve, coupler_point
 from numpy.polynomial import polynomial
 from scipy.signal import convolve2d
 
-from mechanism_sim.linkages.four_bar import FourBar, classify, crank_limits, crank_turns
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import classify, crank_limits, crank_turns
 
 CURVES = [
     (FourBar(4.0, 1.0, 6.0, 5.0), (3.0, 2.0)),  # [V] Figure 2.28: a bar on the middle

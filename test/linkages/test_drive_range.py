@@ -9,7 +9,7 @@ import pytest
 from builders import made
 
 from mechanism_sim.linkages.drive_range import drive_range, placed_at
-from mechanism_sim.linkages.four_bar import crank_limits
+from mechanism_sim.linkages.grashof import crank_limits
 
 TURN = 2.0 * math.pi
 

@@ -13,7 +13,8 @@ from mpmath import mp, mpf
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.four_bar import FourBar, crank_turns, excess
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import crank_turns, excess
 from mechanism_sim.scene.files import find_scene
 
 THESIS = FourBar(0.387, 0.064, 0.309, 0.312)

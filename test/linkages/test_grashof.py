@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 from textbook import slider_position, slider_transmission_angle, transmission_angle
 
-from mechanism_sim.linkages.four_bar import (
-    FourBar,
-    SliderCrank,
+from mechanism_sim.linkages.four_bar import FourBar, SliderCrank
+from mechanism_sim.linkages.grashof import (
     change_points,
     classify,
     crank_limits,

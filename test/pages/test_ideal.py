@@ -15,7 +15,8 @@ from browsing import Tab, boxes, open_page, overlapping, violations
 from running import TIMEOUT, run
 
 import mechanism_sim as ms
-from mechanism_sim.linkages.four_bar import FourBar, classify, crank_limits, crank_turns
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import classify, crank_limits, crank_turns
 from mechanism_sim.pages import ideal
 from mechanism_sim.pages.ideal_sliders import SliderReader
 from mechanism_sim.scene.files import check_scene

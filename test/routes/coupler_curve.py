@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.linkages.four_bar import FourBar, crank_limits
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.grashof import crank_limits
 from mechanism_sim.planar.points import Vector2
 
 Array = NDArray[np.float64]
