@@ -1,4 +1,4 @@
-"""Following a motion that another node publishes."""
+"""Following a motion that another node publishes; when samples of it are due."""
 
 from __future__ import annotations
 

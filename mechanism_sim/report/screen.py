@@ -24,7 +24,7 @@ from mechanism_sim.export.palette import ACCENT, INK, colour, tint
 from mechanism_sim.export.skeleton import bounds
 from mechanism_sim.export.stage import HALF, PLAY, Stage, StageFrames, Swaying, stage_of
 from mechanism_sim.planar.play import gaps_of
-from mechanism_sim.report.brush import PATHS, Brush, Labels, Move, rule, trace
+from mechanism_sim.report.drawing import PATHS, Brush, Labels, Move, rule, trace
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantities.motion import choose_points
@@ -57,7 +57,7 @@ class FilmParts(NamedTuple):
     lens : joint under the lens; ``''`` the first that is loose, ``None`` no lens
     forces : arrows at all joints
     paths : points ``LINK.POINT`` whose paths are drawn
-    labels : which names are written, as `mechanism_sim.report.brush.draw` has it
+    labels : which names are written, as `mechanism_sim.report.drawing.draw` has it
     """
 
     lens: str | None = ''

@@ -31,7 +31,7 @@ def draw(
     Parameters
     ----------
     scene : all that `load_scene` takes
-    how : ``positions``, ``labels`` as `mechanism_sim.report.brush.draw` has them; ``points``,
+    how : ``positions``, ``labels`` as `mechanism_sim.report.drawing.draw` has them; ``points``,
         names ``LINK.POINT`` whose paths are drawn, and ``duration`` [s] of drives without a period
     """
     points, duration = how.pop('points', ()), how.pop('duration', None)

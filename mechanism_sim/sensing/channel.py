@@ -1,4 +1,4 @@
-"""One measured channel: from the motion of a machine to blocks of samples."""
+"""One measured channel: from the motion of a machine to its samples, when and how converted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A link of a measured four-bar: what its sensors say, what follows from it, and what is true.
+"""A link of a measured four-bar: readings, what is rebuilt of them as [SB] 7.2, and what is true.
 
 The signals follow from the motion, exactly, through the chain that the scene gives the sensors.
 """

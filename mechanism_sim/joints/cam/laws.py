@@ -2,7 +2,8 @@
 
 A displacement is in metres, or in radians for a follower that oscillates. The laws of a
 reciprocating cam go over its own displacement in metres, from one end of its stroke to the other;
-what is said of angles holds for it.
+what is said of angles holds for it. The classical curves, and splines, are functions made of
+pieces, each a polynomial plus a cosine, with exact derivatives.
 """
 
 from __future__ import annotations

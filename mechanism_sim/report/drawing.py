@@ -1,4 +1,4 @@
-"""Paints the shapes of a mechanism and their names on Matplotlib axes, and moves the shapes."""
+"""Machines on Matplotlib axes: shapes and names, at an instant or moving, ghosts and paths."""
 
 from __future__ import annotations
 
