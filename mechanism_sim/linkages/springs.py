@@ -14,9 +14,9 @@ from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, polynomial
 from mechanism_sim.planar.frames import Frames, Jet
-from mechanism_sim.planar.loads import Load, moment_of
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, LinkPoint
+from mechanism_sim.planar.protocols import Load, moment_of
 from mechanism_sim.planar.virtual_work import located
 
 _AXES = 'x', 'y'

@@ -13,9 +13,9 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
 from mechanism_sim.planar.mechanism import Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.protocols import Load, Wrench, moment_of, together
 
 
 def tree_reactions(

@@ -25,9 +25,9 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames, Jet
-from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
+from mechanism_sim.planar.protocols import Wrench, moment_of
 from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Draft, PairView, Side, circle

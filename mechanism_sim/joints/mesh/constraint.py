@@ -24,8 +24,8 @@ from mechanism_sim.joints.mesh.placement import Harmonic, PlacedMesh
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, slid
 from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.protocols import Wrench, moment_of
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from mechanism_sim.joints.mesh.compliance import Elasticity
 from mechanism_sim.joints.mesh.constraint import MeshClosure
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.loads import Load, Wrench
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.protocols import Load, Wrench
 
 
 class _Flank(NamedTuple):

@@ -13,9 +13,9 @@ from mechanism_sim.joints.geneva.constraint import GenevaReading, IndexingPair, 
 from mechanism_sim.numerics.symbolic import Term, dense, mul
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet, lift
-from mechanism_sim.planar.loads import Wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.planar.protocols import Wrench, moment_of
 from mechanism_sim.planar.view import (
     Draft,
     PairView,
