@@ -23,8 +23,14 @@ from mechanism_sim.messages import MessageError, deserialize, type_hash
 from mechanism_sim.packages import reason
 from mechanism_sim.recording import protobuf
 from mechanism_sim.recording.rosbag2 import Qos
-from mechanism_sim.recording.scan import LARGEST_CHUNK, DamagedBagError, FileLayout, sound
-from mechanism_sim.recording.storage import BagFile, parts
+from mechanism_sim.recording.storage import (
+    LARGEST_CHUNK,
+    BagFile,
+    DamagedBagError,
+    FileLayout,
+    parts,
+    sound,
+)
 from mechanism_sim.recording.writer import RECORDING, VERSION
 from ros_interfaces.checks import impossible_number
 
