@@ -11,11 +11,10 @@ from typing import ClassVar
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.mesh.constraint import MeshClosure
+from mechanism_sim.joints.mesh.constraint import MeshClosure, MeshSpring
 from mechanism_sim.joints.mesh.involute import rack_teeth
 from mechanism_sim.joints.mesh.placement import PlacedMesh, Teeth
 from mechanism_sim.joints.mesh.reading import GearReading, read_mesh
-from mechanism_sim.joints.mesh.spring import MeshSpring
 from mechanism_sim.planar.mechanism import Bar, Coupling, Mechanism
 from mechanism_sim.planar.points import LinkPoint, rotate
 from mechanism_sim.planar.protocols import ForceElement
