@@ -35,9 +35,9 @@ from mechanism_sim.joints.cam.profiles import (
     greatest,
     smallest_base_radius,
 )
+from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
 from mechanism_sim.joints.mesh.involute import Gear, least_teeth
-from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.joints.mesh.pair import Pair
 from mechanism_sim.joints.worm.constraint import WormDrive
 from mechanism_sim.joints.worm.forces import WormPair

@@ -11,7 +11,7 @@ import numpy as np
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.joints.cam.laws import MeasuredLaw
-from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.simulate import simulate, stream
 from mechanism_sim.results.solution import Solution
