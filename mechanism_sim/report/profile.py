@@ -39,8 +39,7 @@ from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
 from mechanism_sim.joints.mesh.involute import Gear, least_teeth
 from mechanism_sim.joints.mesh.pair import Pair
-from mechanism_sim.joints.worm.constraint import WormDrive
-from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.joints.worm.constraint import WormDrive, WormPair
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.units import for_people
