@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.message_paths import Field, MessagePath, numeric_paths
 from mechanism_sim.analysis.published import PublishedRange
-from mechanism_sim.analysis.series import recorded
+from mechanism_sim.analysis.series import Field, MessagePath, numeric_paths, recorded
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion

@@ -10,9 +10,16 @@ from typing import NamedTuple
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from mechanism_sim.analysis.message_paths import PADDING, MessagePath, numeric_paths, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Series, drawn, recorded
+from mechanism_sim.analysis.series import (
+    PADDING,
+    MessagePath,
+    Series,
+    drawn,
+    numeric_paths,
+    parse,
+    recorded,
+)
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
