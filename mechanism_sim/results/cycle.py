@@ -35,7 +35,7 @@ from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.scene.gate import between_limits
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
