@@ -56,9 +56,10 @@ from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
-from mechanism_sim.thesis.force_cycle import ForceCycle, length
-from mechanism_sim.thesis.periodic_functions import (
+from mechanism_sim.thesis.force_cycle import (
     TURN,
+    ForceCycle,
+    length,
     resolve,
     root,
     tip,
