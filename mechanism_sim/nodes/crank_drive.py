@@ -9,7 +9,7 @@ from typing import Any
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, service_class, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.nodes.commands import DriveCommands
-from mechanism_sim.nodes.control import SimulationControl
+from mechanism_sim.nodes.control import SimulationControl, Worlds
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Client, Future, Parameter, ReentrantCallbackGroup
@@ -17,7 +17,6 @@ from mechanism_sim.nodes.pace import AHEAD, Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.nodes.worlds import Worlds
 
 BEHIND = 0.95
 """Share of the real-time factor asked for below which the diagnostics warn."""
