@@ -1,4 +1,9 @@
-"""Files of a bag: MCAP or SQLite, one or several, compressed or not, each a source of messages."""
+"""Files of a bag: MCAP or SQLite, one or several, compressed or not, each a source of messages.
+
+An MCAP file that was cut has no index, and its last record may be a piece. Every record says its
+length beforehand, so what is complete can be told from what is not without reading it.
+Source: MCAP file format specification, version 0 (mcap.dev/spec).
+"""
 
 from __future__ import annotations
 

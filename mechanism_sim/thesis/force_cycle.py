@@ -1,4 +1,4 @@
-"""The force in a joint over one turn of the crank: its minima, its index, how it turns."""
+"""The force in a joint over a turn of the crank, a periodic function: minima, index, turning."""
 
 from __future__ import annotations
 

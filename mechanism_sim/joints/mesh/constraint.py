@@ -1,4 +1,4 @@
-"""Two gears, or a gear and a rack, whose teeth mesh: the relation they bring to a mechanism.
+"""Two gears, or a gear and a rack, in mesh as a joint of a mechanism; teeth may give way.
 
 Both turn (the rack slides) on a common carrier: the ground, or the arm of a planetary train. With
 the angles a of the gears against the carrier and their numbers of teeth N, counted negative for
@@ -10,6 +10,15 @@ and their offset along the line of action h = m cos(phi)/2 wrap(u): how far the 
 is ahead of the middle of the play. A rack has 2 s/m for N a. The wrap takes off whole teeth, so
 that h is linear and does not depend on the turns already made. u0 follows from the start: there
 teeth are in the middle of the spaces.
+
+Teeth that give way (`MeshSpring`) are a spring and a damper along the line of action, whose
+stiffness changes as pairs of teeth come and go. With the way x by which a flank is pressed in
+
+    k(u) = k0 (1 + sum_j a_j cos(j u))
+
+where u = 0 is the middle of the part with most pairs of teeth in contact. The force follows from
+the potential k(u) x^2/2: beside k x along the line of action there is the couple -k'(u) x^2/2
+between first gear and carrier, without which a turning gear would gain energy from nothing.
 """
 
 from __future__ import annotations

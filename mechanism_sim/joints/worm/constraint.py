@@ -1,4 +1,9 @@
-"""A worm and its wheel: a ratio of angles, and the forces of their teeth in space ([V] 5.8)."""
+"""A worm and its wheel: a ratio of angles, and the forces of their teeth in space ([V] 5.8).
+
+All forces act at the pitch point. A component's value is its size; its direction: tangential
+against the motion of the driver and with that of the driven gear, radial towards the gear's own
+axis, axial along it, opposite on the two gears in space.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +18,6 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import SpatialPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import PairView
-
-_UNIT = WormPair(1, 1, 1.0, math.pi / 4)  # fields after others with defaults need one
 
 
 class ToothForce(NamedTuple):
@@ -139,6 +142,9 @@ class WormPair:
         if wheel_drives:
             efficiency = 1.0 / efficiency
         return GearedForces(driver, driven, speeds, efficiency, given)
+
+
+_UNIT = WormPair(1, 1, 1.0, math.pi / 4)  # fields after others with defaults need one
 
 
 @dataclass(frozen=True)
