@@ -15,7 +15,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Mode, ModeChange
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.chain import QUANTITIES
 from mechanism_sim.sensing.indicators import Indicators, Moments

@@ -9,7 +9,7 @@ from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.pieces import find_topics
 from mechanism_sim.analysis.record import machine_of
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.recording import Bag, read_bag
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.sensor_record import STRETCHES, SensorRecord
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.sensing.features import FEWEST

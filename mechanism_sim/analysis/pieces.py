@@ -14,7 +14,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 
 #: Last part of the name and type of what is analysed.
 KINDS = {

@@ -23,7 +23,8 @@ from mechanism_sim.analysis.series import (
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.recording import Bag, scene_text
+from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.reader import Bag
 from ros_interfaces.definitions import MessageError, field_descriptions
 
 

@@ -29,7 +29,8 @@ from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import row_names
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.play import gaps_of
-from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.solution import Piece
 from mechanism_sim.results.turns import turns_at

@@ -17,7 +17,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import MessageError, type_name
 from mechanism_sim.messages.units import units_of
-from mechanism_sim.recording import Bag, displacements
+from mechanism_sim.recording.inventory import displacements
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.instants import instants

@@ -34,7 +34,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.peak_shapes import PeakShape
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
+from mechanism_sim.recording.inventory import displacements, scene_name, scene_text
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.writer import LIBRARY
 from mechanism_sim.results import ranges
 from mechanism_sim.results.ranges import LoadPeaks, largest

@@ -8,7 +8,7 @@ from typing import Any
 
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording import realtime_factor
+from mechanism_sim.recording.runs import realtime_factor
 
 Show = Callable[[float, float, int], None]
 """Called with simulated time [s], real-time factor and number of impacts so far."""

@@ -16,9 +16,9 @@ from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.runs import next_bag
-from mechanism_sim.recording.writer import FLUSH_PERIOD
+from mechanism_sim.recording.writer import FLUSH_PERIOD, BagWriter
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _STAMP = struct.Struct('<iI')

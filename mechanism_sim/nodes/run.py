@@ -209,7 +209,7 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         bags.append(next_bag(bags[0], number, taken.__contains__))
         taken.add(bags[-1])
     if bags and code == 0:
-        from mechanism_sim.recording import read_bag  # noqa: PLC0415 - a run may have no bag
+        from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415 - a run may have no bag
 
         took = read_bag(bags[-1]).wall_time or took
     return Outcome(

@@ -14,7 +14,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid

@@ -7,7 +7,7 @@ from typing import Any
 
 from mechanism_sim.analysis.open_run import is_run, open_run
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.report import drawing, figures, lines
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts

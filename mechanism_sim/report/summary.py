@@ -15,7 +15,7 @@ from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit
-from mechanism_sim.recording import realtime_factor
+from mechanism_sim.recording.runs import realtime_factor
 from mechanism_sim.report.sections import Section, SummaryRow, amount
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Shown

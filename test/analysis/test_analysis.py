@@ -25,7 +25,9 @@ from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.recording import BagWriter, Qos, read_bag
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report.bag import render, render_details
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.studies.plan import Extent

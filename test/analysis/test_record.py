@@ -20,7 +20,8 @@ from mechanism_sim.analysis.roses import impact_cycles, impact_rose, wear_maps
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import events, message_class, serialize
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.scene import scene_names
 from mechanism_sim.sensing.spectra import TurnSegments, order_spectrum
 from mechanism_sim.studies.run_bag import RunBag
