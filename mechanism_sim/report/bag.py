@@ -7,10 +7,9 @@ from collections.abc import Iterator, Sequence
 
 from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
-from mechanism_sim.analysis.impacts import ImpactSummary
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.roses import WearMap
-from mechanism_sim.analysis.summary import LoadSummary, Summary
+from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
 from mechanism_sim.report.loads import load_rows
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows

@@ -16,9 +16,9 @@ from scipy import stats
 import mechanism_sim as ms
 from mechanism_sim.analysis import MotionDigest, analyze
 from mechanism_sim.analysis.details import Wanted, find_details
-from mechanism_sim.analysis.impacts import Crank
 from mechanism_sim.analysis.pieces import RecordedPiece
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.summary import Crank
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import message_class, serialize
