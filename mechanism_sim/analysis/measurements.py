@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors
-from mechanism_sim.analysis.pieces import find_topics
-from mechanism_sim.analysis.record import machine_of
+from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.sensor_record import STRETCHES, SensorRecord

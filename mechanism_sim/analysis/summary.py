@@ -22,7 +22,6 @@ from mechanism_sim.analysis.collectors import (
     VibrationCollector,
     field_ranges,
 )
-from mechanism_sim.analysis.pieces import KINDS, RecordedPiece, find_topics, gaps, pieces
 from mechanism_sim.analysis.published import (
     PARTS,
     EnergySummary,
@@ -33,7 +32,14 @@ from mechanism_sim.analysis.published import (
     loads_of,
     names_of_parts,
 )
-from mechanism_sim.analysis.record import check_motion
+from mechanism_sim.analysis.record import (
+    KINDS,
+    RecordedPiece,
+    check_motion,
+    find_topics,
+    gaps,
+    pieces,
+)
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest

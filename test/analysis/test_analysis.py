@@ -16,8 +16,7 @@ from scipy import stats
 import mechanism_sim as ms
 from mechanism_sim.analysis import MotionDigest, analyze
 from mechanism_sim.analysis.details import Wanted, find_details
-from mechanism_sim.analysis.pieces import RecordedPiece
-from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.record import RecordedPiece, read_record
 from mechanism_sim.analysis.summary import Crank
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
