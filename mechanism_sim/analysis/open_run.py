@@ -18,7 +18,7 @@ from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.tables import Table
 
 _STATES = 'sensor_msgs/msg/JointState'

@@ -33,7 +33,7 @@ from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.spectra import TurnSegments

@@ -24,7 +24,7 @@ from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.ranges import search
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from ros_interfaces.plain import fields_of
 from ros_interfaces.stamps import seconds
 

@@ -30,7 +30,7 @@ from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
-    from mechanism_sim.results.solution import Piece
+    from mechanism_sim.results.run import Piece
 
 
 def add(command: Command) -> None:

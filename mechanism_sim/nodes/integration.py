@@ -35,8 +35,7 @@ from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.sample_topics import SampleTopics
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.results.run import Batch, Runner, prepare
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Batch, Piece, Runner, prepare
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 

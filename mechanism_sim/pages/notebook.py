@@ -22,8 +22,8 @@ from mechanism_sim.recording.reader import Bag
 from mechanism_sim.report.charts.thinning import SampledLine, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.units import argument, for_people, typeset
 

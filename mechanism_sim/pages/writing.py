@@ -21,8 +21,8 @@ from mechanism_sim.report.charts.overlay import overlaid
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene, span
 from mechanism_sim.units import argument
 

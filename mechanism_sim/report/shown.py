@@ -13,8 +13,8 @@ from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts
 from mechanism_sim.report.video import Target, film
 from mechanism_sim.results.cycle import Cycle, instant
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.units import argument
 

@@ -19,8 +19,8 @@ from mechanism_sim.recording.runs import realtime_factor
 from mechanism_sim.report.sections import Section, SummaryRow, amount
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.run import Solution, Stats
 from mechanism_sim.results.simulate import Stream
-from mechanism_sim.results.solution import Solution, Stats
 from mechanism_sim.results.turns import ImpactTally, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain

@@ -30,8 +30,8 @@ from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.results.ranges import Extreme, Extremes, search
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.scene.gate import between_limits

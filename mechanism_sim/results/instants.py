@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 
 
 def instants(

@@ -28,7 +28,7 @@ from mechanism_sim.numerics.quadrature import (
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.path_distance import PathDistances
 from mechanism_sim.results.quantity import Quantity, View
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import product

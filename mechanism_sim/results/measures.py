@@ -26,7 +26,7 @@ from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_tally import EXACT, FigureTally, speed_of
 from mechanism_sim.results.measure_text import Bound, Figure, Measure, as_row, read_all
-from mechanism_sim.results.solution import IMPACT_UNITS, Piece, Solution
+from mechanism_sim.results.run import IMPACT_UNITS, Piece, Solution
 from mechanism_sim.results.turns import DriveTurns
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.sensing.channel import Channel

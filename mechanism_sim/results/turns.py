@@ -14,7 +14,7 @@ from mechanism_sim.numerics.batch_means import batches, ratio
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.measure_text import Bound
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 
 _BISECTIONS = 60

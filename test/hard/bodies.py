@@ -26,7 +26,7 @@ from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Point
 from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine, load_scene
 
 THESIS = 'four_bar_clearance'

@@ -13,8 +13,8 @@ from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.joints.cam.laws import MeasuredLaw
 from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate, stream
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine, load_scene
 from test.hard.bodies import relative_residual, residual
 from test.hard.case import Figure, hard_case

@@ -35,7 +35,7 @@ from mechanism_sim.report.charts.chart import (
 from mechanism_sim.report.charts.thinning import Envelope, SampledLine, tallest, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import for_people
 
