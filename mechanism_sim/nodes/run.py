@@ -15,10 +15,10 @@ from mechanism_sim.messages.part_states import integrator_of, kinds_of
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
+from mechanism_sim.nodes.lifecycle import CamNode, GearTrain, GenevaNode, LinkageNode
 from mechanism_sim.nodes.middleware import Parameter, backend
 from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import OscillatorNode
-from mechanism_sim.nodes.part import CamNode, GearTrain, GenevaNode, LinkageNode
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.sensors import Sensors
