@@ -1,4 +1,4 @@
-"""Nodes that integrate, and their states if they are managed: as ``lifecycle_msgs`` has them."""
+"""Nodes that integrate, whole machines or parts; managed ones have the states of lifecycle_msgs."""
 
 from __future__ import annotations
 
@@ -275,7 +275,7 @@ class States:
         t = self._schedule.due(motion.curve.end)
         if not t.size:
             return
-        for time, joint, fields in self._kind.states(self._node.machine, motion, t):
-            message = self._kind.message(time=time, joint=joint, **fields)
-            message.header.stamp = stamp(time)
+        for at, joint, fields in self._kind.states(self._node.machine, motion, t):
+            message = self._kind.message(time=at, joint=joint, **fields)
+            message.header.stamp = stamp(at)
             self._node.send(self._publisher, message)

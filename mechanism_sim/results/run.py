@@ -1,4 +1,4 @@
-"""The one loop: a machine is integrated, its motion audited, and handed on piece by piece.
+"""Runs: pieces of motion as polynomials, events, energy; the one loop that makes and audits them.
 
 Whoever needs a run reads its pieces or observes them: solutions, streams, nodes, sweeps, studies.
 Nobody sees a piece that has not been audited, so that a run that fails does so everywhere alike.
@@ -38,8 +38,6 @@ IMPACT_UNITS = {
     'drive_work': 'J', 'chatter_time': 's', 'duration': 's', 'peak_force': 'N',
 }  # fmt: skip
 """Units of the fields of an impact."""
-Observer = Callable[[Piece], object]
-"""Is handed every piece of a run in order, such as ``digest.add``."""
 
 
 @dataclass(frozen=True)
@@ -201,6 +199,10 @@ class Batch(NamedTuple):
 
 BATCH = Batch(8192, 8192)
 """The memory of a run is that of so many steps."""
+
+
+Observer = Callable[[Piece], object]
+"""Is handed every piece of a run in order, such as ``digest.add``."""
 
 
 class Runner:
