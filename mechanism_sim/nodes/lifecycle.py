@@ -1,4 +1,4 @@
-"""Nodes that integrate, whole machines or parts; managed ones have the states of lifecycle_msgs."""
+"""Nodes that integrate, whole machines or parts; lifecycle_msgs has the states of managed ones."""
 
 from __future__ import annotations
 
