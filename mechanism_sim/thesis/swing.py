@@ -27,11 +27,10 @@ from mechanism_sim.sensing.channel import Channel, SensorSource
 from mechanism_sim.thesis import reconstruction as angular
 from mechanism_sim.thesis.frequency_weights import band_pass, both, fade, invert
 from mechanism_sim.thesis.reconstruction import Error, error
+from mechanism_sim.vibration.shaken_frame import VelocitySteps
 
 LINKS = 'coupler', 'rocker'
 _TOP = 0.45  # of the sampling rate: above, nothing is worth keeping
-_ROUNDING = 1e-13
-"""Of a speed: steps of it that are smaller are none."""
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
 _SEGMENTS = 2048
@@ -472,7 +471,7 @@ class TurningLink:
 
     def __init__(self, mechanism: Mechanism, link: str) -> None:
         self._index = mechanism.coordinates.index(link)
-        self._before: float | None = None
+        self._steps = VelocitySteps()
 
     def through(self, chain: Rational) -> Modes:
         """The system from the angular acceleration to what comes out of a chain."""
@@ -483,20 +482,5 @@ class TurningLink:
         return np.asarray(motion.curve.local(segments, dt, 2).T[self._index][None])
 
     def impulses(self, motion: Motion) -> Array:
-        """Steps of the angular velocity (m, 1) [rad/s] at the start of the m pieces that follow.
-
-        Pieces must come in the order of time; what is a step at the first depends on the last of
-        the call before.
-        """
-        curve = motion.curve
-        every = np.arange(len(curve))
-        after, ends = (
-            curve.local(every, dt, 1)[:, self._index]
-            for dt in (np.zeros(len(curve)), curve.duration)
-        )
-        first = after[0] if self._before is None else self._before
-        before = np.append(first, ends[:-1])
-        self._before = float(ends[-1])
-        step = after - before
-        step[np.abs(step) <= _ROUNDING * (np.abs(after) + np.abs(before))] = 0.0
-        return np.asarray(step[:, None])
+        """Steps of the angular velocity (m, 1) [rad/s] where the m pieces begin that follow."""
+        return self._steps(motion.curve)[self._index][:, None]
