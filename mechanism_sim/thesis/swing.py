@@ -25,8 +25,7 @@ from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, SensorSource
 from mechanism_sim.thesis import reconstruction as angular
-from mechanism_sim.thesis.frequency_weights import band_pass, both, fade, invert
-from mechanism_sim.thesis.reconstruction import Error, error
+from mechanism_sim.thesis.reconstruction import Error, band_pass, both, error, fade, invert
 from mechanism_sim.vibration.shaken_frame import VelocitySteps
 
 LINKS = 'coupler', 'rocker'
