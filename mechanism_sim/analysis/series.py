@@ -21,10 +21,9 @@ from mechanism_sim.recording.inventory import displacements
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.ranges import search
-from mechanism_sim.results.run import Piece
+from mechanism_sim.results.run import Piece, instants
 from ros_interfaces.plain import fields_of
 from ros_interfaces.stamps import seconds
 

@@ -26,8 +26,8 @@ from mechanism_sim.export.stage import HALF, PLAY, Stage, StageFrames, Swaying, 
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.report.drawing import PATHS, Brush, Labels, Move, rule, trace
 from mechanism_sim.report.picture import Picture
-from mechanism_sim.results.instants import instants
 from mechanism_sim.results.quantities.motion import choose_points
+from mechanism_sim.results.run import instants
 
 FLASH = tint(ACCENT, 0.4)
 """Of impacts."""

@@ -26,8 +26,8 @@ from mechanism_sim.report.charts.thinning import SampledLine, thinned
 from mechanism_sim.report.loads import SHARE, load_rows, peaks_of
 from mechanism_sim.report.summary import facts
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.instants import instants
 from mechanism_sim.results.ranges import LoadPeaks
+from mechanism_sim.results.run import instants
 
 _BLOCK = 2**16  # instants at once
 _MOST = 2**24  # instants beside those where steps meet
