@@ -10,9 +10,8 @@ from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpect
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
 from mechanism_sim.analysis.roses import WearMap
 from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
-from mechanism_sim.report.loads import load_rows
 from mechanism_sim.report.sections import Section, SummaryRow, text
-from mechanism_sim.report.summary import energy_rows, impact_rows
+from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.text_table import Cell
 

@@ -23,8 +23,7 @@ from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.motion import drive, elastic, forces, guides, motion, over
 from mechanism_sim.report.charts.sensors import sensors
 from mechanism_sim.report.charts.thinning import SampledLine, thinned
-from mechanism_sim.report.loads import SHARE, load_rows, peaks_of
-from mechanism_sim.report.summary import facts
+from mechanism_sim.report.summary import SHARE, facts, load_rows, peaks_of
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.run import instants
