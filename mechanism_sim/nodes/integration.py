@@ -29,7 +29,7 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.nodes import publications
-from mechanism_sim.nodes.entities import Entities
+from mechanism_sim.nodes.control import Entities
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.sample_topics import SampleTopics
