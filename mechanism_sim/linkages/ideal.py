@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import RunError
-from mechanism_sim.linkages.loops import FourBarLoop
+from mechanism_sim.linkages.four_bar import FourBarLoop
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar import branch
 from mechanism_sim.planar.branch import SAMPLES, Branch, crossing, determinants, limits

@@ -17,8 +17,8 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.joints.joint_keys import bounds_of
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.linkages.drive_range import DriveRange
+from mechanism_sim.linkages.four_bar import FourBarLoop
 from mechanism_sim.linkages.grashof import crank_limits
-from mechanism_sim.linkages.loops import FourBarLoop
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.drive import DriveLaw, Law, ends
 from mechanism_sim.planar.frames import Frames, Parameters
