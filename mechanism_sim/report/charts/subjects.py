@@ -15,10 +15,9 @@ from mechanism_sim.analysis.summary import load_summary
 from mechanism_sim.arrays import Array
 from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.report.charts.chart import SMALL, TIME, Chart, ChartSection
-from mechanism_sim.report.charts.contacts import contacts
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.curves import over_time, quantities
-from mechanism_sim.report.charts.impacts import impacts
+from mechanism_sim.report.charts.impacts import contacts, impacts
 from mechanism_sim.report.charts.lines import OVER_TIME, panels
 from mechanism_sim.report.charts.motion import drive, elastic, forces, guides, motion, over
 from mechanism_sim.report.charts.sensors import sensors
