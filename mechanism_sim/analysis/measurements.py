@@ -11,7 +11,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.sensor_record import STRETCHES, SensorRecord
 from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.sensing.features import FEWEST
+from mechanism_sim.sensing.indicators import FEWEST
 
 
 def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:

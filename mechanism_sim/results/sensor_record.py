@@ -12,7 +12,7 @@ from mechanism_sim.results.run import run
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.sensing.features import features
+from mechanism_sim.sensing.indicators import features
 
 STRETCHES = 6
 """Parts of a signal that are looked at apart, where the speed changes."""
