@@ -1,4 +1,4 @@
-"""The ideal four-bar linkage and slider-crank in closed form: positions, motion, limits.
+"""Four-bars and slider-cranks in closed form, by themselves and as loops of a mechanism.
 
 Links are vectors ``l2 u(th2) + l3 u(th3) - l4 u(th4) - l1 u(0) = 0`` ([V] 2.3.1, second case: two
 unknown angles). All functions are vectorised over the crank angle.

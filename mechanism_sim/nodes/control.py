@@ -1,4 +1,4 @@
-"""Control of a simulation by the services of the standard `simulation_interfaces`.
+"""Control of a simulation, its links and worlds, by the standard `simulation_interfaces`.
 
 A reset is an end and a beginning, each acknowledged by every node, because topics have no order
 among each other. A step of the clock cuts no step of the solver.

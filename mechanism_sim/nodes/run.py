@@ -1,4 +1,4 @@
-"""A whole run: which nodes a scene needs, all in this process or each in its own."""
+"""A whole run: nodes a scene needs, in this process or each in its own, and their monitor."""
 
 from __future__ import annotations
 

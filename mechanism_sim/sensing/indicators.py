@@ -1,9 +1,15 @@
-"""Condition indicators: what a signal is like in a few numbers, whole or block by block.
+"""Condition indicators of a signal, whole or by blocks; features that chaos hardly changes.
 
 Sources: R. B. Randall, Vibration-based Condition Monitoring, Wiley, for RMS, peak, crest factor,
 kurtosis and skewness; W. Caesarendra and T. Tjahjowidodo, A review of feature extraction methods
 in vibration-based condition monitoring, Machines 5 (2017) 21, for shape, impulse and clearance
 factor.
+
+Features: a rattling machine is chaotic, no instant of its signal comes back in another run. What
+does is how much power there is in a band, how high the n-th highest burst is, how fast bursts die
+out. All scales follow the number of samples and the sampling rate, so that the figures say the
+same of any instrument; all are logarithms or ratios, whose spread is the same for weak and strong
+signals.
 """
 
 from __future__ import annotations

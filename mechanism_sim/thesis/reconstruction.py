@@ -2,6 +2,9 @@
 
 Readings are in the direction `across` of a scene's sensors: along v(angle) = (-sin, cos), which is
 counterclockwise. Arrays are (N,) over time, SI units and radians.
+
+Noise fading: amplitudes of a signal weighted by frequency, by FFT and back. A weight is a function
+of frequency, real to attenuate, complex to invert an instrument; `both` multiplies weights.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Impacts: when, how hard, and where on pin and bushing."""
+"""Loose joints: gaps and modes; impacts: when, how hard, and where on pin and bushing."""
 
 from __future__ import annotations
 

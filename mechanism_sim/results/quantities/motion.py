@@ -1,4 +1,4 @@
-"""Coordinates and named points of links: positions, velocities, accelerations."""
+"""Motion of coordinates and named points; deformation of links, tilt of joints out of line."""
 
 from __future__ import annotations
 
