@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mechanism_sim.analysis.record import machine_of
-from mechanism_sim.analysis.signals import Signal, SignalCollectors
-from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.analysis.collectors import Signal, SignalCollectors
+from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.recording import Bag, read_bag
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measured import Measured, QuantityRecord, SensorRecord
 from mechanism_sim.scene import Machine, load_scene

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from mechanism_sim.analysis.message_paths import parse
 from mechanism_sim.analysis.quantity_lookup import names_in
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Series, recorded
+from mechanism_sim.analysis.series import Series, parse, recorded
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.tables import Table
 
 _STATES = 'sensor_msgs/msg/JointState'

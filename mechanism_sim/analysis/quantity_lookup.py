@@ -10,13 +10,21 @@ from typing import NamedTuple
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from mechanism_sim.analysis.message_paths import PADDING, MessagePath, numeric_paths, parse
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.series import Series, drawn, recorded
+from mechanism_sim.analysis.series import (
+    PADDING,
+    MessagePath,
+    Series,
+    drawn,
+    numeric_paths,
+    parse,
+    recorded,
+)
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.recording import Bag, scene_text
+from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.reader import Bag
 from ros_interfaces.definitions import MessageError, field_descriptions
 
 

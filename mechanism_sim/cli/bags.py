@@ -54,13 +54,13 @@ def add(command: Command) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import BagInfo, info, render_info  # noqa: PLC0415
+    from mechanism_sim.recording.inventory import BagInfo, info, render_info  # noqa: PLC0415
 
     return print_result(options, info(options.bag), BagInfo.to_json, render_info, echo)
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import RecoveredBag, recover, render_recovery  # noqa: PLC0415
+    from mechanism_sim.recording.recovery import RecoveredBag, recover, render_recovery  # noqa: PLC0415
 
     return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
@@ -81,7 +81,7 @@ def _play(options: argparse.Namespace) -> int:
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
     from mechanism_sim.nodes.player import player  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     bag = read_bag(options.bag)
@@ -110,7 +110,7 @@ def _analyze(options: argparse.Namespace) -> int:
     (options.bag,) = options.bags
     from mechanism_sim.analysis import analyze  # noqa: PLC0415
     from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report.bag import render, render_details  # noqa: PLC0415
 
@@ -191,7 +191,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
     """Quantities that are asked of a bag, or everything that can be drawn."""
     from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     def record_of(bag: str) -> Record:

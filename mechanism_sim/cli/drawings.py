@@ -253,8 +253,7 @@ def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[
     """A machine in the format that is asked for, and what of it the format has no words for."""
     if options.format in ('foxglove', 'rviz'):
         from mechanism_sim.analysis.preview import preview  # noqa: PLC0415
-        from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
-        from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
+        from mechanism_sim.report.layouts import to_foxglove, to_rviz  # noqa: PLC0415
 
         to = to_foxglove if options.format == 'foxglove' else to_rviz
         return to(preview(machine), options.namespace, options.frame_prefix), []

@@ -56,7 +56,7 @@ def _import(options: argparse.Namespace) -> int:
 
 
 def _new(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene.new_scene import TEMPLATES, new_scene  # noqa: PLC0415
+    from mechanism_sim.scene.scene_writer import TEMPLATES, new_scene  # noqa: PLC0415
 
     source = TEMPLATES.get(options.scene, options.scene)
     file = new_scene(options.name, source, options.overrides)

@@ -38,7 +38,7 @@ def add(command: Command) -> None:
 
 def _scenes(options: argparse.Namespace) -> int:
     if options.schema:
-        from mechanism_sim.scene.new_scene import json_schema  # noqa: PLC0415
+        from mechanism_sim.scene.scene_writer import json_schema  # noqa: PLC0415
 
         print_json(json_schema())
         return 0

@@ -24,10 +24,10 @@ Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.Arg
 
 NODE_CLASSES = {
     'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
-    'linkage': 'mechanism_sim.nodes.linkage:LinkageNode',
-    'cam': 'mechanism_sim.nodes.part:CamNode',
-    'gear_train': 'mechanism_sim.nodes.part:GearTrain',
-    'geneva': 'mechanism_sim.nodes.part:GenevaNode',
+    'linkage': 'mechanism_sim.nodes.lifecycle:LinkageNode',
+    'cam': 'mechanism_sim.nodes.lifecycle:CamNode',
+    'gear_train': 'mechanism_sim.nodes.lifecycle:GearTrain',
+    'geneva': 'mechanism_sim.nodes.lifecycle:GenevaNode',
     'oscillator': 'mechanism_sim.nodes.oscillator:OscillatorNode',
     'sensors': 'mechanism_sim.nodes.sensors:Sensors',
     'display': 'mechanism_sim.nodes.display:Display',

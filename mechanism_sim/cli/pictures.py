@@ -34,7 +34,7 @@ from mechanism_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.quantity_lookup import Asked
-    from mechanism_sim.recording import Bag
+    from mechanism_sim.recording.reader import Bag
     from mechanism_sim.scene import Machine
 
 
@@ -95,9 +95,8 @@ _HEARD = 'distance', 'direction', 'pulse'
 
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.report.animation import film  # noqa: PLC0415
     from mechanism_sim.report.screen import FilmParts  # noqa: PLC0415
-    from mechanism_sim.report.video import Target  # noqa: PLC0415
+    from mechanism_sim.report.video import Target, film  # noqa: PLC0415
 
     if Path(options.output or '').suffix == '.wav':
         refuse_options(options, _SEEN, 'applies to a film, not to a .wav file')
@@ -157,7 +156,7 @@ def _sound(options: argparse.Namespace) -> int:
 
 def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
     from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 

@@ -30,7 +30,7 @@ from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
-    from mechanism_sim.results.solution import Piece
+    from mechanism_sim.results.run import Piece
 
 
 def add(command: Command) -> None:
@@ -95,9 +95,9 @@ def _solve(options: argparse.Namespace) -> int:
     )
     from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
-    from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
+    from mechanism_sim.results.turns import ImpactTally  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
     from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
 

@@ -335,7 +335,7 @@ def _teeth(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
-    from mechanism_sim.report.sweep_charts import SweepCharts  # noqa: PLC0415
+    from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.studies.sweep import SweepInterrupted, run_plan  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
@@ -381,7 +381,7 @@ def _first_order(options: argparse.Namespace, plan: SweepPlan) -> int:
     from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
-    from mechanism_sim.report.sweep_charts import SweepCharts  # noqa: PLC0415
+    from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.tolerances import first_order  # noqa: PLC0415
 
     others = 'plot', 'over', 'effects', 'bags', 'windows', 'restart', 'pareto'

@@ -48,7 +48,6 @@ def add(command: Command) -> None:
 
 def _experiment(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
-    from mechanism_sim.thesis import experiment_page  # noqa: PLC0415
     from mechanism_sim.thesis import experiment_tables as report  # noqa: PLC0415
     from mechanism_sim.thesis.experiment import (  # noqa: PLC0415
         bags_of,
@@ -59,13 +58,13 @@ def _experiment(options: argparse.Namespace) -> int:
 
     skip = None if options.skip is None else skipped_turns(options)
     place = figures.check_picture('--output', options.output, True) if options.output else None
-    page = experiment_page.read_page('--page', options.page) if options.page else None
+    page = report.read_page('--page', options.page) if options.page else None
     bags = bags_of([Path(folder) for folder in options.folders])
     with progress.count('experiment', len(bags), quiet=options.json) as show:
         found = with_orders(with_limits(read_experiment(bags, skip, show)))
     if page:
         file, text = page
-        output.write_text(file, experiment_page.renewed(text, found))
+        output.write_text(file, report.renewed(text, found))
     if place:
         from mechanism_sim.thesis.experiment_figures import charts  # noqa: PLC0415
 
@@ -75,7 +74,7 @@ def _experiment(options: argparse.Namespace) -> int:
 
 def _contact_loss(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.thesis.losses import losses, render, to_json  # noqa: PLC0415
+    from mechanism_sim.thesis.contact_loss import losses, render, to_json  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):

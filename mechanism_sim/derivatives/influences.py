@@ -17,8 +17,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics import compiled
-from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law
-from mechanism_sim.planar.endless_laws import unrolled
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, unrolled
 from mechanism_sim.scene import Machine
 
 _Begun = tuple[tuple[int, ...], tuple[int, ...]]

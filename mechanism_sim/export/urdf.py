@@ -54,7 +54,11 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
         else:
             tree.carry(body.name)
     _loops(robot, mechanism, prefix)
-    _start(robot, machine)
+    # the coordinates at the start, which only readers of states look at
+    state = SubElement(robot, 'state', model=machine.name)
+    state.set('time_from_start', '0')
+    for name, value in zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True):
+        SubElement(state, 'joint_state', joint=name, position=text(float(value)))
     return written(robot)
 
 
@@ -152,14 +156,6 @@ def _loops(robot: Element, mechanism: Mechanism, prefix: str) -> None:
         for side, (link, at) in zip(sides, joint.points, strict=True):
             _origin(SubElement(loop, side, link=frame_of(link, prefix)), (*at, 0.0), 0.0)
         SubElement(loop, 'axis', xyz=text(*axis))
-
-
-def _start(robot: Element, machine: Machine) -> None:
-    """The coordinates at the start, which only readers of states look at."""
-    state = SubElement(robot, 'state', model=machine.name)
-    state.set('time_from_start', '0')
-    for name, value in zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True):
-        SubElement(state, 'joint_state', joint=name, position=text(float(value)))
 
 
 class _Tree:

@@ -33,7 +33,7 @@ from mechanism_sim.numerics.symbolic import (
     solve_symmetric,
 )
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Jet
 from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor

@@ -35,8 +35,7 @@ from mechanism_sim.hybrid.singular import SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.taylor_steps import PendingStep, TaylorSteps
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular

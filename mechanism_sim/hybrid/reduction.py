@@ -28,7 +28,7 @@ from mechanism_sim.numerics.symbolic import (
     solve_symmetric,
 )
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Jet
 from mechanism_sim.planar.protocols import Relation
 
 

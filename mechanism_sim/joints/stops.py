@@ -23,13 +23,11 @@ from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, MotionBound
+from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
 from mechanism_sim.units import QuantityValue

@@ -24,8 +24,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import each_instant, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.linkages.ideal import IdealMotion
-from mechanism_sim.linkages.passage import Passage, with_limits
+from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
 from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, NominalPiece
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
@@ -36,8 +35,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
 )
 from mechanism_sim.planar.branch import SAMPLES
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.steep_loads import SteepLoads

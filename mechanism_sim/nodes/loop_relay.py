@@ -19,7 +19,7 @@ from mechanism_sim.nodes.middleware import Parameter, publish_all
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from ros_interfaces.stamps import NANOSECONDS
 
 DRIVERS = 'driver_states'

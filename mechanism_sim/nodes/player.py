@@ -21,7 +21,7 @@ from mechanism_sim.nodes.middleware import (
     init,
     leave,
 )
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from ros_interfaces.names import InvalidNameError
 
 _LOOK = 0.05  # [s] between two looks at the subscriptions

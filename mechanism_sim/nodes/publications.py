@@ -34,7 +34,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantities.forces import known_reactions
 from mechanism_sim.results.quantities.shafts import bearing_loads as loads_of_bearings
 from mechanism_sim.results.quantities.shafts import shafts_of
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import View
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout
 

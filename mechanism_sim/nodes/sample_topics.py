@@ -19,11 +19,11 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.messages.topics import WRENCH, loaded_shafts, wrench_joints
 from mechanism_sim.nodes import publications
+from mechanism_sim.nodes.following import Schedule
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import View
 
 
 class SampleTopic(NamedTuple):

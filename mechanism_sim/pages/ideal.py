@@ -25,7 +25,7 @@ from mechanism_sim.pages.ideal_equations import PURPOSE
 from mechanism_sim.pages.ideal_sliders import SliderReader, curves_of, four_bar_sides, shapes_of
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.scene import Machine, span
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 
 MODULES = (
     'svg', 'stage', 'player', 'curves', 'keys', 'sliders', 'zoom', 'ideal_motion', 'ideal',

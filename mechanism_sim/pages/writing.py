@@ -14,15 +14,15 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene, span
 from mechanism_sim.units import argument
 

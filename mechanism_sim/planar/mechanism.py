@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.bodies import Arms, Body, LinkExtension
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.points import (
     GROUND,
     LinkPoint,

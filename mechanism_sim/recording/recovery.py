@@ -14,8 +14,15 @@ from mechanism_sim.output import beside
 from mechanism_sim.recording.reader import topics_of
 from mechanism_sim.recording.rosbag2 import METADATA_NAME, Qos, TopicRecord, bag_metadata
 from mechanism_sim.recording.rosbag2 import qos_profile as profile_of
-from mechanism_sim.recording.scan import MESSAGE, FileLayout, attachments, blocks, messages, survey
-from mechanism_sim.recording.storage import file_of
+from mechanism_sim.recording.storage import (
+    MESSAGE,
+    FileLayout,
+    attachments,
+    blocks,
+    file_of,
+    messages,
+    survey,
+)
 from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.scene.facts import yaml_text
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.studies.life import PLACES, Life, LifeStage
 from mechanism_sim.units import for_people
 

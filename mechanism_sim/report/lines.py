@@ -17,7 +17,7 @@ from mechanism_sim.report.charts.lines import chart
 from mechanism_sim.report.figures import paint
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 
 _MOST = 100  # lines that axes and legend have room for
 

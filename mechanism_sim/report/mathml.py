@@ -10,7 +10,7 @@ from typing import Any
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
-from mechanism_sim.report.equations import Equation, MachineEquations
+from mechanism_sim.report.derivation import Equation, MachineEquations
 from mechanism_sim.report.symbols import Expression, Symbol
 
 _GREEK = {

@@ -14,8 +14,7 @@ from sympy.printing.str import StrPrinter
 
 from mechanism_sim import output
 from mechanism_sim.report import mathml
-from mechanism_sim.report.derivation import derive
-from mechanism_sim.report.equations import Equation, MachineEquations
+from mechanism_sim.report.derivation import Equation, MachineEquations, derive
 from mechanism_sim.report.symbols import Symbol
 from mechanism_sim.scene import Source, load_scene
 

@@ -6,20 +6,24 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.results.quantities.compliance import (
+from mechanism_sim.results.quantities.contacts import (
+    of_contacts,
+    of_force_elements,
+    of_readings,
+    of_states,
+)
+from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
+from mechanism_sim.results.quantities.motion import (
+    of_coordinates,
     of_elastic_links,
+    of_mass_centre,
+    of_points,
     of_points_of_elastic_links,
     of_tilting_joints,
 )
-from mechanism_sim.results.quantities.contacts import of_contacts
-from mechanism_sim.results.quantities.force_elements import of_force_elements, of_states
-from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
-from mechanism_sim.results.quantities.motion import of_coordinates, of_mass_centre, of_points
-from mechanism_sim.results.quantities.readings import of_readings
 from mechanism_sim.results.quantities.shafts import of_shafts
 from mechanism_sim.results.quantities.shaking import of_frame
-from mechanism_sim.results.quantity import Quantity, Shown
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 

@@ -28,15 +28,14 @@ from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
-from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.results.ranges import Extreme, Extremes, search
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
-from mechanism_sim.results.view import View
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.scene.gate import between_limits
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 

@@ -30,8 +30,7 @@ from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import IMPACT_UNITS, Piece
+from mechanism_sim.results.run import IMPACT_UNITS, Piece, Runner
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 

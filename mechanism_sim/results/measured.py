@@ -10,13 +10,12 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.results.derivatives import RunDerivative
-from mechanism_sim.results.run import run
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, run
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.sensing.channel import Analogue
-from mechanism_sim.sensing.features import FEWEST, features
+from mechanism_sim.sensing.indicators import FEWEST, features
 
 STRETCHES = 6
 """Parts of a signal that are looked at apart, where the speed changes."""

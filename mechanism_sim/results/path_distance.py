@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.table_keys import allowed_file
 from mechanism_sim.units import read_common

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.linkages.four_bar import Branch
+from mechanism_sim.linkages.four_bar import Branch, FourBarLoop, whole_four_bar
 from mechanism_sim.linkages.grashof import change_points
-from mechanism_sim.linkages.loops import FourBarLoop, whole_four_bar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute

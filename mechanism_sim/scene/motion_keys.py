@@ -24,8 +24,7 @@ from mechanism_sim.numerics.expressions import (
     unit_of,
 )
 from mechanism_sim.numerics.time_series import TimeSeries
-from mechanism_sim.planar.drive import curve_laws
-from mechanism_sim.planar.endless_laws import FormulaLaws
+from mechanism_sim.planar.drive import FormulaLaws, curve_laws
 from mechanism_sim.scene.formula_keys import or_formula
 from mechanism_sim.units import QuantityValue, alike, to_si_of
 

@@ -38,6 +38,7 @@ from mechanism_sim.keys.quantities import (
     si_or_point,
 )
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.facts import yaml_text
 from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.motion_keys import (
@@ -52,10 +53,9 @@ from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
-from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
-from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.sensing.point import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, plain
 from mechanism_sim.vibration.frame import Frame

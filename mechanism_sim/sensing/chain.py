@@ -1,7 +1,7 @@
 """A measurement chain as one transfer function: transducer, amplifier, integrator, filter.
 
 After [SB] 7.2 (accelerometer, conditioning amplifier with filters and integrator, data
-acquisition); what follows the last filter is in `mechanism_sim.sensing.sampling`. The parts of a
+acquisition); what follows the last filter is in `mechanism_sim.sensing.channel`. The parts of a
 chain are the keys that a scene gives of it.
 """
 

@@ -21,8 +21,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.schema import Scene

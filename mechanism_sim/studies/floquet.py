@@ -22,9 +22,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.results.run import Runner
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 

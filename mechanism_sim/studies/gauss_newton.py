@@ -30,8 +30,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.results.derivatives import RunDerivative
 from mechanism_sim.results.measured import Measured
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.expressions import sides
 from mechanism_sim.results.cycle import cycle, cycle_window
+from mechanism_sim.results.measure_tally import EXACT
 from mechanism_sim.results.measure_text import Measure, read
 from mechanism_sim.results.measures import Measured, Measurement, measure
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.time_integrals import EXACT
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene

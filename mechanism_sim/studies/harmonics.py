@@ -36,8 +36,7 @@ from mechanism_sim.studies.response import (
     frame_units,
     unit_of,
 )
-from mechanism_sim.vibration.excitation import FourierSeries
-from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
+from mechanism_sim.vibration.periodic_forces import FourierSeries, SteadyVibration, known_harmonics
 
 _TURNS = 1000  # of the first drive, in which others are looked for that make whole ones
 _EXACT = 1e-12  # of a ratio of speeds: what it may be off a fraction

@@ -29,14 +29,15 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.orders import TurnSegments
-from mechanism_sim.thesis.angular_acceleration import TurningLink
-from mechanism_sim.thesis.angular_reconstruction import LINKS, Reconstruction
+from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (
+    LINKS,
     MESHES,
     LinkMotion,
+    Reconstruction,
     Severity,
+    TurningLink,
     all_samples,
     has_high_pass,
     sensors_across,

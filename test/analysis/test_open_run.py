@@ -10,7 +10,8 @@ from builders import simulated
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import JointState, serialize
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from ros_interfaces.stamps import stamp
 
 NAMES = 'reaction.coupler_rocker.size', 'position.coupler.cog.x'

@@ -26,7 +26,8 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import definition
-from mechanism_sim.recording import info, read_bag
+from mechanism_sim.recording.inventory import info
+from mechanism_sim.recording.reader import read_bag
 
 BAGS = Path(__file__).parent / 'inputs/bags'
 JSON, PROTOBUF = BAGS / 'json_schema.mcap', BAGS / 'protobuf.mcap'

@@ -20,8 +20,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance
 from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_yaml
-from mechanism_sim.scene.new_scene import SCHEMA, TEMPLATES, new_scene
-from mechanism_sim.scene.scene_writer import commented
+from mechanism_sim.scene.scene_writer import SCHEMA, TEMPLATES, commented, new_scene
 
 
 def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkeypatch):

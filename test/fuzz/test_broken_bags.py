@@ -16,7 +16,8 @@ from running import run as command
 from mechanism_sim.analysis import analyze
 from mechanism_sim.analysis.record import read_record
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.recording import info, read_bag, render_info
+from mechanism_sim.recording.inventory import info, render_info
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report.bag import render
 
 pytestmark = pytest.mark.network

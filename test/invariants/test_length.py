@@ -18,8 +18,7 @@ from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.numerics.formula import Words, expression
 from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.scene.sensors.encoder import Encoder

@@ -23,7 +23,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import law_of
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 SCENE = 'four_bar_clearance'
 JOINT = f'{PLAY}.restitution'

@@ -17,7 +17,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
 from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.crank_drive import CrankDrive
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 pytestmark = pytest.mark.network
 

@@ -14,7 +14,7 @@ from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis import analyze
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.scene.files import find_scene
 
 pytestmark = pytest.mark.network

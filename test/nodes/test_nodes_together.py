@@ -30,7 +30,7 @@ from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 SCENE = 'four_bar_clearance'
 PLAYING, QUITTING = 1, 3

@@ -32,7 +32,7 @@ from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.packages import EXTRAS, REQUIRED, distribution
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from zenoh_rclpy.arguments import parse_arguments
 
 NODES = Path(nodes.__file__).parent

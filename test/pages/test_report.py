@@ -14,8 +14,8 @@ from live_pages import unpacked
 from running import run as command
 from scipy.interpolate import CubicHermiteSpline
 
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.stage import packed, stage_of
 from mechanism_sim.pages import charts, report

@@ -18,7 +18,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.revolute.bearing_ends import seat
 from mechanism_sim.messages import JointReactions, deserialize
 from mechanism_sim.nodes.publications import reactions, wrenches
-from mechanism_sim.recording import BagWriter, Qos, read_bag
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.scene.check import check
 
 G, MASS, C, B = 9.81, 0.8, 0.2e-3, 30e-3

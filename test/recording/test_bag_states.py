@@ -19,7 +19,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
-from mechanism_sim.recording import BagWriter, Qos, info, read_bag
+from mechanism_sim.recording.inventory import info
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.studies.run_bag import RunBag
 
 RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'

@@ -14,14 +14,14 @@ from PIL import Image
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.message_paths import parse
 from mechanism_sim.analysis.quantity_lookup import Asked
+from mechanism_sim.analysis.series import parse
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import LINKS
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.lines import against, chart
 from ros_interfaces.definitions import field_descriptions

@@ -17,7 +17,7 @@ from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
 from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.units import alike, product, read_common
 
 FINE = 20_001

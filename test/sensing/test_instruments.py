@@ -8,7 +8,7 @@ from running import environment, run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.presets import PRESETS
 
 SCENE = 'four_bar_measured'

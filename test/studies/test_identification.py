@@ -11,7 +11,8 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import SensorBlock, float64_array, serialize
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report.studies import fit_text, unlike
 from mechanism_sim.results.measured import SensorRecord
 from mechanism_sim.studies.identification import Identification

@@ -17,7 +17,7 @@ from mechanism_sim.report.studies import periodic as periodic_text
 from mechanism_sim.studies.periodic import PeriodicResponse, PoincareMap, find_periodic
 from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.statistics import statistics
-from mechanism_sim.thesis.losses import losses
+from mechanism_sim.thesis.contact_loss import losses
 from mechanism_sim.thesis.starts import starts
 
 JOINT = 'joints.coupler_rocker.clearance'

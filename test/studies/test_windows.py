@@ -21,7 +21,7 @@ from running import ROOT, command, environment, run, run_json
 import mechanism_sim as ms
 from mechanism_sim import ending
 from mechanism_sim.errors import InputError
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.schema import WindowsPart

@@ -22,7 +22,7 @@ from mechanism_sim.report.bag import render
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through
-from mechanism_sim.vibration.shaking import Shaking
+from mechanism_sim.vibration.shaken_frame import Shaking
 
 FRAME = {
     'mass': 20.0,

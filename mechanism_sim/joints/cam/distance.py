@@ -27,8 +27,7 @@ from mechanism_sim.joints.cam.followers import (
 )
 from mechanism_sim.joints.cam.profiles import Cam
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 
 Pair: TypeAlias = tuple[Jet, Jet]
 
@@ -104,7 +103,8 @@ class Distance:
         path = self._path(frames, at)
         along = self._along(path, laws)
         square = along[0] * along[0] + along[1] * along[1]
-        speed = _root(square)
+        r = hy.sqrt(dense(square.value))
+        speed = square.chain(r, 0.5 / r, -0.25 / (r * dense(square.value)))
         way = path[1]
         # n . dP/ds with the normal n = -(tangent turned by 90 degrees)
         across = _cross(way, along) * _reciprocal(speed)
@@ -165,8 +165,3 @@ def _cross(a: Pair, b: Pair) -> Jet:
 def _reciprocal(x: Jet) -> Jet:
     r = 1.0 / dense(x.value)
     return x.chain(r, -(r * r), 2.0 * (r * r * r))
-
-
-def _root(x: Jet) -> Jet:
-    r = hy.sqrt(dense(x.value))
-    return x.chain(r, 0.5 / r, -0.25 / (r * dense(x.value)))

@@ -15,11 +15,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.cam.laws import Eccentric, Law, Raised
-from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise
+from mechanism_sim.joints.cam.laws import Eccentric, Law, Piecewise, Raised
 from mechanism_sim.numerics.symbolic import dense, polynomial
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 
 _LONGEST = 0.5 * math.pi  # [rad] of a row: beyond, its own place would be ambiguous
 
@@ -50,18 +48,15 @@ def rows_of(function: Piecewise) -> Rows:
         count = math.ceil(piece.length / _LONGEST - 1e-9)
         for i in range(count):
             breaks.append(start + (i + 1) / count * piece.length)
-            row = _about(piece, (i + 0.5) / count * piece.length, terms)
+            # a piece as a function of the way from `middle`
+            middle = (i + 0.5) / count * piece.length
+            coefficients = piece.polynomial(Polynomial([middle, 1.0])).coef.tolist()
+            phase = math.remainder(piece.frequency * middle + piece.phase, 2.0 * math.pi)
+            padded = [*coefficients, *[0.0] * (terms - len(coefficients))]
+            row = [*padded, piece.amplitude, piece.frequency, phase]
             values.append(row if waves else row[:terms])
     breaks[-1] = float(function.breaks[-1])
     return Rows(np.array(breaks), np.array(values), terms)
-
-
-def _about(piece: LawPiece, middle: float, terms: int) -> list[float]:
-    """A piece as a function of the way from `middle`."""
-    coefficients = piece.polynomial(Polynomial([middle, 1.0])).coef.tolist()
-    phase = math.remainder(piece.frequency * middle + piece.phase, 2.0 * math.pi)
-    padded = [*coefficients, *[0.0] * (terms - len(coefficients))]
-    return [*padded, piece.amplitude, piece.frequency, phase]
 
 
 def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2) -> list[Jet]:

@@ -20,8 +20,7 @@ from numpy.polynomial import Polynomial
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import FlatFaced, Follower, OscillatingFlat
-from mechanism_sim.joints.cam.laws import TURN, MeasuredLaw, PiecewiseLaw
-from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise
+from mechanism_sim.joints.cam.laws import TURN, LawPiece, MeasuredLaw, Piecewise, PiecewiseLaw
 from mechanism_sim.joints.cam.touch import turned
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients, chebyshev_nodes, fit_powers
 from mechanism_sim.planar.points import Vector2

@@ -17,8 +17,7 @@ from typing import ClassVar
 
 from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
 from mechanism_sim.numerics.symbolic import dense
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.view import Draft, Side

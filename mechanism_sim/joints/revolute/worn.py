@@ -34,8 +34,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 
 Complexes = NDArray[np.complex128]
 _Pair = tuple[Term, Term]  # real and imaginary part

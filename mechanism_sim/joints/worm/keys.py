@@ -11,8 +11,7 @@ from mechanism_sim.joints.bevel.keys import SpatialKeys, needed, placed, pressur
 from mechanism_sim.joints.contact_keys import Friction
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import carrier_of
-from mechanism_sim.joints.worm.constraint import WormDrive
-from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.joints.worm.constraint import WormDrive, WormPair
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, Length
 from mechanism_sim.planar.joint_friction import FlankFriction

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.details import ORDERS, Wanted, everything, find_details
 from mechanism_sim.analysis.details import SignalSpectrum as Spectral
-from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.arrays import Array
 from mechanism_sim.report.charts.chart import (
     TIME,

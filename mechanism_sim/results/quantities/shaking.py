@@ -9,15 +9,14 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.protocols import moment_of
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.unknowns import Unknowns
 from mechanism_sim.planar.virtual_work import located
 from mechanism_sim.results.quantities.motion import tracks
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 

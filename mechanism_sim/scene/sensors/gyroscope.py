@@ -6,7 +6,7 @@ from typing import Any
 
 from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys
-from mechanism_sim.sensing.imu import Attitude
+from mechanism_sim.sensing.point import Attitude
 
 
 @SENSORS.add('gyroscope')

@@ -12,10 +12,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import SENSORS
-from mechanism_sim.scene.sensors._places import BetweenKeys, angle_between
-from mechanism_sim.sensing.channel import DirectSource
-from mechanism_sim.sensing.sampling import LevelPassage
+from mechanism_sim.scene.sensor_keys import SENSORS, BetweenKeys, angle_between
+from mechanism_sim.sensing.channel import DirectSource, LevelPassage
 
 
 class Tachometer(DirectSource):

@@ -15,8 +15,7 @@ from mechanism_sim.joints.cam.expressions import displacement
 from mechanism_sim.joints.cam.laws import Diagram, Eccentric, MeasuredLaw, Raised, Segment
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.configuration import Constraints, poses
-from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet, Parameters
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene.check import check

@@ -8,10 +8,10 @@ from running import run
 from tooth_forces import bevel, helical
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import load_summary
+from mechanism_sim.analysis.summary import load_summary
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import pitch_angles
-from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.joints.worm.constraint import WormPair
 from mechanism_sim.messages import BearingLoads, deserialize
 from mechanism_sim.nodes.publications import bearing_loads
 from mechanism_sim.results.cycle import cycle
