@@ -17,12 +17,12 @@ class ValueRange(NamedTuple):
     Attributes
     ----------
     values : the lowest and the highest, or all of a list
-    count : of values from the lowest to the highest, where it is asked for
+    number : of values from the lowest to the highest, where it is asked for
     listed : True if it is a list
     """
 
     values: tuple[str, ...]
-    count: int = 0
+    number: int = 0
     listed: bool = False
 
 

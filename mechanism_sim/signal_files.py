@@ -181,7 +181,7 @@ def _uff(path: Path) -> list[ChannelSamples]:
         sets = pyuff.UFF(str(path)).read_sets()
     except Exception as error:  # it raises whatever a broken line leads to
         raise InputError(f'{path} cannot be read: {error}') from error
-    found = []
+    found: list[ChannelSamples] = []
     for k, one in enumerate(sets if isinstance(sets, list) else [sets]):
         time = one.get('abscissa_spec_data_type') in (0, 17) and not np.iscomplexobj(one['data'])
         if one.get('type') == 58 and one.get('func_type') in (0, 1) and time:

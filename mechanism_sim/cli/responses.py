@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.cli.options import (
     TABLES,
@@ -64,7 +64,9 @@ def _bifurcation(options: argparse.Namespace) -> int:
     given = named_ranges('--vary', options.vary or [''], 'drive.speed=100 rpm:600 rpm:51', True)
     if len(given) > 2:
         raise InputError('--vary: give one key, or two different ones; sweep takes more')
-    vary = {path: (*one.values, one.count) for path, one in given.items()}
+    vary: dict[str, tuple[Any, Any, int]] = {
+        path: (one.values[0], one.values[1], one.number) for path, one in given.items()
+    }
     two = len(vary) == 2
     if options.command == 'basins' and not two:
         raise InputError('basins: --vary: give two keys; bifurcation takes one')

@@ -81,7 +81,7 @@ def _span(name: str, text: str, unit: str) -> Array:
     given = read_range(name, text, example, counted=True)
     low, high = (quantity(name, x, unit)[0] for x in given.values)
     check_order(name, low, high, given.values)
-    return np.linspace(low, high, given.count)
+    return np.linspace(low, high, given.number)
 
 
 def _modes(options: argparse.Namespace) -> int:

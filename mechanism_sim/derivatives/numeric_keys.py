@@ -99,7 +99,7 @@ def _leaves(content: Any, path: str = '') -> Iterator[tuple[str, Any]]:
 def _quantity(leaf: Any) -> tuple[Any, str]:
     """Value and unit."""
     if isinstance(leaf, tuple | list) and len(leaf) == 2 and isinstance(leaf[1], str):
-        return leaf if _is_number(leaf[0]) else (leaf, '')
+        return (leaf[0], leaf[1]) if _is_number(leaf[0]) else (leaf, '')
     return leaf, ''
 
 

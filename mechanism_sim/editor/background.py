@@ -196,6 +196,7 @@ def _wear(job: Job, link: Connection) -> None:
     if job.worn is None:
         return
     content, said = job.worn
+    found: dict[str, Any]
     try:
         machine = build(job.name, check_scene(job.name, content))
         found = {'figures': _figures(*_run(machine, job.number, link))}

@@ -48,7 +48,7 @@ class ShortSteps:
         self._series = np.ctypeslib.as_array(data, full.tc.shape)
 
     @cached_property
-    def _low(self) -> tuple[hy.taylor_adaptive_dbl, Array, memoryview, memoryview]:
+    def _low(self) -> tuple[hy.taylor_adaptive_dbl, Array, memoryview[float], memoryview[float]]:
         low = self._system.integrator(0.0, 0.0, self._compact, self, _STEPS.low_order)
         return low, low.tc, floats(low.state), floats(low.pars)
 

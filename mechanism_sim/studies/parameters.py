@@ -113,8 +113,8 @@ def parameters(
                 f"'{name}' has no limits of its own: give --range '{name}=LOW:HIGH'; short names: "
                 f'{", ".join(NAMES)}{nearest(name, NAMES)}'
             )
-        written = given.get(name, (low, high))
-        check_order(f'the limits of {name},', low, high, written)  # type: ignore[arg-type]
+        written: Any = given.get(name, (low, high))
+        check_order(f'the limits of {name},', low, high, written)
         found.append(Parameter(name, path, low, high, (), *_written(written[::-1], (high, low))))
     return tuple(found)
 

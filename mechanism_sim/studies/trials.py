@@ -124,7 +124,7 @@ class Trials:
         if 'slopes' not in row:
             self.never = 'refused' in row
             self._sloped |= set() if self.never else {key}
-            self.refused = self.refused or row.get('refused', row['status'])
+            self.refused = self.refused or str(row.get('refused', row['status']))
             return None
         self._sloped.add(key)
         widths = [p.slope(x) for p, x in zip(some, place[list(free)].tolist(), strict=True)]

@@ -482,4 +482,4 @@ class TurningLink:
 
     def impulses(self, motion: Motion) -> Array:
         """Steps of the angular velocity (m, 1) [rad/s] where the m pieces begin that follow."""
-        return self._steps(motion.curve)[self._index][:, None]
+        return np.asarray(self._steps(motion.curve)[self._index][:, None])

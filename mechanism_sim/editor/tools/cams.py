@@ -65,7 +65,8 @@ def _cam(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
 
 def _sliding_cam(sketch: Sketch, cam: Way, end: Spot) -> list[Edit]:
     """A valley between two slopes, and a roller in it that slides across the way of the cam."""
-    x, y = rotate(tuple(q - p for p, q in zip(cam.at, sketch.where(end), strict=True)), -cam.axis)
+    (u, v), (x, y) = cam.at, sketch.where(end)
+    x, y = rotate((x - u, y - v), -cam.axis)
     apart = abs(y)
     if apart < sketch.grid.step:
         raise InputError('the follower of a cam that slides is beside its way: drag across it')
@@ -74,8 +75,8 @@ def _sliding_cam(sketch: Sketch, cam: Way, end: Spot) -> list[Edit]:
         follower = rail.own
     else:
         follower = sketch.name('follower')
-        foot = tuple(p + q for p, q in zip(cam.at, rotate((x, 0.0), cam.axis), strict=True))
-        base, edits = sketch.point(GROUND, foot)
+        foot = rotate((x, 0.0), cam.axis)
+        base, edits = sketch.point(GROUND, (u + foot[0], v + foot[1]))
         across = cam.axis + math.copysign(0.5 * math.pi, y)
         guess = Edit(('guess', follower), sketch.long(apart))
         edits += [sketch.link(follower), *sketch.guide(base, follower, across), guess]
