@@ -87,7 +87,7 @@ def _sliding_cam(sketch: Sketch, cam: Way, end: Spot) -> list[Edit]:
         'cam': [cam.own, follower],
         'follower': 'roller',
         'roller': sketch.size(0.4 * apart),
-        'base_radius': sketch.size(apart),
+        'base_radius': sketch.size(0.6 * apart),
         'law': {
             'segments': [
                 {'from': sketch.long(u), 'to': sketch.long(v), 'rise': rise}

@@ -219,7 +219,7 @@ register(
     'stops',
     Tool(
         'stops',
-        'Shift+S',
+        'Shift+K',
         'M1 2h2v12H1zm12 0h2v12h-2zM5 6h6v4H5z',
         'Click on a pin or a block: it stops 30 degrees, or a quarter of its way, to either side',
         _stops,

@@ -81,7 +81,7 @@ register(
     ),
     Tool(
         'gas_spring',
-        'Shift+A',
+        'Shift+H',
         'M1 6h9v1.3h5v1.4h-5V10H1zm1.4 1.3v1.4h4V7.3z',
         'Press on one point, drag to another: a gas spring, which pushes them apart',
         _gas_spring,

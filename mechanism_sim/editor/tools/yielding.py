@@ -28,7 +28,7 @@ def _elastic(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
 register(
     'elastic',
     Tool(
-        'elastic', 'Shift+L', 'M1 11C4 4 12 4 15 11l-1.8.8C10.6 6.6 5.4 6.6 2.8 11.8z',
+        'elastic', 'Shift+O', 'M1 11C4 4 12 4 15 11l-1.8.8C10.6 6.6 5.4 6.6 2.8 11.8z',
         'Click on a bar: it is of steel and bends; its section is in the panel', _elastic,
     ),
 )  # fmt: skip
@@ -55,7 +55,7 @@ def _frame(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
 register(
     'oscillators',
     Tool(
-        'frame', 'Shift+G',
+        'frame', 'Shift+M',
         'M1 4h14v4H1zM3 9h2l1 1-3 1 3 1-3 1 2 1H3v1h3v-1l-2-.5 3-1-3-1 3-1-1-1.5zM10 9h2l1 1-3 1 '
         '3 1-3 1 2 1h-2v1h3v-1l-2-.5 3-1-3-1 3-1-1-1.5z',
         'Click below the machine: it stands on a frame on two mounts, which its bearings shake',
