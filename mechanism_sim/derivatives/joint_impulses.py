@@ -23,7 +23,7 @@ Impulses = Callable[[Array, Array], tuple[Array, Array]]
 of rates and coefficients are in the first P of the C columns."""
 
 
-class Beside(NamedTuple):
+class ImpactWithJoints(NamedTuple):
     """Impulses of n rows of contacts, and of k joints as shares of them, with derivatives."""
 
     contacts: tuple[Array, Array]  #: (n,), (n, P)
@@ -31,7 +31,9 @@ class Beside(NamedTuple):
     lost: Array  #: (P,) derivatives of what joints dissipate [J]
 
 
-def beside(solve: Impulses, A: tuple[Array, Array], known: Rubs, slopes: Rubs) -> Beside | None:
+def beside(
+    solve: Impulses, A: tuple[Array, Array], known: Rubs, slopes: Rubs
+) -> ImpactWithJoints | None:
     """Impulses of contacts and joints together; None if they have no derivatives.
 
     Parameters
@@ -41,10 +43,13 @@ def beside(solve: Impulses, A: tuple[Array, Array], known: Rubs, slopes: Rubs) -
     """
     (A0, dA), n, k = A, len(A[0]), len(known.rate)
     C, P = known.compliance[:n], dA.shape[2]
-    x, T, none = solve(A0, np.zeros((n, n, 0)))[0], np.zeros(k), np.zeros((n, n, 0))
+    T: Array = np.zeros(k)
+    x, none = solve(A0, np.zeros((n, n, 0)))[0], np.zeros((n, n, 0))
     for _ in range(_ROUNDS):
         if not x.any():
-            return Beside(solve(A0, dA), (np.zeros((k, n)), np.zeros((k, n, P))), np.zeros(P))
+            return ImpactWithJoints(
+                solve(A0, dA), (np.zeros((k, n)), np.zeros((k, n, P))), np.zeros(P)
+            )
         T = friction_impulses(known, x, T)
         before, x = x, solve(A0 + C @ np.outer(T, x / (x @ x)), none)[0]
         if np.abs(x - before).max() <= _SETTLED * np.abs(x).max():
@@ -66,7 +71,8 @@ def beside(solve: Impulses, A: tuple[Array, Array], known: Rubs, slopes: Rubs) -
     if found is None:
         return None
     M[n:], right[n:] = found
-    both, every = np.linalg.solve(M, right), np.concatenate([x, T])
+    both: Array = np.linalg.solve(M, right)
+    every = np.concatenate([x, T])
     dx, dT = both[:n], both[n:]
     moved = np.einsum('kp,n->knp', dT, x) + np.einsum('k,np->knp', T, dx)
     dshare = moved / size - np.einsum('kn,p->knp', share, 2.0 * (x @ dx) / size)
@@ -74,7 +80,7 @@ def beside(solve: Impulses, A: tuple[Array, Array], known: Rubs, slopes: Rubs) -
     dmean = slopes.rate + 0.5 * (
         known.compliance.T @ both + np.einsum('ikp,i->kp', slopes.compliance, every)
     )
-    return Beside((x, dx), (share, dshare), -(T @ dmean + mean @ dT))
+    return ImpactWithJoints((x, dx), (share, dshare), -(T @ dmean + mean @ dT))
 
 
 def _of_joints(known: Rubs, slopes: Rubs, every: Array, n: int) -> tuple[Array, Array] | None:

@@ -413,14 +413,14 @@ class Jumps:
 
         dW, dD, lost = dW.reshape(n, f, len(dt)), dD.reshape(*D.shape, len(dt)), 0.0 * dt
         if rubs := self._rubs(now, z, own):
-            known, slopes = rubs
-            found = beside(impulses, (A, dA), known, slopes)
+            own_rubs, slopes = rubs
+            found = beside(impulses, (A, dA), own_rubs, slopes)
             if found is None:
                 raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
             (x, dx), (share, dshare), lost = found
-            of_joints = [(known.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
-                         (known.response, slopes.response),
-                         (known.drive_response, slopes.drive_response)]  # fmt: skip
+            of_joints = [(own_rubs.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
+                         (own_rubs.response, slopes.response),
+                         (own_rubs.drive_response, slopes.drive_response)]  # fmt: skip
             dA, dW, dD = (
                 own_ + np.einsum('kip,kj->jip', d, share) + np.einsum('ki,kjp->jip', u, dshare)
                 for own_, (u, d) in zip((dA.swapaxes(0, 1), dW, dD), of_joints, strict=True)
