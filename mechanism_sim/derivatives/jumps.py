@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.contact.rubbing import Rubs, rubs_of
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
 from mechanism_sim.derivatives.influences import NUMBERS, Influence
+from mechanism_sim.derivatives.joint_impulses import beside
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
 from mechanism_sim.hybrid.events import Impact, Mode
 
@@ -119,8 +121,10 @@ class Jumps:
 
     # --- terms --------------------------------------------------------------------------------
 
-    def _terms(self, side: Side, chosen: Selected) -> _Terms:
-        values, slopes, built_in = self._eq.selected(side.at, chosen)
+    def _terms(self, side: Side, chosen: Selected | None) -> _Terms:
+        """Chosen terms of contacts, or those of friction in ideal joints."""
+        eq, at = self._eq, side.at
+        values, slopes, built_in = eq.rubs(at) if chosen is None else eq.selected(at, chosen)
         direct = np.zeros((len(values), self._influence.start.shape[1]))
         for column, x in built_in.items():
             direct[:, column] = x
@@ -286,8 +290,6 @@ class Jumps:
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
         """Across impacts at one instant."""
-        if self._system.dynamics.rubs:
-            raise NoDerivativeError('friction in ideal joints takes part in the impact')
         z, flow = self._differential(x), self._flow(before)
         n, groups = len(self._system.coordinates), _groups(impacts)
         if len(groups) == 1 < len(impacts) and self._independent(before, impacts):
@@ -399,13 +401,38 @@ class Jumps:
         ], dtype=float)  # fmt: skip
         e = applies * self._e[touching], applies[:, None] * self._influence.restitution[touching]
         mu = self._mu[touching], self._influence.friction[touching]
-        x, dx = (part[:n] for part in self._impulses(touching, (A, dA), (rate, drate), e, mu))
+
+        def impulses(A: Array, dA: Array) -> tuple[Array, Array]:
+            more = [(0, 0), (0, dA.shape[2] - len(dt))]
+            wide = [
+                (x, np.pad(dx, more) if dA.shape[2] else np.zeros((len(x), 0)))
+                for x, dx in ((rate, drate), e, mu)
+            ]
+            x, dx = self._impulses(touching, (A, dA), *wide)
+            return x[:n], dx[:n]
+
+        dW, dD, lost = dW.reshape(n, f, len(dt)), dD.reshape(*D.shape, len(dt)), 0.0 * dt
+        if rubs := self._rubs(now, z, own):
+            own_rubs, slopes = rubs
+            found = beside(impulses, (A, dA), own_rubs, slopes)
+            if found is None:
+                raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
+            (x, dx), (share, dshare), lost = found
+            of_joints = [(own_rubs.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
+                         (own_rubs.response, slopes.response),
+                         (own_rubs.drive_response, slopes.drive_response)]  # fmt: skip
+            dA, dW, dD = (
+                own_ + np.einsum('kip,kj->jip', d, share) + np.einsum('ki,kjp->jip', u, dshare)
+                for own_, (u, d) in zip((dA.swapaxes(0, 1), dW, dD), of_joints, strict=True)
+            )
+            A, W, D = (y + share.T @ u for y, (u, _) in zip((A.T, W, D), of_joints, strict=True))
+            A, dA = A.T, dA.swapaxes(0, 1)
+        else:
+            x, dx = impulses(A, dA)
         after, dafter = rate + A @ x, drate + np.einsum('ijp,j->ip', dA, x) + A @ dx
         v, later, c = now.at.v.copy(), z.copy(), len(self._system.coordinates)
         v[self._free, 0] += x @ W
-        later[[c + i for i in self._free]] += (
-            np.einsum('i,ijp->jp', x, dW.reshape(n, f, len(dt))) + W.T @ dx
-        )
+        later[[c + i for i in self._free]] += np.einsum('i,ijp->jp', x, dW) + W.T @ dx
         index = self._system.prescribed_index
         turned = now.at.v[index, 0], z[c : 2 * c][index]
         rows, unknown = [], np.full(len(dt), np.nan)
@@ -413,7 +440,7 @@ class Jumps:
             k = touching.index(i)
             of = [k, t + k] if n > t else [k]
             drive = x[of] @ D[of], np.einsum(
-                'i,ijp->jp', x[of], dD.reshape(n, len(index), len(dt))[of]
+                'i,ijp->jp', x[of], dD[of]
             ) + D[of].T @ dx[of]  # fmt: skip
             mean, dmean = 0.5 * (rate + after)[of], 0.5 * (drate + dafter)[of]
             known = {
@@ -423,12 +450,28 @@ class Jumps:
                 'rebound_speed': dafter[k] * (after[k] > 0.0),
                 'normal_impulse': dx[k],
                 'tangential_impulse': dx[of[-1]] * (n > t),
-                'energy_loss': -(x[of] @ dmean + mean @ dx[of]),
+                'energy_loss': lost * (i == struck[0]) - (x[of] @ dmean + mean @ dx[of]),
                 'drive_impulse': drive[1].sum(axis=0),
                 'drive_work': drive[0] @ turned[1] + turned[0] @ drive[1],
             }
             rows.append(np.array([known.get(name, unknown) for name in NUMBERS]))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows
+
+    def _rubs(self, now: Side, z: Array, own: list[int]) -> tuple[Rubs, Rubs] | None:
+        """Friction in ideal joints beside some rows of contacts, and its differentials."""
+        if not self._system.dynamics.rubs:
+            return None
+        terms, sizes = self._terms(now, None), self._system.functions.rub_terms[1]
+        rows, k = self._rows, len(sizes)
+        kept = [*own, *range(rows, rows + k)]
+        p, f = len(self._system.prescribed), len(self._free)
+        found = []
+        for values in (terms.values, terms.moved(z)):
+            every = rubs_of(values, sizes, rows, f, p)
+            found.append(
+                every._replace(compliance=every.compliance[kept], forces=every.forces[:, kept])
+            )
+        return found[0], found[1]
 
     def _unit_terms(self, touching: tuple[int, ...], own: tuple[int, ...]) -> Selected:
         """Terms that a blow asks for: gaps, angles, rates, and those of unit impulses."""
