@@ -23,7 +23,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.report.charts.chart import Chart
-    from mechanism_sim.studies.continuation import Branch
+    from mechanism_sim.studies.continuation import ResponseBranch
     from mechanism_sim.tables import Column
 
 
@@ -93,7 +93,7 @@ def _bifurcation(options: argparse.Namespace) -> int:
             )  # fmt: skip
     if two:
         return print_result(options, map_, report.basins_json, report.basins_text)
-    lines: tuple[Branch, ...] = ()
+    lines: tuple[ResponseBranch, ...] = ()
     if getattr(options, 'continue'):
         with progress.busy('bifurcation', options.json) as say:
             lines = branches(found, say)

@@ -11,7 +11,7 @@ from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.studies.basins import Basins
 from mechanism_sim.studies.bifurcation import Bifurcation, Response
-from mechanism_sim.studies.continuation import Branch
+from mechanism_sim.studies.continuation import ResponseBranch
 from mechanism_sim.units import for_people
 
 _OTHERS = 'no period found'
@@ -19,7 +19,7 @@ _COLOURED = 8
 """Periods that have a colour of their own; a longer one shares the last."""
 
 
-def render(result: tuple[Bifurcation, Sequence[Branch]]) -> str:
+def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
     """Text for people: ranges of the parameter in which a branch has one period."""
     found, branches = result
     unit = f' {found.unit}' if found.unit else ''
@@ -60,7 +60,7 @@ def _ranges(found: list[Response]) -> list[tuple[Response, Response, int]]:
     return ranges
 
 
-def to_json(result: tuple[Bifurcation, Sequence[Branch]]) -> dict[str, Any]:
+def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, Any]:
     """All sections in SI units: ``measure`` of a point is its quantity ``of``."""
     found, branches = result
     return {
@@ -113,7 +113,7 @@ def to_json(result: tuple[Bifurcation, Sequence[Branch]]) -> dict[str, Any]:
     }
 
 
-def chart(found: Bifurcation, title: str, branches: Sequence[Branch] = ()) -> Chart:
+def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = ()) -> Chart:
     """Sections over the parameter, coloured by period; directions by marks, branches as lines."""
     marks = {'up': 'triangle-up', 'down': 'triangle-down', 'start': 'circle'}
     periods = sorted({r.period for r in found.responses}, key=lambda p: (not p, p))
@@ -143,7 +143,7 @@ def chart(found: Bifurcation, title: str, branches: Sequence[Branch] = ()) -> Ch
 
 
 def _lines(
-    found: Bifurcation, branch: Branch, k: int, scale: float, colour: int
+    found: Bifurcation, branch: ResponseBranch, k: int, scale: float, colour: int
 ) -> Iterator[ChartCurve]:
     """Each turn of a branch as a line: where it is stable, and dashed where it is not."""
     x = np.array([found.scale * p.value for p in branch.points])

@@ -88,7 +88,7 @@ class BranchEvent(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class ResponseBranch:
     """Responses that repeat after so many turns, and events, in their order along the branch."""
 
     period: int
@@ -212,7 +212,7 @@ class _Shooting:
         return None
 
     def _orbit(self, state: State, value: float) -> _Orbit:
-        """What follows from a fixed point."""
+        """Tangent, multipliers and motion of a fixed point."""
         path = self.found.parameter.path
         section = PoincareMap(self.machine(value), [path])
         M, by, _ = section.sensitivity(state, self.period)
@@ -237,7 +237,7 @@ class _Shooting:
         )
 
     def point(self, orbit: _Orbit) -> BranchPoint:
-        """What is kept of a fixed point."""
+        """Section and stability of a fixed point."""
         plan, machine = self.found.plan, self.machine(orbit.value)
         if plan.joint:
             rows = [
@@ -335,7 +335,7 @@ def _recentred(shooting: _Shooting, orbits: list[_Orbit]) -> tuple[_Shooting, li
 
 
 def _tests(orbit: _Orbit) -> dict[str, float]:
-    """What is zero at a fold, at a flip, and where a pair of multipliers has the size 1."""
+    """Functions that are zero at folds, flips, and pairs of multipliers of size 1."""
     pairs = orbit.multipliers[orbit.multipliers.imag > 0.0]
     return {
         'fold': float(orbit.tangent[-1]),
@@ -393,7 +393,9 @@ def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
     return BranchEvent('grazing', value, joint)
 
 
-def branches(found: Bifurcation, show: Callable[[str], None] | None = None) -> tuple[Branch, ...]:
+def branches(
+    found: Bifurcation, show: Callable[[str], None] | None = None
+) -> tuple[ResponseBranch, ...]:
     """Branches through all periodic responses that were found, within the range of the parameter.
 
     >>> import mechanism_sim as ms
@@ -401,7 +403,7 @@ def branches(found: Bifurcation, show: Callable[[str], None] | None = None) -> t
     >>> {branch.period for branch in ms.branches(found)}
     {2}
     """
-    made: list[Branch] = []
+    made: list[ResponseBranch] = []
     for response in found.responses:
         if not response.period or response.note or response.state is None:
             continue
@@ -424,15 +426,17 @@ def branches(found: Bifurcation, show: Callable[[str], None] | None = None) -> t
     return tuple(made)
 
 
-def _branch(shooting: _Shooting, start: _Orbit) -> tuple[Branch, list[tuple[_Shooting, _Orbit]]]:
-    """The branch through a fixed point, and what follows beyond its ends."""
+def _branch(
+    shooting: _Shooting, start: _Orbit
+) -> tuple[ResponseBranch, list[tuple[_Shooting, _Orbit]]]:
+    """The branch through a fixed point, and fixed points beyond its ends."""
     shooting, start = _weighed(shooting, start)
     first = shooting.point(start)
     (back, earlier, one), (on, later, other) = (
         _trace(shooting, start, sign) for sign in (-1.0, 1.0)
     )
     events = (*earlier[::-1], *later)
-    branch = Branch(shooting.period, (*back[::-1], first, *on), events)
+    branch = ResponseBranch(shooting.period, (*back[::-1], first, *on), events)
     return branch, [x for x in (one, other) if x]
 
 
@@ -447,7 +451,7 @@ def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
     return shooting, start._replace(tangent=tangent, rows=rows)
 
 
-def _holds(branch: Branch, value: float, section: Array) -> bool:
+def _holds(branch: ResponseBranch, value: float, section: Array) -> bool:
     """True if a branch passes through a section (P, K) at a value."""
     for a, b in zip(branch.points, branch.points[1:], strict=False):
         low, high = sorted((a.value, b.value))
