@@ -23,6 +23,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.report.charts.chart import Chart
+    from mechanism_sim.studies.continuation import ResponseBranch
     from mechanism_sim.tables import Column
 
 
@@ -36,6 +37,8 @@ def add(command: Command) -> None:
     _shared(sub, f'{vary}; two of them: which response each pair leads to')
     several(sub, '--of', 'NAME', f'{text}; several times', 'of')
     flag(sub, '--starts', "begin each value from the scene's own start, too")
+    text = 'follow what repeats through folds and flips, stable or not, to where it grazes'
+    flag(sub, '--continue', text)
     text = 'which response each start, or each pair of values, leads to'
     _shared(command('basins', _bifurcation, text), f'{vary}; two of them')
 
@@ -60,6 +63,7 @@ def _bifurcation(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.studies.basins import basins  # noqa: PLC0415
     from mechanism_sim.studies.bifurcation import bifurcation  # noqa: PLC0415
+    from mechanism_sim.studies.continuation import branches  # noqa: PLC0415
 
     given = named_ranges('--vary', options.vary or [''], 'drive.speed=100 rpm:600 rpm:51', True)
     if len(given) > 2:
@@ -71,7 +75,7 @@ def _bifurcation(options: argparse.Namespace) -> int:
     if options.command == 'basins' and not two:
         raise InputError('basins: --vary: give two keys; bifurcation takes one')
     if two and options.command == 'bifurcation':
-        refuse_options(options, ['of', 'starts'], 'does not apply to two keys')
+        refuse_options(options, ['of', 'starts', 'continue'], 'does not apply to two keys')
     if options.plot:
         figures.check_picture('--plot', options.plot)
     if options.output:
@@ -91,10 +95,14 @@ def _bifurcation(options: argparse.Namespace) -> int:
                 machine, vary, options.of, at_impacts=options.at_impacts, starts=options.starts,
                 workers=workers, show=show, **how,
             )  # fmt: skip
-            _write(options, found.columns(), report.chart(found, machine.scene.title))
     if two:
         return print_result(options, map_, report.basins_json, report.basins_text)
-    return print_result(options, found, report.to_json, report.render)
+    lines: tuple[ResponseBranch, ...] = ()
+    if getattr(options, 'continue'):
+        with progress.busy('bifurcation', options.json) as say:
+            lines = branches(found, say)
+    _write(options, found.columns(), report.chart(found, machine.scene.title, lines))
+    return print_result(options, (found, lines), report.to_json, report.render)
 
 
 def _write(options: argparse.Namespace, columns: list[Column], chart: Chart) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.studies.basins import Basins
 from mechanism_sim.studies.bifurcation import Bifurcation, Response
+from mechanism_sim.studies.continuation import ResponseBranch
 from mechanism_sim.units import for_people
 
 _OTHERS = 'no period found'
@@ -17,8 +19,9 @@ _COLOURED = 8
 """Periods that have a colour of their own; a longer one shares the last."""
 
 
-def render(found: Bifurcation) -> str:
+def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
     """Text for people: ranges of the parameter in which a branch has one period."""
+    found, branches = result
     unit = f' {found.unit}' if found.unit else ''
     rows = []
     for branch in dict.fromkeys(r.branch for r in found.responses):
@@ -30,6 +33,18 @@ def render(found: Bifurcation) -> str:
     head = 'branch', 'from', 'to', 'values', 'period [turns]', 'impacts a turn there'
     places = [f'{found.scale * x:.6g}' for x in found.coexisting]
     notes = [f'several responses at {", ".join(places)}{unit}'] if places else []
+    for followed in branches:
+        ends = sorted(p.value for p in followed.points)
+        low, high = (f'{found.scale * x:.9g}{unit}' for x in (ends[0], ends[-1]))
+        share = sum(p.stable for p in followed.points) / len(followed.points)
+        notes.append(
+            f'branch of period {followed.period} from {low} to {high}, {100.0 * share:.0f} % of '
+            'its points stable'
+        )
+        notes += [
+            f'  {e.kind} at {found.scale * e.value:.9g}{unit}{f" in {e.joint}" * bool(e.joint)}'
+            for e in followed.events
+        ]
     return text([Section(table=[head, *rows], notes=notes, left=1)])
 
 
@@ -45,8 +60,9 @@ def _ranges(found: list[Response]) -> list[tuple[Response, Response, int]]:
     return ranges
 
 
-def to_json(found: Bifurcation) -> dict[str, Any]:
+def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, Any]:
     """All sections in SI units: ``measure`` of a point is its quantity ``of``."""
+    found, branches = result
     return {
         'parameter': found.parameter.path,
         'of': list(found.plan.of),
@@ -77,11 +93,28 @@ def to_json(found: Bifurcation) -> dict[str, Any]:
             }
             for r in found.responses
         ],
+        'branches': [
+            {
+                'period': branch.period,
+                'events': [e._asdict() for e in branch.events],
+                'points': [
+                    {
+                        'value': p.value,
+                        'measure': p.points.tolist(),
+                        'stable': p.stable,
+                        'multipliers': [[m.real, m.imag] for m in p.multipliers],
+                        'impacts': p.impacts,
+                    }
+                    for p in branch.points
+                ],
+            }
+            for branch in branches
+        ],
     }
 
 
-def chart(found: Bifurcation, title: str) -> Chart:
-    """Sections over the parameter, coloured by period; branches by their marks."""
+def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = ()) -> Chart:
+    """Sections over the parameter, coloured by period; directions by marks, branches as lines."""
     marks = {'up': 'triangle-up', 'down': 'triangle-down', 'start': 'circle'}
     periods = sorted({r.period for r in found.responses}, key=lambda p: (not p, p))
     along = Axis('.'.join(found.parameter.path.split('.')[-3:]), found.unit)
@@ -102,8 +135,30 @@ def chart(found: Bifurcation, title: str) -> Chart:
                 curves.append(
                     ChartCurve(x, y, f'{label}, {branch}', '', colour, form='dots', marker=marker)
                 )
+        for followed in branches:
+            number = min(periods.index(followed.period), _COLOURED - 1)
+            curves += _lines(found, followed, k, scale, number)
         panels.append(Panel(along, Axis(words, shown), tuple(curves), height=3.2))
     return Chart('bifurcation', title, tuple(panels))
+
+
+def _lines(
+    found: Bifurcation, branch: ResponseBranch, k: int, scale: float, colour: int
+) -> Iterator[ChartCurve]:
+    """Each turn of a branch as a line: where it is stable, and dashed where it is not."""
+    x = np.array([found.scale * p.value for p in branch.points])
+    stable = np.array([p.stable for p in branch.points])
+    count = max(len(p.points) for p in branch.points)
+    y = np.full((count, len(x)), np.nan)
+    for j, p in enumerate(branch.points):
+        y[: len(p.points), j] = scale * p.points[:, k]
+    for kind, shown, dash in (('stable', stable, 0), ('unstable', ~stable, 1)):
+        # up to the neighbours, so that lines meet
+        wide = shown | (np.append(shown[1:], False) | np.append(False, shown[:-1])) & bool(dash)
+        if shown.any():
+            for row in y:
+                label = f'period {branch.period}, {kind}'
+                yield ChartCurve(x, np.where(wide, row, np.nan), label, '', colour, dash)
 
 
 def basins_text(found: Basins) -> str:

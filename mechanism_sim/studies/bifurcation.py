@@ -82,6 +82,7 @@ class Response:
     returns : (R, 2 f) positions and rates once a turn, over their scales
     impacts : per turn
     note : why there is none, if there is none
+    state : at the end of a turn, when the crank is where the scene begins
     """
 
     value: float
@@ -92,6 +93,7 @@ class Response:
     impacts: float
     number: int = 0
     note: str = ''
+    state: State | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +106,7 @@ class Bifurcation:
     units, words : of the quantities of the section
     """
 
+    machine: Machine
     parameter: Parameter
     unit: str
     scale: float
@@ -186,7 +189,7 @@ def bifurcation(
     with workers or Workers(1) as makers:
         rows = makers.do_all(tasks, show)
     found = [read_response(each, len(plan.of)) for row in rows for each in row['responses']]
-    return Bifurcation(parameter, *written, plan, units, words, tuple(_numbered(found)))
+    return Bifurcation(machine, parameter, *written, plan, units, words, tuple(_numbered(found)))
 
 
 def varied(
@@ -258,7 +261,7 @@ def follow(
                 break
             except RunError as error:
                 response, state = _NOTHING | {'note': str(error)}, None
-        found.append(response | {'value': value, 'branch': branch})
+        found.append(response | {'value': value, 'branch': branch, 'state': state})
         state = None if branch == START else state
     return {'responses': found}
 
@@ -366,7 +369,7 @@ def read_response(row: Mapping[str, Any], width: int) -> Response:
     returns = returns.reshape(len(returns), -1) if len(returns) else np.empty((0, 0))
     return Response(
         row['value'], row['branch'], row['period'], points, returns, row['impacts'], 0,
-        row.get('note', ''),
+        row.get('note', ''), row['state'],
     )  # fmt: skip
 
 

@@ -168,8 +168,7 @@ def horizon(run: Solution) -> Horizon:
         q = flow.coefficients[-1, free]
         J = np.concatenate([q[:, 0], q[:, 1], flow.states[-1, :, 0]])
         grown = np.concatenate([(J * scale / scale[:, None]) @ errors, added], axis=1)
-        triangle = np.asarray(np.linalg.qr(grown.T, mode='r'))
-        errors = triangle.T  # as long as it is wide
+        errors = np.asarray(np.linalg.qr(grown.T, mode='r')).T  # as long as it is wide
         size = float(np.linalg.norm(errors, 2))
         if size >= 1.0:
             t = float(curve.start[last])

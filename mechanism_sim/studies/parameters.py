@@ -191,7 +191,7 @@ def _choices(
 def _written(limits: Any, values: Sequence[float]) -> tuple[str, float]:
     """The unit in which limits are written, and by what SI values are multiplied for it."""
     for limit, value in zip(limits, values, strict=True):
-        said = re.fullmatch(r'\s*([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(\S.*?)\s*', str(limit), re.I)
+        said = re.fullmatch(r'\s*((?>[-+]?[\d.]+(?:e[-+]?\d+)?))\s*(\S.*?)\s*', str(limit), re.I)
         if said and value:
             return said[2], float(said[1]) / value
     return '', 1.0

@@ -1,0 +1,464 @@
+"""Branches of periodic responses over a parameter, stable and unstable, through folds and flips.
+
+Fixed points of the exact Poincare map are followed by pseudo-arclength: Newton's method on the map
+and on the way along the tangent together (H. B. Keller, 1977; R. Seydel, Practical Bifurcation and
+Stability Analysis, 2010, ch. 4). Where an impact comes or goes the motion grazes, and the map has
+no derivative (A. B. Nordmark, J. Sound Vib. 145, 1991). Up to there the parameter is a smooth
+function of the speed of that impact, or of the gap that is left; extrapolated to 0 it tells where.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.results.run import Runner
+from mechanism_sim.results.solution import Piece
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.studies.bifurcation import Bifurcation
+from mechanism_sim.studies.periodic import PoincareMap
+
+_RESIDUAL = 1e-10
+"""Of a period: largest change of an angle, or of a rate over the speed of the crank."""
+_ROUNDS = 12
+_FASTER = 0.2
+"""Of a residual, to which a step of Newton's method must bring it with derivatives of before."""
+_FIRST, _LONGEST, _LEAST = 0.02, 0.1, 1e-4
+"""Steps; the range of the parameter is 1."""
+_TURNED = 0.9
+"""Cosine between the tangents of neighbours, at least."""
+_MOST = 400
+"""Points of a branch, to each side."""
+_MOST_BRANCHES = 50
+_SEEN = 5
+"""Points that tell where a branch grazes."""
+_STABLE = 1e-7
+"""Of a multiplier, by which its size must be below 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPoint:
+    """A periodic response.
+
+    Attributes
+    ----------
+    value : of the parameter, in its SI unit
+    points : (P, K) the section, as of a `Response`
+    multipliers : Floquet multipliers, the largest first
+    impacts : in a period
+    """
+
+    value: float
+    points: Array
+    multipliers: tuple[complex, ...]
+    impacts: int
+
+    @property
+    def stable(self) -> bool:
+        """True if small changes die out."""
+        return all(abs(m) < 1.0 - _STABLE for m in self.multipliers)
+
+
+class BranchEvent(NamedTuple):
+    """Where a branch turns, loses its stability or ends.
+
+    Attributes
+    ----------
+    kind : ``fold``, ``flip``, ``torus``, ``grazing``, or ``lost`` where Newton's method ends
+    value : of the parameter, in its SI unit
+    joint : that grazes
+    """
+
+    kind: str
+    value: float
+    joint: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseBranch:
+    """Responses that repeat after so many turns, and events, in their order along the branch."""
+
+    period: int
+    points: tuple[BranchPoint, ...]
+    events: tuple[BranchEvent, ...]
+
+
+class _Orbit(NamedTuple):
+    """A fixed point and what follows from it."""
+
+    state: State
+    value: float
+    tangent: Array  #: (2 f + 1,) of state and value, over their scales
+    multipliers: Any
+    pieces: list[Piece]
+    rows: Array  #: (r, r + 1) derivatives of the change in a period, along the basis and by value
+    basis: Array  #: (2 f, r) of changes that contacts allow, over the scales
+
+    @property
+    def impacts(self) -> list[Impact]:
+        return [i for piece in self.pieces for i in piece.impacts]
+
+
+class _Shooting:
+    """Fixed points of the map over so many turns at any value, about one angle of the crank.
+
+    Parameters
+    ----------
+    ahead : where turns begin, beyond the angle at which the scene begins [turns]
+    """
+
+    def __init__(self, found: Bifurcation, period: int, ahead: float = 0.0) -> None:
+        machine = found.machine
+        self._name, self._content = machine.name, machine.scene.to_document()
+        self.found, self.period, self.ahead = found, period, ahead
+        self.span = found.parameter.high - found.parameter.low
+        angle, speed = machine.drive.start
+        angle += math.copysign(ahead * float(TWO_PI), speed)
+        self._turned = {'drive.start_angle': angle} if ahead else {}
+        self._last: tuple[float, Machine, PoincareMap] | None = None
+        self.scale = self.at(found.parameter.low).scale
+
+    def at(self, value: float) -> PoincareMap:
+        """The map at a value of the parameter."""
+        if self._last is None or self._last[0] != value:
+            given = {self.found.parameter.path: value, **self._turned}
+            machine = Machine(self._name, check_scene(self._name, self._content, given))
+            self._last = value, machine, PoincareMap(machine)
+        return self._last[2]
+
+    def machine(self, value: float) -> Machine:
+        """The machine at a value of the parameter."""
+        self.at(value)
+        assert self._last is not None  # noqa: S101 - it is that
+        return self._last[1]
+
+    def run(self, state: State, value: float, turns: float) -> tuple[list[Piece], State]:
+        """The motion from a state on, and the state after so many turns."""
+        machine = self.machine(value)
+        engine = machine.start()
+        assert isinstance(engine, EventLoop)  # noqa: S101 - it has a map
+        engine.restart(replace(state, turns=(0,) * len(state.turns)))
+        runner = Runner(machine, engine, audited=False)
+        pieces = list(runner.to(turns * machine.drive.period))
+        return pieces, replace(engine.state, time=state.time)
+
+    def centred(self, state: State, value: float) -> tuple[_Shooting, State]:
+        """Turns that begin amid the longest time without impact, and the state then."""
+        pieces, _ = self.run(state, value, self.period)
+        times = sorted(i.t / self.machine(value).drive.period for x in pieces for i in x.impacts)
+        if not times:
+            return self, state
+        times.append(times[0] + self.period)
+        k = int(np.diff(times).argmax())
+        middle = 0.5 * (times[k] + times[k + 1]) % self.period
+        other = _Shooting(self.found, self.period, (self.ahead + middle) % 1.0)
+        other.scale = self.scale
+        return other, self.run(state, value, middle)[1]
+
+    def solved(
+        self, state: State, value: float, base: _Orbit | None = None, ahead: float = 0.0
+    ) -> _Orbit | None:
+        """The fixed point near a state, at a value, or so far along the tangent of another.
+
+        Newton's method keeps the derivatives of that other while it gets nearer fast enough.
+        """
+        rows, basis, before = (base.rows, base.basis, math.inf) if base else (None, None, 0.0)
+        try:
+            for _ in range(_ROUNDS):
+                section = self.at(value)
+                state, wide = section.start(state), section.scale / self.scale
+                end = section.map(state, self.period)[0]
+                if end.closed != state.closed:
+                    return None
+                off = wide * section.difference(state, end)
+                size = float(np.abs(off / wide).max())
+                if size <= _RESIDUAL:
+                    return self._orbit(state, value)
+                if rows is None or basis is None or size > _FASTER * before:
+                    M, _ = section.growth(state, self.period)
+                    basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
+                    inner = basis.T @ (wide[:, None] * M / wide) @ basis
+                    by = base.rows[:, -1:] if base else np.zeros((len(inner), 1))
+                    rows = np.column_stack([inner - np.eye(len(inner)), by])
+                before, last, left = size, np.eye(rows.shape[1])[-1], 0.0
+                if base is not None:
+                    last = np.append(base.tangent[:-1] @ basis, base.tangent[-1])
+                    way = np.append(
+                        wide * section.difference(base.state, state),
+                        (value - base.value) / self.span,
+                    )
+                    left = ahead - float(base.tangent @ way)
+                right = np.append(-basis.T @ off, left)
+                step = np.linalg.lstsq(np.vstack([rows, last]), right)[0]
+                if not (np.isfinite(step).all() and abs(step[-1]) < 1.0):
+                    return None
+                state = section.displace(state, basis @ step[:-1] / wide)
+                value += self.span * float(step[-1])
+        except (RunError, InputError):
+            pass
+        return None
+
+    def _orbit(self, state: State, value: float) -> _Orbit:
+        """Tangent, multipliers and motion of a fixed point."""
+        path = self.found.parameter.path
+        section = PoincareMap(self.machine(value), [path])
+        M, by, _ = section.sensitivity(state, self.period)
+        wide = section.scale / self.scale
+        basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
+        inner = basis.T @ (wide[:, None] * M / wide) @ basis
+        by = self.span * basis.T @ (wide[:, None] * by)
+        rows = np.column_stack([inner - np.eye(len(inner)), by])
+        null = np.linalg.svd(rows)[2][-1]
+        tangent = np.append(basis @ null[:-1], null[-1])
+        pieces, _ = self.run(state, value, self.period)
+        return _Orbit(state, value, tangent, np.linalg.eigvals(inner), pieces, rows, basis)
+
+    def step(self, base: _Orbit, ahead: float) -> _Orbit | None:
+        """The fixed point so far along the tangent of another."""
+        section = self.at(base.value)
+        by = ahead * base.tangent[:-1] * self.scale / section.scale
+        value = base.value + ahead * self.span * float(base.tangent[-1])
+        found = self.solved(section.displace(base.state, by), value, base, ahead)
+        return found and found._replace(
+            tangent=math.copysign(1.0, float(found.tangent @ base.tangent)) * found.tangent
+        )
+
+    def point(self, orbit: _Orbit) -> BranchPoint:
+        """Section and stability of a fixed point."""
+        plan, machine = self.found.plan, self.machine(orbit.value)
+        if plan.joint:
+            rows = [
+                [getattr(i, n) for n in plan.of] for i in orbit.impacts if i.joint == plan.joint
+            ]
+        else:
+            turns = np.arange(1, self.period + 1) - self.ahead
+            rows = [_sampled(orbit.pieces, t * machine.drive.period, plan.of) for t in turns]
+        multipliers = tuple(complex(m) for m in sorted(orbit.multipliers, key=abs, reverse=True))
+        points = np.array(rows, dtype=float).reshape(-1, len(plan.of))
+        return BranchPoint(orbit.value, points, multipliers, len(orbit.impacts))
+
+    def gap_left(self, orbit: _Orbit, joint: str) -> float:
+        """The least gap [m] of a joint within its flights, not at the impacts that end them."""
+        name, k = f'gap.{joint}', self.machine(orbit.value).physics.clearances.index(joint)
+        struck = np.array([i.t for i in orbit.impacts if i.joint == joint])
+        least = math.inf
+        for piece in orbit.pieces:
+            curve = piece.motion.curve
+            t = (curve.start[:, None] + curve.duration[:, None] * np.arange(8.0) / 8.0).ravel()
+            gap = piece.sample(t, name)[name]
+            low = np.flatnonzero((gap[1:-1] < gap[:-2]) & (gap[1:-1] <= gap[2:])) + 1
+            low = low[~piece.motion.closed[low // 8, k]]
+            low = low[[not (np.abs(struck - t[i]) < 1e-9 * curve.end).any() for i in low]]
+            if len(low):
+                i = min(low, key=lambda i: gap[i])
+                found = scipy.optimize.minimize_scalar(
+                    lambda x, piece=piece: float(piece.sample(x, name)[name][0]),
+                    bounds=(t[i - 1], t[i + 1]), method='bounded',
+                    options={'xatol': 1e-9 * curve.end},
+                )  # fmt: skip
+                least = min(least, float(found.fun))
+        return least
+
+
+def _sampled(pieces: list[Piece], t: float, names: tuple[str, ...]) -> list[float]:
+    piece = next((p for p in pieces if t <= p.motion.curve.end), pieces[-1])
+    found = piece.sample(min(t, float(piece.motion.curve.end)), *names)
+    return [float(found[n][0]) for n in names]
+
+
+# --- along a branch ------------------------------------------------------------------------------
+
+
+def _strikes(orbit: _Orbit) -> Counter[str]:
+    """Impacts of each joint, but for those whose chatter is ended: their last ones come and go."""
+    chatters = {i.joint for i in orbit.impacts if i.ends_chatter}
+    return Counter(i.joint for i in orbit.impacts if i.joint not in chatters)
+
+
+def _trace(
+    shooting: _Shooting, start: _Orbit, sign: float
+) -> tuple[list[BranchPoint], list[BranchEvent], tuple[_Shooting, _Orbit] | None]:
+    """Points and events on one side of a fixed point, and what follows beyond a grazing impact."""
+    low, high = shooting.found.parameter.low, shooting.found.parameter.high
+    orbits = [start._replace(tangent=sign * start.tangent)]
+    points: list[BranchPoint] = []
+    events: list[BranchEvent] = []
+    ahead, eased = _FIRST, 0
+    while len(points) < _MOST:
+        base, new = orbits[-1], shooting.step(orbits[-1], ahead)
+        alike = new is not None and _strikes(new) == _strikes(base)
+        if new is None or not alike or float(new.tangent @ base.tangent) < _TURNED:
+            if ahead > _LEAST:
+                ahead, eased = 0.5 * ahead, 3
+                continue
+            events.append(_grazing(shooting, orbits) or BranchEvent('lost', base.value))
+            return points, events, (shooting, new) if new and not alike else None
+        if not low <= new.value <= high:
+            limit = low if new.value < low else high
+            end = shooting.solved(new.state, limit)
+            points += [shooting.point(end)] if end else []
+            break
+        events += _between(shooting, base, new, ahead)
+        points.append(shooting.point(new))
+        orbits = [*orbits[1 - _SEEN :], new]
+        ahead, eased = (ahead, eased - 1) if eased else (min(1.4 * ahead, _LONGEST), 0)
+        shooting, orbits = _recentred(shooting, orbits)
+    return points, events, None
+
+
+def _recentred(shooting: _Shooting, orbits: list[_Orbit]) -> tuple[_Shooting, list[_Orbit]]:
+    """Turns that begin elsewhere, where an impact has come near their beginning."""
+    last = orbits[-1]
+    period = shooting.period * shooting.machine(last.value).drive.period
+    off = min((min(i.t, period - i.t) for i in last.impacts), default=period)
+    if off > 0.01 * period or abs(last.tangent[-1]) < 0.05:
+        return shooting, orbits
+    other, state = shooting.centred(last.state, last.value)
+    found = other.solved(state, last.value)
+    if found is None:
+        return shooting, orbits
+    sign = math.copysign(1.0, found.tangent[-1] * last.tangent[-1])
+    return other, [found._replace(tangent=sign * found.tangent)]
+
+
+def _tests(orbit: _Orbit) -> dict[str, float]:
+    """Functions that are zero at folds, flips, and pairs of multipliers of size 1."""
+    pairs = orbit.multipliers[orbit.multipliers.imag > 0.0]
+    return {
+        'fold': float(orbit.tangent[-1]),
+        'flip': float(np.prod(1.0 + orbit.multipliers).real),
+        'torus': float(np.abs(pairs).max()) - 1.0 if len(pairs) else math.nan,
+    }
+
+
+def _between(
+    shooting: _Shooting, base: _Orbit, new: _Orbit, ahead: float
+) -> Iterator[BranchEvent]:
+    """Folds and changes of stability on the way from one fixed point to the next."""
+    before, after = _tests(base), _tests(new)
+    for kind in before:
+        if not before[kind] * after[kind] < 0.0:
+            continue
+        found = {0.0: base, ahead: new}
+
+        def test(s: float, kind: str = kind, found: dict[float, _Orbit] = found) -> float:
+            if s not in found:
+                orbit = shooting.step(base, s)
+                if orbit is None:
+                    raise RunError('lost')
+                found[s] = orbit
+            return _tests(found[s])[kind]
+
+        try:
+            s = scipy.optimize.brentq(test, 0.0, ahead, xtol=1e-9 * ahead, rtol=1e-12)
+        except (RunError, ValueError):
+            s = ahead
+        yield BranchEvent(kind, found[s].value)
+
+
+def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
+    """Where a branch grazes soon behind these fixed points, if that is why it ends."""
+    values = np.array([orbit.value for orbit in orbits[-_SEEN:]])
+    if len(values) < 3:
+        return None
+    joints = shooting.machine(values[-1]).physics.clearances
+    found: list[tuple[float, float, str]] = []
+    for joint in joints:
+        speeds = [
+            [i.approach_speed for i in o.impacts if i.joint == joint] for o in orbits[-_SEEN:]
+        ]
+        margins = [[shooting.gap_left(o, joint) for o in orbits[-_SEEN:]]]
+        if all(speeds):
+            margins.append([min(x) for x in speeds])
+        for m in map(np.array, margins):
+            if np.isfinite(m).all() and (np.diff(m) < 0.0).all() and m[-1] < 0.5 * m[0]:
+                value = float(scipy.interpolate.BarycentricInterpolator(m, values)(0.0))
+                found.append((abs(value - values[-1]), value, joint))
+    if not found or min(found)[0] > 3.0 * abs(values[-1] - values[0]):
+        return None
+    _, value, joint = min(found)
+    return BranchEvent('grazing', value, joint)
+
+
+def branches(
+    found: Bifurcation, show: Callable[[str], None] | None = None
+) -> tuple[ResponseBranch, ...]:
+    """Branches through all periodic responses that were found, within the range of the parameter.
+
+    >>> import mechanism_sim as ms
+    >>> found = ms.bifurcation('four_bar_clearance', {'drive.speed': ('479 rpm', '480 rpm', 2)})
+    >>> {branch.period for branch in ms.branches(found)}
+    {2}
+    """
+    made: list[ResponseBranch] = []
+    for response in found.responses:
+        if not response.period or response.note or response.state is None:
+            continue
+        if any(_holds(branch, response.value, response.points) for branch in made):
+            continue
+        if show:
+            show(f'period {response.period} at {found.scale * response.value:.6g} {found.unit}')
+        shooting = _Shooting(found, response.period)
+        shooting, state = shooting.centred(response.state, response.value)
+        start = shooting.solved(state, response.value)
+        left = [(shooting, start)] if start else []
+        while left and len(made) < _MOST_BRANCHES:
+            branch, beyond = _branch(*left.pop())
+            made.append(branch)
+            left += [
+                (other, orbit)
+                for other, orbit in beyond
+                if not any(_holds(b, orbit.value, other.point(orbit).points) for b in made)
+            ]
+    return tuple(made)
+
+
+def _branch(
+    shooting: _Shooting, start: _Orbit
+) -> tuple[ResponseBranch, list[tuple[_Shooting, _Orbit]]]:
+    """The branch through a fixed point, and fixed points beyond its ends."""
+    shooting, start = _weighed(shooting, start)
+    first = shooting.point(start)
+    (back, earlier, one), (on, later, other) = (
+        _trace(shooting, start, sign) for sign in (-1.0, 1.0)
+    )
+    events = (*earlier[::-1], *later)
+    branch = ResponseBranch(shooting.period, (*back[::-1], first, *on), events)
+    return branch, [x for x in (one, other) if x]
+
+
+def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
+    """Scales of states by which they change as much as the parameter does, over its range."""
+    x, value = start.tangent[:-1], abs(start.tangent[-1])
+    by = max(float(np.linalg.norm(x)) / max(value, 1e-3), 1e-6)
+    shooting.scale = shooting.scale * by
+    tangent = np.append(x / by, start.tangent[-1])
+    rows = np.column_stack([start.rows[:, :-1], start.rows[:, -1:] / by])
+    tangent /= np.linalg.norm(tangent)
+    return shooting, start._replace(tangent=tangent, rows=rows)
+
+
+def _holds(branch: ResponseBranch, value: float, section: Array) -> bool:
+    """True if a branch passes through a section (P, K) at a value."""
+    for a, b in zip(branch.points, branch.points[1:], strict=False):
+        low, high = sorted((a.value, b.value))
+        if low <= value <= high and a.points.shape == b.points.shape == section.shape:
+            share = (value - a.value) / ((b.value - a.value) or 1.0)
+            seen = np.sort((1.0 - share) * a.points + share * b.points, axis=0)
+            near = 0.01 * (np.abs(seen).max(axis=0) + np.ptp(seen, axis=0))
+            if (np.abs(seen - np.sort(section, axis=0)) <= near).all():
+                return True
+    return False

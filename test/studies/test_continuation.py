@@ -1,0 +1,74 @@
+"""Branches of periodic responses: of the impact oscillator, all of whose places are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy
+from impact_oscillator import OSCILLATOR, WALL, discriminant, forced, strikes
+from running import run_json
+
+import mechanism_sim as ms
+
+
+def found_between(low, high):
+    found = ms.bifurcation(
+        OSCILLATOR, {'drive.speed': (low, high, 2)}, of=['velocity.block'], transient=300, keep=20
+    )
+    return [branch for branch in ms.branches(found) if branch.period == 1]
+
+
+def zero(f, low, high):
+    return pytest.approx(scipy.optimize.brentq(f, low, high, xtol=1e-14), rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_flip_is_where_its_closed_form_has_it():
+    (branch,) = found_between(9.58, 9.9)
+    (event,) = branch.events
+    flip = zero(lambda w: float((1.0 + strikes(w)[0][1]).prod().real), 9.0, 10.0)
+    assert (event.kind, event.value) == ('flip', flip)
+    for point in branch.points:
+        _, multipliers = strikes(point.value)[0]
+        assert np.sort(point.multipliers) == pytest.approx(np.sort(multipliers), abs=1e-7)
+        assert point.stable == (point.value > event.value)
+        assert point.impacts == 1
+
+
+@pytest.mark.slow
+def test_an_impact_comes_where_the_motion_without_reaches_the_wall():
+    """From both sides: the response that strikes is unstable where it is born."""
+    without, struck = found_between(7.0, 7.3)
+    graze = zero(lambda w: abs(forced(w)) + WALL, 7.0, 7.5)
+    assert [e for e in without.events if e.kind == 'grazing' and e.value == graze]
+    assert [e for e in struck.events if e.kind == 'grazing' and e.value == graze]
+    assert all(p.stable and not p.impacts for p in without.points)
+    assert not any(p.stable for p in struck.points)
+
+
+@pytest.mark.slow
+def test_a_branch_folds_and_goes_back_to_where_it_grazes():
+    """Two responses with one impact, a stable and an unstable one, meet at a fold."""
+    struck, without = found_between(12.1, 16.5)
+    assert [e.kind for e in struck.events] == ['fold', 'grazing']
+    assert struck.events[0].value == zero(discriminant, 15.0, 16.0)
+    graze = zero(lambda w: abs(forced(w)) + WALL, 12.0, 12.5)
+    assert struck.events[1].value == graze
+    assert (without.events[0].kind, without.events[0].value) == ('grazing', graze)
+    turn = int(np.argmax([p.value for p in struck.points]))
+    for k, point in enumerate(struck.points):
+        _, multipliers = strikes(point.value)[-1 if k <= turn else 0]
+        size = np.abs(multipliers).max()
+        assert np.abs(point.multipliers[0]) == pytest.approx(size, rel=1e-5)
+
+
+def test_the_command_draws_branches(tmp_path):
+    scene, picture = tmp_path / 'oscillator.yaml', tmp_path / 'b.svg'
+    scene.write_text(OSCILLATOR, encoding='utf-8')
+    found = run_json(
+        'bifurcation', str(scene), '--vary', 'drive.speed=12.4:12.5:2', '--continue',
+        '--transient', '100', '--keep', '8', '--workers', '1', '--plot', str(picture),
+    )  # fmt: skip
+    assert [b['period'] for b in found['branches']] == [1]
+    assert all(p['stable'] for p in found['branches'][0]['points'])
+    assert 'stable' in picture.read_text(encoding='utf-8')
