@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import Branch, FourBar
 from mechanism_sim.linkages.grashof import full_turns, transmission_range
 from mechanism_sim.results.path_distance import TargetPath, read_path
 from mechanism_sim.studies.synthesis import PathFourBar, path_four_bars, worst_transmission
@@ -196,8 +196,10 @@ class _Task(NamedTuple):
     def linkage(self, places: Array, lengths: Array) -> tuple[FourBar, float]:
         """The four-bar, and the angle of its ground."""
         pins = _pins(self.z, np.exp(1j * self.orientation), places[:2])
-        branch = 'open' if _side(pins, places[3])[0] < 0.0 else 'crossed'
-        return FourBar(*lengths.tolist(), branch), float(np.angle(places[3] - places[2]))  # type: ignore[arg-type]
+        ground, crank, coupler, rocker = lengths.tolist()
+        branch: Branch = 'open' if _side(pins, places[3])[0] < 0.0 else 'crossed'
+        four = FourBar(ground, crank, coupler, rocker, branch)
+        return four, float(np.angle(places[3] - places[2]))
 
     def off(
         self, four: FourBar, turned: float, places: Array, angles: Array
@@ -220,7 +222,8 @@ class _Task(NamedTuple):
 
         def rest(x: Array) -> Array:
             off, turns = self.off(*read(x))
-            return np.nan_to_num(np.concatenate([off.real, off.imag, turns]), nan=10.0)
+            both = np.concatenate([off.real, off.imag, turns])
+            return np.asarray(np.nan_to_num(both, nan=10.0))
 
         start = np.concatenate([places.real, places.imag, lengths[[1, 3]], angles])
         if 3 * count < len(start):
@@ -248,12 +251,13 @@ class _Task(NamedTuple):
         pivot = complex(self.middle + self.size * places[2])
         distance = self.size * np.abs(off)
         steps = np.mod(np.diff(angles), _TURN)
+        angle = transmission_range(FourBar(*four.lengths))
         sizes = (self.size * np.array(four.lengths)).tolist()
         return PathFourBar(
             tuple(sizes), four.branch, (pivot.real, pivot.imag), turned,
             (float(point.real), float(point.imag)), float(angles[0]),
             bool(steps.sum() < (_TURN - steps).sum()),
             float(np.sqrt((distance**2).mean())), float(distance.max()),
-            tuple(transmission_range(FourBar(*sizes))), float(-np.angle(bar)),
+            (angle.least, angle.greatest), float(-np.angle(bar)),
             float(np.abs(turns).max()),
         )  # fmt: skip
