@@ -14,6 +14,7 @@ from mechanism_sim.studies.ensemble import ensemble as ensemble
 from mechanism_sim.report.typeset import equations as equations
 from mechanism_sim.pages.notebook import explore as explore
 from mechanism_sim.studies.find import find as find
+from mechanism_sim.studies.four_bars import find_four_bars as find_four_bars
 from mechanism_sim.studies.life import life as life
 from mechanism_sim.scene.load import load_scene as load_scene
 from mechanism_sim.studies.lyapunov import lyapunov as lyapunov

@@ -70,6 +70,8 @@ def add(command: Command) -> None:
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     text = 'global: between all limits, by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
+    text = 'exact, where there are such; or of cycles, which may take less time'
+    sub.add_argument('--gradients', choices=('exact', 'differences'), default='exact', help=text)
     text = 'cycles after which a global search, or a front, ends'
     option(sub, '--evaluations', 'N', text, 400)
     text = 'the scene (.yaml), a table of the designs tried, the curve or the front; several times'
@@ -175,7 +177,7 @@ def _lift_off(options: argparse.Namespace) -> int:
 
 _SEARCH = (
     'vary', 'so-that', 'minimise', 'maximise', 'subject-to', 'values', 'duration', 'revolutions',
-    'search', 'evaluations', 'output', 'restart', 'workers', 'dask',
+    'search', 'evaluations', 'gradients', 'output', 'restart', 'workers', 'dask',
 )  # fmt: skip
 _PERIODIC = 'periodic', 'longest', 'transient'
 _SCENE = 'set', 'tables-from', 'rtol', 'atol'
@@ -235,8 +237,9 @@ def _find_value(options: argparse.Namespace) -> int:
         result = find(
             machine, vary, options.so_that, minimise=options.minimise,
             maximise=options.maximise, subject_to=options.subject_to, samples=options.values,
-            search=options.search, evaluations=options.evaluations, file=table,
-            restart=options.restart, workers=workers, show=show, duration=options.duration,
+            search=options.search, evaluations=options.evaluations, gradients=options.gradients,
+            file=table, restart=options.restart, workers=workers, show=show,
+            duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if scene and result.values:
@@ -249,18 +252,16 @@ def _find_value(options: argparse.Namespace) -> int:
 def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.output import write_text  # noqa: PLC0415
     from mechanism_sim.report import found  # noqa: PLC0415
-    from mechanism_sim.results.path_distance import read_path  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
-    from mechanism_sim.studies.synthesis import path_four_bars  # noqa: PLC0415
+    from mechanism_sim.studies.four_bars import find_four_bars  # noqa: PLC0415
 
     if options.scene is not None:
         raise InputError(f"find --path takes no scene, but '{options.scene}' was given")
     scene, *others = _outputs(options)
     if any(others):
         raise InputError('--output: find --path writes a scene, NAME.yaml')
-    designs = path_four_bars(
-        read_path(options.path), quantity('--transmission', options.transmission, 'rad')[0]
-    )
+    least = quantity('--transmission', options.transmission, 'rad')[0]
+    designs = find_four_bars(options.path, least)
     if scene:
         write_text(scene, load_scene(designs[0].scene(options.path)).scene.to_yaml())
     return print_result(options, designs, found.four_bars_json, found.four_bars_text)

@@ -23,6 +23,7 @@ from mechanism_sim.results.quantities.motion import (
 )
 from mechanism_sim.results.quantities.shafts import of_shafts
 from mechanism_sim.results.quantities.shaking import of_frame
+from mechanism_sim.results.quantities.transmission import of_transmission
 from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
@@ -31,6 +32,7 @@ SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
     of_coordinates, of_states, of_elastic_links, of_tilting_joints, of_contacts, of_joints,
     of_drives, of_energy, of_points_of_elastic_links, of_readings, of_shafts, of_mass_centre,
     of_frame, of_points, of_links, of_force_elements,
+    of_transmission,
 )  # fmt: skip
 """In the order of tables; where two tell a quantity of the same name, the first does."""
 

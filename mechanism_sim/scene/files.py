@@ -258,7 +258,10 @@ def _override(data: dict[str, Any], key: str, value: Any, file: str) -> None:
     for part in path:
         if isinstance(place, dict) and place.get(part) is None:
             place[part] = {}
-        place = place[_part(place, part, key, file)]
+        at = _part(place, part, key, file)
+        if isinstance(place[at], tuple):  # of a scene that was read already
+            place[at] = [*place[at]]
+        place = place[at]
         if not isinstance(place, dict | list):
             raise InputError(f"{file}: '{key}' cannot be set, because '{part}' is a plain value")
     place[_part(place, last, key, file)] = value

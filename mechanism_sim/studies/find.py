@@ -19,7 +19,7 @@ from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.optimum import Budget, Optimum, optimum
 from mechanism_sim.studies.parameters import Limits, Parameter, parameters, read_limits
 from mechanism_sim.studies.runs import FinishedRows, Show, Workers
-from mechanism_sim.studies.trials import Trials
+from mechanism_sim.studies.trials import DIFFERENCES, EXACT, Trials
 
 _ROUNDING = 1e-12
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
@@ -27,7 +27,7 @@ _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution
 LOCAL, GLOBAL = SEARCHES = 'local', 'global'
 _HOW = {
     'maximise': None, 'samples': 17, 'search': LOCAL, 'evaluations': 400, 'file': None,
-    'restart': False,
+    'restart': False, 'gradients': EXACT,
 }  # fmt: skip
 """Options of a search, and what they usually are."""
 _OF_CYCLE = 'duration', 'periods', 'start'
@@ -115,7 +115,8 @@ def find(
         (17); ``search='global'``, differential evolution between all limits; ``evaluations``,
         cycles after which it ends, and so does a front (400); ``file``, a table of all that was
         tried, with a journal from which an interrupted search goes on; ``restart``, without it;
-        ``duration`` and ``periods`` of `cycle`
+        ``gradients='differences'`` of cycles, which may take less time, also where there are exact
+        ones; ``duration`` and ``periods`` of `cycle`
 
     Returns
     -------
@@ -133,6 +134,10 @@ def find(
         raise InputError('a search varies at least one key: there is none')
     if asked['search'] not in SEARCHES:
         raise InputError(f"search '{asked['search']}': it must be one of {', '.join(SEARCHES)}")
+    if asked['gradients'] not in (EXACT, DIFFERENCES):
+        raise InputError(
+            f"gradients '{asked['gradients']}': it must be one of {EXACT}, {DIFFERENCES}"
+        )
     limits = read_limits('vary', vary, lists=True)
     varied = parameters(machine, [*limits], '', limits=limits)
     trial, file = CycleTrial.of(machine, goals, how), asked['file']
@@ -144,6 +149,7 @@ def find(
             rows = stack.enter_context(journal)
         pool = stack.enter_context(workers or Workers(1))
         trials = Trials(trial, varied, goals, pool, rows, show)
+        trials.never = asked['gradients'] == DIFFERENCES
         local = asked['search'] == LOCAL
         found: Finding | Optimum
         if len(varied) == len(goals) == 1 and not varied[0].choices and local:

@@ -297,8 +297,11 @@ class _Problem:
         edge = np.eye(len(x))
         active = [slopes[others[off[others] > -_ACTIVE]], slopes[equal], -slopes[equal],
                   -edge[x < _ACTIVE], edge[x > 1.0 - _ACTIVE]]  # fmt: skip
-        _, left = scipy.optimize.nnls(np.vstack(active).T, -self._cost_slopes(x))
-        return bool(left < _FLAT)
+        held, down = np.vstack(active).T, -self._cost_slopes(x)
+        if held.size:  # nnls of SciPy ends the process where there are no columns
+            factors = scipy.optimize.lsq_linear(held, down, (0.0, np.inf), method='bvls').x
+            down = down - held @ factors
+        return bool(np.linalg.norm(down) < _FLAT)
 
     def cornered(self, x: Array) -> None:
         """The least value under constraints by quadratic models of values alone."""

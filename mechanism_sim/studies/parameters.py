@@ -206,12 +206,8 @@ def _read(machine: Machine, content: Mapping[str, Any], path: str, text: Any) ->
 def _value(content: Mapping[str, Any], path: str) -> Any:
     place: Any = content
     for part in path.split('.'):
-        if (
-            isinstance(place, tuple | list)
-            and part in COMPONENTS
-            and len(place) == len(COMPONENTS)
-        ):
-            place = place[COMPONENTS.index(part)]
+        if isinstance(place, tuple | list):
+            place = place[COMPONENTS.index(part) if part in COMPONENTS else int(part)]
         else:
             place = place.get(part) if isinstance(place, Mapping) else None
     return place[0] if isinstance(place, tuple | list) and place else place
