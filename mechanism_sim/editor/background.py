@@ -66,8 +66,7 @@ class Background:
             except (OSError, RuntimeError) as error:  # no memory, no processes, no threads
                 self.close()
                 text = (
-                    'it is not checked and run: the process for that cannot be started '
-                    f'({reason(error)})'
+                    f'it cannot be checked and run: its process does not start ({reason(error)})'
                 )
                 self._hear(job.number, 'problem', strict_json.dumps(text))
                 return

@@ -153,8 +153,7 @@ class Document:
         except UnicodeEncodeError as error:
             where, half = text.count('\n', 0, error.start) + 1, ord(text[error.start])
             raise InputError(
-                f'{self.name}:{where}: an incomplete character (U+{half:04X}), which cannot be '
-                'saved'
+                f'{self.name}:{where}: an incomplete character (U+{half:04X}) cannot be saved'
             ) from error
         if len(text) > documents.LARGEST:
             raise InputError(f'{self.name}: is larger than {documents.LARGEST} bytes')

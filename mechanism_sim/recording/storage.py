@@ -432,7 +432,7 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
             yield base
     except (sqlite3.Error, AttributeError, TypeError, ValueError) as error:  # also wrong rows
         raise DamagedBagError(
-            f'{path} is not an SQLite bag, or damaged ({reason(error)}).'
+            f'{path} is not an SQLite bag or damaged ({reason(error)}).'
         ) from error
 
 
