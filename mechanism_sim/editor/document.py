@@ -195,9 +195,7 @@ class Document:
             file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
         inside = not file.is_absolute() and '..' not in file.parts and _stays(file)
         if file.stem.startswith('.') or not (inside or file == self.file):
-            raise InputError(
-                f"'{name}' is not a valid name for a scene: write for example my_machine"
-            )
+            raise InputError(f"'{name}' is not a scene name: write for example my_machine")
         with output.errors_as_sentences(file):
             there = text_there(file)
         own = self.file is not None and file == self.file

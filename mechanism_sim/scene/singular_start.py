@@ -76,7 +76,7 @@ def begin(
         differ = names[int(np.argmax(np.ptp(slopes / kinematics.scale[:, None], axis=1)))]
         raise InputError(
             f'the start is a singular position from which {len(left)} motions are equally '
-            f"possible; give in 'guess' where {differ} goes, some degrees or mm on, or start "
+            f"possible; give in 'guess' where {differ} goes, slightly further on, or start "
             'beside it'
         )
     chosen = found[left]
