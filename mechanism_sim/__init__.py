@@ -1,4 +1,4 @@
-"""Simulator of real (loose, rattling, vibrating) planar machines.
+"""Simulator of planar machines with clearance, impacts and vibration.
 
 ``solution = simulate('four_bar_clearance', revolutions=10)``: a scene by name, path, YAML text,
 dictionary, `Scene` or machine. ``__init__.pyi`` says all of it to editors.

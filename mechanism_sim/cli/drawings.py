@@ -1,4 +1,4 @@
-"""Cycles, pictures, cams and gears for the workshop, machines for other programs."""
+"""Cycles, pictures, cams and gears for manufacture, machines for other programs."""
 
 from __future__ import annotations
 
@@ -70,14 +70,8 @@ def add(command: Command) -> None:
     option(sub, '--positions', 'K', 'number of positions; all but one are drawn faint', 1)
     look_options(sub, 'all')
     time_option(sub, '--duration', 'length, for a drive without a constant speed')
-    option(
-        sub,
-        '--magnify',
-        'N',
-        'magnification of the bending of elastic links; chosen to be visible if not given',
-        0.0,
-    )
-    more = sub.add_argument_group('for the workshop')
+    option(sub, '--magnify', 'N', 'magnification of bending; made visible if not given', 0.0)
+    more = sub.add_argument_group('for manufacture')
     option(
         more, '--profile', 'JOINT',
         'instead of a picture: figures of this cam, or of these gears in mesh; --output: their '
@@ -88,7 +82,7 @@ def add(command: Command) -> None:
     option(
         more, '--friction', 'MU', 'coefficient of friction between teeth; 0.05 if not given', float
     )
-    sub = command('export', _export, 'a machine for viewers and for other simulators')
+    sub = command('export', _export, 'write a machine for viewers and other simulators')
     scene_options(sub)
     sub.add_argument(
         '--format', choices=(*dict.fromkeys(FORMATS.values()),),
@@ -103,7 +97,7 @@ def add(command: Command) -> None:
     )  # fmt: skip
     option(sub, '--frame-prefix', 'TEXT', 'prefix of frame names, in a URDF and for viewers', '')
     option(sub, '--namespace', 'NS', 'namespace of the nodes, for viewers', '')
-    text = 'of a page: a length or coordinate with a slider; several times'
+    text = 'for a page: a length or coordinate with a slider; several times'
     several(sub, '--slider', 'PATH=LOW:HIGH', text)
 
 
@@ -229,9 +223,7 @@ def _export(options: argparse.Namespace) -> int:
     if options.format not in viewers:
         refuse_options(options, ['namespace'], f'applies to --format {" and ".join(viewers)}')
         if options.format != 'urdf':
-            refuse_options(
-                options, ['frame-prefix'], 'applies to --format urdf, foxglove and rviz'
-            )
+            refuse_options(options, ['frame-prefix'], 'needs --format urdf, foxglove or rviz')
     if options.format != 'html':
         refuse_options(options, ['slider'], 'applies to --format html')
     machine = read_machine(options)

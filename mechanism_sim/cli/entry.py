@@ -57,7 +57,7 @@ def make_parser() -> Overview:
     """The parser of all commands; `run` of what it reads is the command's function."""
     parser = Overview(
         prog='mechanism-sim',
-        description='Simulator of real (loose, rattling, vibrating) planar machines.',
+        description='Simulator of planar machines with clearance, impacts and vibration.',
     )
     parser.add_argument('--version', action='store_true', help='print the version')
     parser.add_argument(

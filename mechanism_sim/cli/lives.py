@@ -21,18 +21,12 @@ from mechanism_sim.errors import InputError
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('life', _life, 'how bearings wear over many cycles, and how long they last')
+    sub = command('life', _life, 'wear of bearings over many cycles, and their life')
     scene_options(sub)
     text = "end of life, as 'clearance > 0.5 mm', 'depth.JOINT > 20 um', or a measure and a limit"
     option(sub, '--until', 'CONDITION', text)
-    option(sub, '--cycles', 'N', 'turns of the drive after which it ends in any case', '1e7')
-    option(
-        sub,
-        '--tolerance',
-        'X',
-        'error allowed in a step, relative to the growth of the clearance in it',
-        0.02,
-    )
+    option(sub, '--cycles', 'N', 'largest number of turns of the drive', '1e7')
+    option(sub, '--tolerance', 'X', 'relative error allowed in the growth in a step', 0.02)
     option(sub, '--revolutions', 'N', 'turns of each run that are evaluated', 40)
     option(sub, '--skip', 'N', 'turns of each run before these, in which it settles', 10)
     measure_option(sub)
@@ -40,10 +34,10 @@ def add(command: Command) -> None:
         sub,
         '-o --output',
         'TABLE',
-        f'a row for each stage: {TABLES}; the runs in an existing one are not repeated',
+        f'a row for each stage: {TABLES}; an existing one is continued',
     )
     flag(sub, '--restart', 'discard what was computed before')
-    option(sub, '--plot', 'FILE', 'draw clearances and profiles along the life')
+    option(sub, '--plot', 'FILE', 'draw clearances and profiles over the cycles')
     option(sub, '--scenes', 'DIR', 'folder for the scene of every stage')
     option(sub, '--bags', 'DIR', 'folder for a recorded run of every stage')
 

@@ -42,7 +42,7 @@ def add(command: Command) -> None:
     measure_option(sub)
     sub.add_argument(
         'beside', metavar='BAG|SCENE', nargs='*',
-        help='further runs, which the first is compared with; --set is for all scenes among them',
+        help='further runs to compare with the first; --set applies to all scenes',
     )  # fmt: skip
     text = 'change a value of the last scene; a single scene is compared with its changed copy'
     several(sub, '--set-other', 'PATH=VALUE', text, 'others')
@@ -51,11 +51,7 @@ def add(command: Command) -> None:
     option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
-    scene_options(
-        sub,
-        'a scene to run with it; without one it follows a machine that runs already',
-        count='?',
-    )
+    scene_options(sub, 'a scene to run with it; without one it follows what runs', count='?')
     time_option(sub, '--duration', 'length of the run; 1 h if none is known')
     option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
@@ -65,18 +61,18 @@ def add(command: Command) -> None:
         float,
     )  # fmt: skip
     flag(sub, '--paused', 'begin its run paused')
-    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    option(sub, '--port', 'N', 'port of the page, 8080 if not given; 0: any free one', int)
     flag(sub, '--open', 'open a browser')
     option(sub, '--namespace', 'NS', 'namespace of the nodes that are followed')
 
-    sub = command('edit', _edit, 'draw and change a machine by touch, in a browser')
+    sub = command('edit', _edit, 'draw and edit a machine in a browser')
     sub.add_argument(
         'scene', metavar='SCENE', nargs='?',
         help='a scene of the package (a copy is edited) or a file, also one that `import` '
         'reads; a new scene if not given',
     )  # fmt: skip
     tables_option(sub)
-    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    option(sub, '--port', 'N', 'port of the page, 8080 if not given; 0: any free one', int)
     flag(sub, '--open', 'open a browser')
 
 

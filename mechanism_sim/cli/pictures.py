@@ -53,15 +53,15 @@ def add(command: Command) -> None:
         'lasts as long as the run',
         float,
     )  # fmt: skip
-    option(sub, '--size', 'PIXELS', "of the longer side, or as '1280x720'")
+    option(sub, '--size', 'PIXELS', "number of pixels of the longer side, or '1280x720'")
     glass = sub.add_mutually_exclusive_group()
     option(glass, '--lens', 'JOINT', 'the joint with clearance that is magnified', '')
     glass.add_argument('--no-lens', action='store_const', const=None, dest='lens', help='no lens')
     flag(sub, '--forces', 'draw forces as arrows at the joints')
     look_options(sub, 'none')
     heard = sub.add_argument_group('of a sound')
-    option(heard, '--distance', 'R', 'of the listener from the machine', '1 m')
-    option(heard, '--direction', 'ANGLE', "from the x axis, as '90 deg'; 0 if not given")
+    option(heard, '--distance', 'R', 'distance of the listener from the machine', '1 m')
+    option(heard, '--direction', 'ANGLE', "direction of the listener, as '90 deg'; 0 if not given")
     option(heard, '--pulse', 'T', "duration of an impact, as '0.1 ms'")
     sub = command(
         'plot',

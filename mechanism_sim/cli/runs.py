@@ -43,13 +43,13 @@ def add(command: Command) -> None:
         sub,
         '--derivatives',
         'PATHS',
-        'by numbers of the scene, as drive.speed,links.coupler.mass: of the final state, impacts '
-        'and measures',
+        'derivatives of the final state, impacts and measures by numbers of the scene, as '
+        'drive.speed,links.coupler.mass',
     )
     flag(sub, '--horizon', 'until when digits of the run hold, by exact derivatives along it')
     option(sub, '--sample-rate', 'HZ', 'samples per second, for --output', float)
     option(sub, '-o --output', 'FILE', f'write samples of all quantities: {TABLES}')
-    flag(sub, '--no-events', 'with --json: counts of events instead of their lists')
+    flag(sub, '--no-events', 'with --json: numbers of events instead of their lists')
     option(sub, '--save', 'FILE', 'write a snapshot of the end, from which --resume continues')
     option(
         sub,

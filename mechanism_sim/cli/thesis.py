@@ -23,7 +23,7 @@ from mechanism_sim.cli.options import (
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('thesis experiment', _experiment, 'its figures and tables, from bags of a sweep')
+    sub = command('thesis experiment', _experiment, 'figures and tables from bags of a sweep')
     sub.add_argument(
         'folders', nargs='+', metavar='DIR', help='folders of bags, as sweep --bags writes them'
     )
@@ -31,17 +31,13 @@ def add(command: Command) -> None:
     option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
     skip_option(sub, 'the first half if not given')
     sub = command(
-        'thesis contact-loss',
-        _contact_loss,
-        'criteria of contact loss, beside the simulated losses',
+        'thesis contact-loss', _contact_loss, 'criteria of contact loss, beside simulated losses'
     )
     scene_options(sub)
     length_options(sub, '3 if not given')
-    sub = command(
-        'thesis starts', _starts, 'how long a seated pin stays in contact, by start angle'
-    )
+    sub = command('thesis starts', _starts, 'how long a seated pin keeps contact, by start angle')
     scene_options(sub)
-    option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
+    option(sub, '--angles', 'N', 'number of start angles in a turn', 24)
     length_options(sub, '3 if not given')
     workers_options(sub, '1')
 

@@ -27,30 +27,28 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('modes', _modes, 'natural frequencies, damping ratios and mode shapes')
     scene_options(sub)
-    option(sub, '--along', 'N', 'with the drive held at N angles around its turn', int)
-    option(sub, '--speeds', 'A:B:N', "over N speeds of the drive, as '0 rpm:3000 rpm:31'")
+    option(sub, '--along', 'N', 'modes with the drive held at N angles of a turn', int)
+    option(sub, '--speeds', 'A:B:N', "modes over N speeds of the drive, as '0 rpm:3000 rpm:31'")
     sub.add_argument(
         '--turning', action='store_true',
-        help='about the steady rotation under its torque, even if it has an equilibrium at rest',
+        help='modes about the steady rotation under its torque, even if it could rest',
     )  # fmt: skip
     option(sub, '-o --output', 'FILE', 'draw the shapes, or the frequencies over angle or speed')
     sub = command('response', _response, 'steady response to a harmonic force or base motion')
     scene_options(sub)
     sub.add_argument(
         'quantities', nargs='*', metavar='QUANTITY',
-        help='as position.mass or reaction.ground_mass.x; positions if none is given',
+        help='as position.mass or reaction.ground_mass.x; all positions if none is given',
     )  # fmt: skip
     option(sub, '--force', 'LINK.POINT', 'a force of amplitude 1 N at this point')
-    option(sub, '--direction', 'ANGLE', "of the force in the fixed frame, as '90 deg'")
+    option(sub, '--direction', 'ANGLE', "direction of the force in the fixed frame, as '90 deg'")
     option(sub, '--torque', 'LINK', 'a moment of amplitude 1 N m on this link')
-    option(sub, '--base', 'COORDINATE', 'this driven coordinate moves by 1 m, or 1 rad')
-    option(sub, '--frequencies', 'A:B:N', "as '1 Hz:20 Hz:39'")
-    option(
-        sub, '--speed', 'S', "of the drive during this, as '900 rpm'; it is at rest if not given"
-    )
-    option(sub, '--harmonics', 'N', 'instead: of the vibration under drives and loads', int)
+    option(sub, '--base', 'COORDINATE', 'an amplitude of 1 m or 1 rad of this driven coordinate')
+    option(sub, '--frequencies', 'A:B:N', "first, last and number, as '1 Hz:20 Hz:39'")
+    option(sub, '--speed', 'S', "speed of the drive, as '900 rpm'; it is at rest if not given")
+    option(sub, '--harmonics', 'N', 'instead: N harmonics under drives and loads', int)
     option(sub, '--period', 'T', "with --harmonics: as '0.1 s'; a turn of the drive if not given")
-    option(sub, '--speeds', 'A:B:N', 'instead: of the first harmonic over N speeds of the drive')
+    option(sub, '--speeds', 'A:B:N', 'instead: the first harmonic over N speeds of the drive')
     option(sub, '-o --output', 'FILE', 'draw it')
 
 

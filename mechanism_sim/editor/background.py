@@ -65,10 +65,7 @@ class Background:
                 self._start()
             except (OSError, RuntimeError) as error:  # no memory, no processes, no threads
                 self.close()
-                text = (
-                    'it is not checked and run: the process for that cannot be started '
-                    f'({reason(error)})'
-                )
+                text = f'it cannot be checked and run: no process starts ({reason(error)})'
                 self._hear(job.number, 'problem', strict_json.dumps(text))
                 return
         self._since, self._busy = (time.monotonic() if self._busy else None), True

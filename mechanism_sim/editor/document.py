@@ -153,8 +153,7 @@ class Document:
         except UnicodeEncodeError as error:
             where, half = text.count('\n', 0, error.start) + 1, ord(text[error.start])
             raise InputError(
-                f'{self.name}:{where}: an incomplete character (U+{half:04X}), which cannot be '
-                'saved'
+                f'{self.name}:{where}: an incomplete character (U+{half:04X}) cannot be saved'
             ) from error
         if len(text) > documents.LARGEST:
             raise InputError(f'{self.name}: is larger than {documents.LARGEST} bytes')
@@ -196,9 +195,7 @@ class Document:
             file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
         inside = not file.is_absolute() and '..' not in file.parts and _stays(file)
         if file.stem.startswith('.') or not (inside or file == self.file):
-            raise InputError(
-                f"'{name}' is not a valid name for a scene: write for example my_machine"
-            )
+            raise InputError(f"'{name}' is not a scene name: write for example my_machine")
         with output.errors_as_sentences(file):
             there = text_there(file)
         own = self.file is not None and file == self.file

@@ -279,9 +279,7 @@ class Desk:
         return _GIVEN_BACK if text else ''
 
 
-_GIVEN_BACK = (
-    'unsaved changes of the last time have been restored; undo returns to the file as saved'
-)
+_GIVEN_BACK = 'unsaved changes have been restored; undo returns to the file as saved'
 
 
 def _busy(whether: bool) -> str:

@@ -384,8 +384,7 @@ class Session:
         fixed = len(path) < 2 or GROUND in (name, path[-1])
         if not name.isidentifier() or name in there or fixed:
             raise InputError(
-                f"'{name}' cannot be its name: use letters, digits and _, and a name that is not "
-                'in use'
+                f"'{name}' cannot be its name: use letters, digits and _, no name in use"
             )
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)

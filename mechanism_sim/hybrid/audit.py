@@ -79,8 +79,7 @@ class Energy:
         if self.error <= _AUDIT.promised * self.exchanged + self.rounding:
             return ''
         return (
-            f'the work may have an error of {self.error:.2g} J: loads or forces vary faster than '
-            'the steps'
+            f'work may have an error of {self.error:.2g} J: loads or forces vary faster than steps'
         )
 
 

@@ -116,9 +116,7 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}") from error
     if len(data) > LARGEST:
-        raise InputError(
-            f"'{path}' has more than {LARGEST >> 20} MB: that is too large for a machine"
-        )
+        raise InputError(f"'{path}' has more than {LARGEST >> 20} MB: too large for a machine")
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:

@@ -146,9 +146,7 @@ class _MjcfReader:
             )
             i = np.array([across, across, along]) / volume
         else:
-            self.robot.notes.append(
-                f'{body.name}: the mass of a shape of type {kind} is not computed'
-            )
+            self.robot.notes.append(f'{body.name}: no mass is computed for type {kind}')
             return
         mass = number(geom.get('mass'), volume * number(geom.get('density'), 1000.0))
         add_mass(body, RobotBody('', mass=mass, inertia=mass * np.diag(i)), turn, at)

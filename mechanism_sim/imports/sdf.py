@@ -34,9 +34,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     while waiting:
         ready = [link for link in waiting if _relative(link) in frames]
         if not ready:
-            raise InputError(
-                f'{path.name}: the pose of {waiting[0].get("name")} refers to no link'
-            )
+            raise InputError(f'{path.name}: the pose of {waiting[0].get("name")} has no link')
         for link in ready:
             waiting.remove(link)
             body = _body(link)

@@ -89,9 +89,7 @@ class SectionPart(Part):
             raise ValueError("needs either 'width' and 'height', or 'diameter', or 'points'")
         places = [x for x, _ in self.points or ()]
         if places != sorted(places):
-            raise ValueError(
-                f'has points whose x does not increase: {", ".join(map(str, places))} m'
-            )
+            raise ValueError(f'has points with x out of order: {", ".join(map(str, places))} m')
         if len({x.given for _, x in self.points or ()}) > 1:
             raise ValueError('has points given by different sizes: give the same at all of them')
         return self

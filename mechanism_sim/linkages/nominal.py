@@ -611,7 +611,7 @@ class NominalPhysics:
             t = float((curve.start[segment[bad]] + since[bad]).min())
             names = ', '.join(sorted(forces.formulas))
             raise RunError(
-                f'a formula is outside its range at t = {t:.9g} s: its value is not finite; see '
+                f'a formula leaves its range at t = {t:.9g} s: its value is not finite; see '
                 f'{names}'
             )
 

@@ -127,14 +127,10 @@ class Partners:
         if missing:
             raise RunError(
                 f"{said} '{missing[0]}', which did not appear; start it ('mechanism-sim node "
-                f"{missing[0]} --scene {self._node.value('scene')}') or remove it from the "
-                'partners'
+                f"{missing[0]} --scene {self._node.value('scene')}') or leave it out"
             )
         listener, topic = unheard or ('', '')
-        raise RunError(
-            f"{said} '{listener}' to subscribe to {topic}; start it, or remove it from the "
-            'listeners'
-        )
+        raise RunError(f"{said} '{listener}' to subscribe to {topic}; start it, or leave it out")
 
     def check_presence(self) -> None:
         """Raise RunError if one has left before it had finished."""

@@ -298,6 +298,6 @@ def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:
         _writes = None
     if not all(taken):
         raise MiddlewareError(
-            f'After {patience} s other processes had not received all that was published here: '
-            'part of it is lost'
+            f'After {patience} s other processes had not received all that was published: part '
+            'is lost'
         )

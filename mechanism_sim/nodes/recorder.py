@@ -206,9 +206,7 @@ class Recorder(SimulationNode):
             self._ended, self.done = True, not again
         elif missing and late:
             topic, count = next(iter(missing.items()))
-            raise RunError(
-                f'recorder: {count} messages of {topic} were announced, but not received'
-            )
+            raise RunError(f'recorder: {count} messages of {topic} were announced, not received')
 
     @property
     def _announced(self) -> int:

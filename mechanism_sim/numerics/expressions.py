@@ -281,9 +281,7 @@ class _ExpressionReader:
                 value=self._count - 1, window=tuple(window),
             )  # fmt: skip
         if window and name in self._functions:
-            raise InputError(
-                f"'{window[0][0]}' in {text} stands in '{name}', which is not evaluated over a run"
-            )
+            raise InputError(f"'{window[0][0]}' in {text} stands in '{name}', which is of no run")
         name = name if name in self._functions else ALIASES.get(name, name)
         return self._node(token.start, 'call', *args, name=name)
 

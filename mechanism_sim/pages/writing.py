@@ -132,9 +132,7 @@ def write_comparison(
     sources : names of the runs where their scenes do not tell them apart
     """
     if len(records) > _MOST:
-        raise InputError(
-            f'{len(records)} runs are more than the {_MOST} that can be distinguished'
-        )
+        raise InputError(f'{len(records)} runs: at most {_MOST} can be distinguished')
     found = comparison.compare(*records)
     scenes = comparison.scene_differences([record.machine.scene for record in records])
     names = comparison.run_names(scenes, sources)

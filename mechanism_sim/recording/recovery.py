@@ -84,9 +84,7 @@ def render_recovery(found: RecoveredBag) -> str:
             f'its last {found.cut} bytes were cut off; {found.rescued} messages could be read of '
             'them'
         )
-    lines.append(
-        'lost is only what was not yet on disk, less than the last half second of the recording'
-    )
+    lines.append('lost is what was not yet on disk: less than the last half second')
     return '\n'.join(lines)
 
 

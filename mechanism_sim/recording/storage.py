@@ -431,9 +431,7 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
         with closing(sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)) as base:
             yield base
     except (sqlite3.Error, AttributeError, TypeError, ValueError) as error:  # also wrong rows
-        raise DamagedBagError(
-            f'{path} is not an SQLite bag, or damaged ({reason(error)}).'
-        ) from error
+        raise DamagedBagError(f'{path} is not SQLite, or damaged ({reason(error)}).') from error
 
 
 def _survey_rows(path: Path) -> FileLayout:

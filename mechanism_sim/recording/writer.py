@@ -191,9 +191,7 @@ class BagWriter:
                 raise RunError(f'{self.path} is closed already.')
             channel = self._channels.get(topic)
             if channel is None:
-                raise InputError(
-                    f'{topic} is not a topic of {self.path} yet: add_topic comes first.'
-                )
+                raise InputError(f'{topic} is not a topic of {self.path}: add_topic comes first.')
             if log_time_ns < 0 or publish_time_ns < 0:
                 raise InputError(f'{topic}: a bag cannot hold messages from before time zero.')
             count = self._counts[topic]

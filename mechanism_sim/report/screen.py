@@ -57,7 +57,7 @@ class FilmParts(NamedTuple):
     lens : joint under the lens; ``''`` the first that is loose, ``None`` no lens
     forces : arrows at all joints
     paths : points ``LINK.POINT`` whose paths are drawn
-    labels : which names are written, as `mechanism_sim.report.drawing.draw` has it
+    labels : names that are drawn, as `mechanism_sim.report.drawing.draw` has it
     """
 
     lens: str | None = ''

@@ -472,8 +472,7 @@ def _time_at(cycle: Cycle, value: float) -> float:
 
     if not ends[0] < value < ends[1]:
         raise InputError(
-            f'{cycle.machine.name}: {cycle.drive} does not reach this position: it stays between '
-            'its limits'
+            f'{cycle.machine.name}: {cycle.drive} does not reach this position within its limits'
         )
     return float(scipy.optimize.brentq(off, cycle.t[0], cycle.t[-1]))
 

@@ -365,8 +365,8 @@ class AskedDerivatives:
     ) -> None:
         if resume is not None:
             raise InputError(
-                f'{machine.name}: a run that continues from a snapshot has no derivatives: run '
-                'it from its start'
+                f'{machine.name}: a run that continues a snapshot has no derivatives: run it '
+                'from its start'
             )
         self._machine, self._end = machine, end
         self._keys = numeric_keys(machine, paths)

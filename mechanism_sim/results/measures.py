@@ -94,8 +94,8 @@ class Measurement:
             turns = f.per_revolution or key[0].revolutions or key[1].revolutions
             if turns and machine.plan.main in machine.mechanism.displacements:
                 raise InputError(
-                    f'{f.function}({f.argument}): {machine.plan.main} moves in a straight line: '
-                    'it makes no revolutions'
+                    f'{f.function}({f.argument}): {machine.plan.main} slides: it makes no '
+                    'revolutions'
                 )
             window = self._windows.setdefault(key, Window(self._turns, *key))
             window.figures.append(f)

@@ -102,9 +102,7 @@ def started_at(machine: Machine, angle: float) -> Machine:
     if not scene.drive:
         raise SceneError(f"{machine.name}: there is no 'drive' to start at an angle")
     if scene.drive.position:
-        raise SceneError(
-            f"{machine.name}: 'drive.position' determines where its main drive starts"
-        )
+        raise SceneError(f"{machine.name}: 'drive.position' gives where its main drive starts")
     position = {c: x for c, x in scene.initial.position.items() if c != machine.plan.main}
     changed: dict[str, Any] = {
         'drive': scene.drive.model_copy(update={'start_angle': angle}),

@@ -308,9 +308,7 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
                 'displacement, or leave the integrator out'
             )
         if self.imu and self.quantity != 'acceleration':
-            raise ValueError(
-                f"has 'imu', which publishes accelerations, but measures {self.quantity}"
-            )
+            raise ValueError(f"has 'imu' for accelerations, but measures {self.quantity}")
         if self.adc.jitter * self.sample_rate > 0.1:
             raise ValueError(
                 f'has adc.jitter = {self.adc.jitter:g} s: it must be at most a tenth of the '

@@ -76,8 +76,8 @@ def begin(
         differ = names[int(np.argmax(np.ptp(slopes / kinematics.scale[:, None], axis=1)))]
         raise InputError(
             f'the start is a singular position from which {len(left)} motions are equally '
-            f"possible; give in 'guess' where {differ} goes, a few degrees or millimetres on, "
-            'or start beside it'
+            f"possible; give in 'guess' where {differ} goes, slightly further on, or start "
+            'beside it'
         )
     chosen = found[left]
     place, slope, _ = (x[:, 0, 0] for x in chosen.at(np.zeros((1, 1))))

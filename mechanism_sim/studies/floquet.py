@@ -239,8 +239,7 @@ def _settled(machine: Machine) -> tuple[State, float, float]:
         duration *= 2.0
     raise InputError(
         f'{machine.name}: its torque does not keep it turning, or it has not settled to '
-        f'repeating turns after {turned:.3g}: look at its motion by solve, or start nearer to '
-        'where it settles'
+        f'repeating turns after {turned:.3g}: look at its motion by solve, or start nearer to it'
     )
 
 

@@ -265,9 +265,7 @@ class Identification:
         mine = [rows[task.key] for task in tasks]
         reasons = [row['status'] for row in mine if has_failed(row)]
         if len(reasons) > _MOST_FAILED * count:
-            raise RunError(
-                f'{len(reasons)} of {count} simulations failed, for example: {reasons[0]}'
-            )
+            raise RunError(f'{len(reasons)} of {count} simulations failed, such as: {reasons[0]}')
         kept = [k for k, row in enumerate(mine) if not has_failed(row)]
         return Design(places[kept], np.array([mine[k]['features'] for k in kept]))
 

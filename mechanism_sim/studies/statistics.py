@@ -1,4 +1,4 @@
-"""Means of a machine: figures per revolution, with confidence intervals.
+"""Means of a machine: impacts, impulses and losses per revolution, with confidence intervals.
 
 Conclusions about chaotic runs are made from intervals: a single run has other figures on another
 processor.

@@ -363,7 +363,7 @@ def test_a_database_without_messages_is_no_bag(tmp_path):
     path = tmp_path / 'other.db3'
     with sqlite3.connect(path) as base:
         base.execute('CREATE TABLE people(name TEXT)')
-    with pytest.raises(InputError, match='is not an SQLite bag, or damaged'):
+    with pytest.raises(InputError, match='is not SQLite, or damaged'):
         read_bag(path)
 
 

@@ -74,7 +74,7 @@ def test_a_name_that_moved_is_answered_by_the_new_one(capsys, monkeypatch):
         ('draw x --labels al', "'al' is not possible; did you mean 'all'?"),
         ('solve x --set', 'solve: --set needs a value'),
         ('solve x --sample-rate 9', '--sample-rate needs --output'),
-        ('new .yaml', 'is not a valid name for a scene'),
+        ('new .yaml', 'is not a scene name'),
         ('check run.mcap', "'run.mcap' is a bag, not a scene"),
         ('solve', 'solve: SCENE is missing'),
         ('check x --json=3', "--json takes no value, but '3' was given"),

@@ -105,7 +105,7 @@ def test_a_text_has_this_value_and_unit(text, value, unit):
         ('abs(x, y)', 'abs in .* needs one argument, but has 2'),
         ('hypot(x)', 'hypot in .* needs at least two arguments'),
         ('sine(x)', "not a function known here; did you mean 'sin'?"),
-        ('sin(x, from 2 s)', "'from' in .* stands in 'sin', which is not evaluated over a run"),
+        ('sin(x, from 2 s)', "'from' in .* stands in 'sin', which is of no run"),
         ('1e31', 'is larger than 1e'),
         ('(' * 400, 'nested too deep'),
         ('-' * 400 + 'x', 'nested too deep'),

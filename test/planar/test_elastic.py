@@ -694,7 +694,7 @@ ELASTIC = 'links.rod.elastic'
         ({f'{ELASTIC}.section': {'points': [[0.0, {'diameter': 0.01}], [0.3, {
             'width': 0.01, 'height': 0.01}]]}}, ['given by different sizes']),
         ({f'{ELASTIC}.section': {'points': [[0.1, {'diameter': 0.01}], [0.0, {
-            'diameter': 0.02}]]}}, ['whose x does not increase']),
+            'diameter': 0.02}]]}}, ['with x out of order']),
         ({f'{ELASTIC}.youngs_modulus': None}, ["needs 'material' or 'youngs_modulus'"]),
         ({f'{ELASTIC}.density': None}, ["needs 'material' or 'density', or the link a mass"]),
         ({f'{ELASTIC}.material': 'steal'}, ["did you mean 'steel'?"]),

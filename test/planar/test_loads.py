@@ -174,7 +174,7 @@ def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
         main([command, 'quick_return', '--set', load])
     said = capsys.readouterr()
     assert ended.value.code == 1
-    assert 'a formula is outside its range at t = ' in said.err
+    assert 'a formula leaves its range at t = ' in said.err
     assert 'see loads.cutting' in said.err
     assert said.err.count('\n') == 1
 

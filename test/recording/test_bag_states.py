@@ -336,7 +336,7 @@ def test_damaged_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
         done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
         words = {'thesis experiment': '', 'bag recover': 'is not an MCAP file: ros2 bag itself'}
-        assert words.get(reader, 'is not an SQLite bag, or damaged') in done.stderr
+        assert words.get(reader, 'is not SQLite, or damaged') in done.stderr
 
 
 @pytest.mark.network

@@ -121,7 +121,7 @@ def test_at_rest_an_inertial_unit_reads_upwards():
         ({'velocity.quantity': 'acceleration'}, "has an integrator, but 'quantity' is accel"),
         (
             {'velocity.imu': True},
-            "has 'imu', which publishes accelerations, but measures velocity",
+            "has 'imu' for accelerations, but measures velocity",
         ),
         ({'coupler.adc.range': None}, 'has adc.bits without adc.range'),
         ({'coupler.adc.range': '3 m'}, 'has adc.range in m, but its quantity is acceleration'),

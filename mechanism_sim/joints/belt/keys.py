@@ -79,14 +79,10 @@ class BeltKeys(PhaseKeys):
             )
         held = self._held()
         if held is not None and self.stiffness:
-            raise InputError(
-                f'{where}.friction: elastic strands do not slip: leave out '
-                "'friction' or 'stiffness'"
-            )
+            raise InputError(f'{where}.friction: elastic strands do not slip: leave out one')
         if held is not None and not self.pretension:
             raise InputError(
-                f'{where}.pretension is missing: the tension that friction can hold depends on '
-                "it: give it, as '200 N'"
+                f"{where}.pretension is missing: friction depends on it: give it, as '200 N'"
             )
         for key in ('damping', 'pretension'):
             allowed = held is not None and key == 'pretension'

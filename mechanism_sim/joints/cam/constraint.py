@@ -93,11 +93,7 @@ class CamPair(PlacedCam):
         """Where the velocity of the follower jumps."""
         jumps = self.cam.corners
         more = f', and {len(jumps) - 1} more' if jumps[1:] else ''
-        return (
-            f'law: {jumps[0]}{more}: no finite force can move the follower in this way'
-            if jumps
-            else ''
-        )
+        return f'law: {jumps[0]}{more}: no finite force gives this motion' if jumps else ''
 
     def closure(self, mechanism: Mechanism) -> CamClosure:
         """The follower touches, without play."""

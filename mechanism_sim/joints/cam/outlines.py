@@ -222,8 +222,8 @@ def _fitted(
         if back.any():
             worst = float(np.degrees(angle[:, 1:][back][0])) % 360.0
             raise InputError(
-                f'the follower cannot touch all of the profile: near {worst:.4g} deg of the cam '
-                'it is too concave'
+                f'the follower cannot touch all of the profile: near {worst:.4g} deg it is too '
+                'concave'
             )
         first = angle[:, :1]
         width = np.remainder(angle[:, -1] - angle[:, 0], TURN)

@@ -157,8 +157,7 @@ class RevoluteKeys(StopKeys):
         if leaning(machine.mechanism, joint.name, play) is None:
             return [
                 *found,
-                f'{joint.name}: the axes of pin and bushing stay parallel: its length has no '
-                'effect',
+                f'{joint.name}: pin and bushing stay parallel: its length has no effect',
             ]
         given = play.misalignment or Misalignment()
         said = [

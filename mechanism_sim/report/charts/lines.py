@@ -106,7 +106,7 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
 def check_abscissa(machine: Machine, what: str) -> None:
     """Refuse what a run of the machine cannot be drawn against."""
     if what == 'angle' and machine.plan.main in machine.physics.displacements:
-        raise InputError(f'{machine.plan.main} moves in a straight line: it has no angle')
+        raise InputError(f'{machine.plan.main} slides: it has no angle')
     if what not in ('time', 'angle'):
         catalogue(machine).find(what)
 
