@@ -42,9 +42,10 @@ LEVEL = 0.95
 _FIRST, _LONGER = 1.0 / 32.0, 2.0
 """Of the signal: the first window; and by how much each is longer."""
 _LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the root of the last
-_ENOUGH = 0.02  # of a range: limits so close need no further impacts, whose runs are dear
+_ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
 _STEP = 0.1  # of a standard deviation: step of differences
-_DRAWS = 12  # places that are tried around what a window says
+_BROAD, _DRAWS = 0.3, 16
+"""Of a range: hardly known; places that are tried around what a window says."""
 _FEWEST = 16  # samples of a first window, for each parameter
 _STARTS, _TRIED = 32, 3  # values that are tried, and from how many of them steps begin
 _BLOCKS = 32  # of the residuals of a window
@@ -178,14 +179,19 @@ class LeastSquares:
             sizes = [max(m.noise, s) for m, s in zip(self.measurements, fit.sizes, strict=True)]
             part = min(1.0, longer * fit.part)
             steps = np.minimum(1e-3, _STEP * np.sqrt(fit.covariance().diagonal()))
+            found: list[WindowFit] = []
             for place in self._continuations(fit, part, sizes):
                 try:
                     more = self._solve(place, part, sizes, steps)
                 except RunError:
                     continue
                 if self._follows(more, sizes, fit.white):
-                    fit = more
-                    break
+                    found.append(more)
+                    # what is told for the first time may be told wrong, by another minimum
+                    if not ((fit.widths() > _BROAD) & (more.widths() < 0.5 * fit.widths())).any():
+                        break
+            if found:
+                fit = min(found, key=lambda x: self._sum(x.residuals, sizes))
             else:
                 longer = math.sqrt(longer)
         return fit
@@ -204,10 +210,11 @@ class LeastSquares:
         """
         yield fit.place
         random = np.random.default_rng(self._seed)
-        draws = random.multivariate_normal(fit.place, fit.covariance(), _DRAWS, method='eigh')
-        places = [*np.clip(draws, 0.0, 1.0)]
-        best = np.argsort([self._sum(self._residuals(u, part), sizes) for u in places])[:2]
-        yield from (places[k] for k in best)
+        places = random.multivariate_normal(fit.place, fit.covariance(), _DRAWS, method='eigh')
+        evenly = qmc.Sobol(len(fit.place), rng=self._seed).random(_DRAWS)
+        places = np.clip(np.where(fit.widths() > 1.0, evenly, places), 0.0, 1.0)
+        order = np.argsort([self._sum(self._residuals(u, part), sizes) for u in places])
+        yield from places[order[:_TRIED]]
 
     @staticmethod
     def _sum(residuals: Sequence[Array], sizes: Sequence[float]) -> float:

@@ -182,7 +182,8 @@ def _by_least_squares(
     estimates = []
     for p in parameters:
         if p in widths:
-            ends = places[p] - 0.5 * widths[p], places[p], places[p] + 0.5 * widths[p]
+            half = 0.5 * widths[p] if widths[p] < 1.0 else 1.0  # what is not told keeps its range
+            ends = places[p] - half, places[p], places[p] + half
             shares = np.clip(ends, 0.0, 1.0).tolist()
             low, value, high = map(p.at, shares)
         else:
