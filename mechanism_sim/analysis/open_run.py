@@ -1,4 +1,4 @@
-"""A run from any source: a bag of our own or of another program, a solution, a cycle."""
+"""A run from any source, own or of another program, which answers by names of quantities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A machine without clearance as other simulators can have it: where its links are at the start.
+"""A machine without clearance as other programs can have it: where its links are, their solids.
 
 Their trees want joints that turn or slide: guides are all kept, revolute joints close the loops. A
 pin in a slot becomes a light block that slides in the slot and turns on the pin.

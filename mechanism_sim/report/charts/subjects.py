@@ -1,4 +1,4 @@
-"""All charts of a run, subject by subject; here those of loads, energy and parts."""
+"""All charts of a run, subject by subject; here those of loads, energy, parts and sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motion of coordinates and named points; deformation of links, tilt of joints out of line."""
+"""Motion of coordinates and points; deformation of links, tilt of joints; forces on the frame."""
 
 from __future__ import annotations
 
