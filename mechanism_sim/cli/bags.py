@@ -60,7 +60,7 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording.recovery import RecoveredBag, recover, render_recovery  # noqa: PLC0415
+    from mechanism_sim.recording.inventory import RecoveredBag, recover, render_recovery  # noqa: PLC0415
 
     return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
