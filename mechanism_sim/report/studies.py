@@ -188,7 +188,7 @@ def exponents_json(found: LyapunovExponents) -> dict[str, object]:
 
 
 def horizon_section(found: Horizon) -> Section:
-    """What is left of a run's digits, for people."""
+    """Digits left of a run, for people."""
     left = f'of {found.digits:.3g} digits {found.left:.2g} hold at the end'
     if math.isfinite(found.time):
         left = f'of {found.digits:.3g} digits none holds after {found.time:.4g} s'
