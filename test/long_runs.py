@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.results.catalogue import catalogue

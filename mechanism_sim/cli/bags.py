@@ -60,7 +60,7 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording.recovery import RecoveredBag, recover, render_recovery  # noqa: PLC0415
+    from mechanism_sim.recording.inventory import RecoveredBag, recover, render_recovery  # noqa: PLC0415
 
     return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
@@ -108,8 +108,8 @@ def _analyze(options: argparse.Namespace) -> int:
     if len(options.bags) > 1:
         raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
     (options.bag,) = options.bags
-    from mechanism_sim.analysis import analyze  # noqa: PLC0415
     from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
+    from mechanism_sim.analysis.summary import analyze  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report.bag import render, render_details  # noqa: PLC0415

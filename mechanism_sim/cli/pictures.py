@@ -33,7 +33,7 @@ from mechanism_sim.cli.source import (
 from mechanism_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from mechanism_sim.analysis.quantity_lookup import Asked
+    from mechanism_sim.analysis.open_run import Asked
     from mechanism_sim.recording.reader import Bag
     from mechanism_sim.scene import Machine
 
@@ -155,7 +155,7 @@ def _sound(options: argparse.Namespace) -> int:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
+    from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
     from mechanism_sim.tables import ENDINGS  # noqa: PLC0415

@@ -11,9 +11,18 @@ from functools import cached_property
 from typing import TypeGuard
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, Ideal, check_names, steady, time_step, way
+from mechanism_sim.export.ideal import (
+    COLOURS,
+    WORLD,
+    Ideal,
+    Solid,
+    check_names,
+    solids,
+    steady,
+    time_step,
+    way,
+)
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.springs import Elongation, GuidedSpring, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw

@@ -13,9 +13,8 @@ import math
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, check_names, frame_of, way
+from mechanism_sim.export.ideal import COLOURS, WORLD, Solid, check_names, frame_of, solids, way
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2, rotate

@@ -31,8 +31,8 @@ from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.nodes import publications
 from mechanism_sim.nodes.control import Entities
 from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.publications import SampleTopics
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
-from mechanism_sim.nodes.sample_topics import SampleTopics
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.results.run import Batch, Piece, Runner, prepare

@@ -13,7 +13,7 @@ from mechanism_sim.export.palette import GROUND
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, ChartCurve, Panel, joined, whole
 from mechanism_sim.report.charts.impacts import rose_chart, wear_chart
 from mechanism_sim.report.charts.lines import turn_of
-from mechanism_sim.report.charts.sensors import density, envelope, orders
+from mechanism_sim.report.charts.subjects import density, envelope, orders
 from mechanism_sim.units import for_people
 
 _SUMS = {

@@ -16,13 +16,13 @@ from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joi
 from mechanism_sim.results.quantities.motion import (
     of_coordinates,
     of_elastic_links,
+    of_frame,
     of_mass_centre,
     of_points,
     of_points_of_elastic_links,
     of_tilting_joints,
 )
 from mechanism_sim.results.quantities.shafts import of_shafts
-from mechanism_sim.results.quantities.shaking import of_frame
 from mechanism_sim.results.quantities.transmission import of_transmission
 from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine

@@ -33,7 +33,7 @@ _TAIL = 0.00135  # of a normal distribution beyond three deviations
 
 @dataclass(frozen=True)
 class Contribution:
-    """What a factor does to a measure, in SI units.
+    """Effect of a factor on a measure, in SI units.
 
     Attributes
     ----------

@@ -142,9 +142,6 @@ def contact_loss(
     cycle: ForceCycle,
     link: ClearanceLink | None = None,
     *,
-    fraction: float = 0.1,
-    nearness: float = 0.01,
-    index: float = 1.0,
     start: float = 0.0,
     turns: float = 3.0,
 ) -> list[Prediction]:
@@ -152,16 +149,13 @@ def contact_loss(
 
     Parameters
     ----------
-    fraction : of the mean force, below which a force is small
-    nearness : of the plot of the force to the origin, as part of the largest force
-    index : [rad/(N s)] limit of the rate of turn over the force
     start, turns : crank angle [rad] from which, and turns for which the free link is followed
     """
     found = [
-        small_force(cycle, fraction),
-        polar_plot(cycle, nearness),
-        turn_over_least_force(cycle, index),
-        unit_turn_over_force(cycle, index),
+        small_force(cycle),
+        polar_plot(cycle),
+        turn_over_least_force(cycle),
+        unit_turn_over_force(cycle),
     ]
     if link is not None:
         found += [

@@ -11,7 +11,7 @@ from builders import cam_pair, made
 from running import run
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.outlines import nose_cam
 from mechanism_sim.linkages.nominal import NominalRun

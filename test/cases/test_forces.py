@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from switched import switched
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.results.catalogue import catalogue

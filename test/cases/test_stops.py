@@ -12,8 +12,8 @@ from running import run_json
 from scipy.integrate import quad, solve_ivp
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
 from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.scene.gate import admit

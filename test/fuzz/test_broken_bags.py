@@ -13,8 +13,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from running import run as command
 
-from mechanism_sim.analysis import analyze
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.recording.inventory import info, render_info
 from mechanism_sim.recording.reader import read_bag

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strangers import damaged, digest_of, disturb, is_message
 
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.messages import MessageError, message_class, own_messages, serialize
 from ros_interfaces.refusals import check_message
 from zenoh_rclpy.wire import parse_token

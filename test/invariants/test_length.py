@@ -11,7 +11,7 @@ from long_runs import Revolutions
 from running import run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms

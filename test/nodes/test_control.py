@@ -18,7 +18,7 @@ from operating import CONTROL, by_hand, operate
 from running import FOLLOW, ROOT, TIMEOUT, environment, ros_found, run_json, script
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import law_of

@@ -13,7 +13,7 @@ from operating import CONTROL, operate
 from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.scene.files import find_scene
 

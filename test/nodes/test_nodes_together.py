@@ -19,7 +19,7 @@ from operating import FOREIGN, by_hand
 from running import ROOT, start
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, Log, service_class

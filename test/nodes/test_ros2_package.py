@@ -27,7 +27,7 @@ from running import ROOT, TIMEOUT, environment, ros_found, run_json
 
 import mechanism_sim as ms
 from mechanism_sim import nodes
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.nodes.run import NodePlan

@@ -35,9 +35,8 @@ from mechanism_sim.messages import (
     serialize,
     type_hash,
 )
-from mechanism_sim.recording.inventory import info, render_info
+from mechanism_sim.recording.inventory import info, recover, render_info
 from mechanism_sim.recording.reader import read_bag
-from mechanism_sim.recording.recovery import recover
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
 

@@ -14,7 +14,7 @@ from PIL import Image
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.quantity_lookup import Asked
+from mechanism_sim.analysis.open_run import Asked
 from mechanism_sim.analysis.series import parse
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import LINKS

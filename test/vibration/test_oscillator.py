@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.oscillator import fields
 from mechanism_sim.numerics.polynomials import gauss_nodes

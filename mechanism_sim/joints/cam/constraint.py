@@ -16,9 +16,8 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.cam.distance import constant
+from mechanism_sim.joints.cam.distance import PlacedCam, constant
 from mechanism_sim.joints.cam.followers import FlatFaced, Oscillating, OscillatingFlat
-from mechanism_sim.joints.cam.placement import PlacedCam
 from mechanism_sim.joints.cam.profiles import drawing_angles, extent
 from mechanism_sim.joints.cam.reading import CamReading, read_cam
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg

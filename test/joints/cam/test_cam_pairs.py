@@ -11,7 +11,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam import curves
-from mechanism_sim.joints.cam.expressions import displacement
+from mechanism_sim.joints.cam.distance import displacement
 from mechanism_sim.joints.cam.laws import Diagram, Eccentric, MeasuredLaw, Raised, Segment
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.configuration import Constraints, poses
