@@ -121,7 +121,7 @@ def test_the_command_goes_on_from_its_journal_and_writes_scenes(tmp_path):
         (
             wheel(),
             'clearance.axel > 1 mm',
-            "'axel' is no bearing that wears; did you mean 'axle'?",
+            "'axel' is not a bearing that wears; did you mean 'axle'?",
         ),
         (wheel(), 'clearance > 1 kg', 'the limit 1 kg'),
         (wheel(law='friction_work'), 'clearance > 1 mm', "needs 'friction'"),
