@@ -82,7 +82,7 @@ def add(command: Command) -> None:
     flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
     option(sub, '--longest', 'P', 'with --periodic: longest period, in revolutions', 8)
     option(sub, '--transient', 'N', 'with --periodic: revolutions until it has settled', 60)
-    text = "instead: four-bars that take the path of a file, with columns as 'x [mm]', 'y [mm]'"
+    text = "instead: four-bars for a path ('x [mm]', 'y [mm]') or a body ('orientation [deg]' too)"
     option(sub, '--path', 'FILE.csv', text)
     text = 'with --path: least transmission angle'
     option(sub, '--transmission', 'ANGLE', text, '20 deg')
