@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 from sklearn.ensemble import RandomForestClassifier
-from sklearn.model_selection import GroupKFold, KFold, cross_val_score
+from sklearn.model_selection import KFold, StratifiedGroupKFold, cross_val_score
 
 LABELS = ['run', 'title', 'description', 'drive.speed', 'crank_speed']
 
@@ -57,7 +57,7 @@ def scores(figures: np.ndarray, labels: dict[str, np.ndarray]) -> dict[str, floa
     known = np.column_stack([figures, labels['crank_speed']])
     forest = RandomForestClassifier(100, min_samples_leaf=3, random_state=0)
     found = {'windows': KFold(5, shuffle=True, random_state=0)} | {
-        name: GroupKFold(min(5, len(np.unique(labels[key]))))
+        name: StratifiedGroupKFold(min(5, len(np.unique(labels[key]))))
         for name, key in (('motions', 'run'), ('speeds', 'drive.speed'), ('machines', 'title'))
     }
     groups = {'motions': 'run', 'speeds': 'drive.speed', 'machines': 'title'}
