@@ -22,8 +22,8 @@ from benchmarks.problem import OURS, Answer
 from benchmarks.tree import Tree
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine, load_scene
 
 JOINTS = ('coupler_rocker', 'crank_coupler', 'rocker_ground', 'ground_crank')

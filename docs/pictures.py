@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import mechanism_sim as ms
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import LinkPart
 from mechanism_sim.sensing.chain import Instrument

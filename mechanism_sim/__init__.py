@@ -1,4 +1,4 @@
-"""Simulator of real (loose, rattling, vibrating) planar machines.
+"""Simulator of planar machines with clearance, impacts and vibration.
 
 ``solution = simulate('four_bar_clearance', revolutions=10)``: a scene by name, path, YAML text,
 dictionary, `Scene` or machine. ``__init__.pyi`` says all of it to editors.
@@ -32,6 +32,7 @@ _ROOMS = {
     'studies.continuation': ('branches',),
     'studies.ensemble': ('ensemble',),
     'studies.find': ('find',),
+    'studies.four_bars': ('find_four_bars',),
     'studies.life': ('life',),
     'studies.lyapunov': ('lyapunov',),
     'studies.sweep': ('sweep',),
@@ -54,6 +55,7 @@ __all__ = [
     'equations',
     'explore',
     'find',
+    'find_four_bars',
     'life',
     'load_scene',
     'lyapunov',

@@ -14,6 +14,7 @@ from mechanism_sim.studies.ensemble import ensemble as ensemble
 from mechanism_sim.report.typeset import equations as equations
 from mechanism_sim.pages.notebook import explore as explore
 from mechanism_sim.studies.find import find as find
+from mechanism_sim.studies.four_bars import find_four_bars as find_four_bars
 from mechanism_sim.studies.life import life as life
 from mechanism_sim.scene.load import load_scene as load_scene
 from mechanism_sim.studies.lyapunov import lyapunov as lyapunov
@@ -64,13 +65,13 @@ class DrivePart(_schema.DrivePart):
         acceleration : Constant, with the speed at the start. [rad/s^2 or m/s^2]
         position : Over time, instead of speeds: a formula of t, as "90 deg + 60 deg*sin(pi*t)", or points.
         moves : Moves from rest to rest, as fast as limits allow, instead of speeds.
-        swing : To and fro between the limits of the linkage, as a sine of the time.
+        swing : Oscillation between the limits of the linkage, as a sine of time.
         profile : Speeds over time, as `speed` takes them, too.
         torque : On a link that turns: an affine law of angle and speed; {} moves freely.
         force : On a link that slides: an affine law of displacement and speed; {} moves freely.
         motor : A motor with its characteristic, instead of a torque.
-        commands : Take commands of speed while the machine runs.
-        effort : Torque or force, a quantity or a formula, that is known while the motion is prescribed. [N m or N or a formula]
+        commands : Accept speed commands while the machine runs.
+        effort : Torque or force of the drive, a quantity or a formula, where its motion is prescribed. [N m or N or a formula]
         flywheel : Inertia that turns with the link. [kg m^2, >= 0]
         start_angle : Of a link that turns, at t = 0; else that of `guess`, or 0. [rad]
         start_position : Of a link that slides, at t = 0; else that of `guess`, or 0. [m]
@@ -156,10 +157,10 @@ class JointPart(_schema.JointPart):
         clearance : Pin on the first-named link, loose in the second; without it the joint is ideal.
         friction : Of an ideal joint; a loose one has its own in its clearance.
         phase : Angle of the cam, or of the second link of a transmission, when the first is at 0. [rad]
-        carrier : Link that carries both shafts; else the ground.
+        carrier : Link that carries both shafts; the ground if not given.
         teeth : Of a bevel pair; of a worm pair threads of the worm and teeth of the wheel; of a ratchet one number, those on a turn. Required.
         pressure_angle : Of a bevel pair; of a worm pair in the plane normal to the thread; 20 deg without it. [rad]
-        facing : Where each of such a pair has its mate, seen from its shaft; without it 0 and 180 deg. [rad]
+        facing : Direction from the shaft of each of such a pair to its mate; 0 and 180 deg if not given. [rad]
         along : Where both of such a pair lie along their shafts; in the plane of the machine without it. [m]
         worm : Links of a worm and of its wheel.
         diameter : Pitch diameter of a worm; required. [m, > 0]
@@ -167,8 +168,8 @@ class JointPart(_schema.JointPart):
         hand : Of a worm, right without it: then its wheel turns the same way, each seen on its axis. [left or right]
         transmission : Two links that turn, or slide, at a fixed ratio, by whatever means: a box, a taut rope.
         ratio : Of a transmission, required: speed of the second over the first, as -3/7.
-        backlash : Free way of teeth, or between the stops of a transmission, as of dogs on coaxial shafts; without it they never part.
-        stops : Limits of its angle or displacement, where it bounces or rests.
+        backlash : Backlash of teeth, or between the stops of a transmission, as of dogs on coaxial shafts; without it they stay in contact.
+        stops : Limits of its angle or displacement, with impacts and contact there.
         axis : Direction of sliding: in the first link of a prismatic joint, in the second's slot. [rad]
         slot : A pin at the first point, in a slot of the second link.
         rotor : The ground where the axis is at rest, and the disk's middle.
@@ -193,14 +194,14 @@ class JointPart(_schema.JointPart):
         prismatic : A guide: the second point slides along `axis` through the first.
         angle : Of the second link in the first. [rad]
         mesh : Two gears, by their names; a rack is named second.
-        elasticity : Teeth that give way.
+        elasticity : Compliance of the teeth.
         error : Transmission error along the line of action, zero at the start.
         geneva : A pin at the first point, and a Geneva wheel pivoted at the second.
         slots : Of a Geneva wheel; required for it. [whole number, 3 to 24]
         freewheel : Two links on one axis: the first takes the second along one way, and is overrun by it.
         fixed : Two points that coincide, of links that do not turn against each other: a weld.
-        contact : Middles of two discs, at a point of a link each, which touch but do not hold each other.
-        radii : Of a belt, required: of the first and of the second pulley, to the middle of the belt. [m]
+        contact : Centres of two discs, each a point of a link, in unilateral contact.
+        radii : Radii of the first and the second pulley, to the middle of the belt; required. [m]
         to : Of a contact, another point LINK.POINT of its second link; from disc to disc between both points there is a bar, with the second radius as half of its thickness.
         cam : A cam's link, and the point of its follower.
         follower : Its tip; required for a cam. [knife, roller or flat]
@@ -213,19 +214,19 @@ class JointPart(_schema.JointPart):
         law : Displacement of the follower over the angle of the cam; required.
         lift_off : The follower may leave the cam and meet it again in impacts; without it the cam holds it.
         groove : A groove holds the roller from both sides.
-        bevel : Two links with bevel gears, whose axes point away from the apex: they turn opposite ways.
-        module : Of a bevel pair, at the back of its teeth; required. [m, > 0]
-        face_width : Of a bevel pair: length of its teeth, in whose middle the force acts; required. [m, >= 0]
-        shaft_angle : Of a bevel pair: between the axes; 90 deg without it. [rad]
-        belt : Two pulleys, or chain wheels, by their centres.
-        crossed : True if the strands cross, so that the pulleys turn opposite ways. [true or false]
-        stiffness : Of each strand; without it the belt is ideal. [N/m, > 0]
-        damping : Of each strand while it is taut. [N s/m, >= 0]
+        bevel : Two links with bevel gears; axes point away from the apex: they turn in opposite senses.
+        module : Module of a bevel pair, at the back cone; required. [m, > 0]
+        face_width : Length of the teeth of a bevel pair; the force acts in their middle; required. [m, >= 0]
+        shaft_angle : Angle between the axes of a bevel pair; 90 deg if not given. [rad]
+        belt : Centres of the two pulleys or chain wheels.
+        crossed : True if the strands cross, so that the pulleys turn in opposite directions. [true or false]
+        stiffness : Stiffness of each strand; without it the belt is ideal. [N/m, > 0]
+        damping : Damping of each strand while it is taut. [N s/m, >= 0]
         pretension : In each strand at the start, or on the mean of both where friction holds the belt; 0 for a chain, of which one strand pulls at a time. [N, >= 0]
         """
 
 class LinkPart(_schema.LinkPart):
-    """A link: its points, and what it weighs."""
+    """A link: its points and mass properties."""
 
     def __init__(
         self,
@@ -244,8 +245,8 @@ class LinkPart(_schema.LinkPart):
         mass : For all moving links or for none; forces and clearances need it. 0 kg is allowed. [kg, >= 0]
         inertia : About the centre of gravity; 0 for a point mass. [kg m^2, >= 0]
         cog : Centre of gravity: along the link, or as [x, y] in its frame. [m or a pair [x, y]]
-        elastic : How it bends; without, it is rigid.
-        tilt : How it leans out of its plane; without, it stays in it.
+        elastic : Elasticity; the link is rigid if not given.
+        tilt : Tilt out of its plane; it stays in the plane if not given.
         """
 
 class Scene(_schema.Scene):
@@ -288,20 +289,20 @@ class Scene(_schema.Scene):
         description : Purpose of the scene, and where its numbers come from.
         gravity : Acceleration along x and along y. [m/s^2]
         axial_gravity : Towards the reader, of links that move along their axes. [m/s^2]
-        duration : Of a run of which no length is asked; else one revolution. [s, > 0]
+        duration : Length of a run if none is given; one revolution if this is missing, too. [s, > 0]
         start : Where loose pins start: pressed on their bushings as by an ideal joint, or in the middle. [seated or centred]
         outputs : Published outputs, and how often.
-        solver : How exact the solution is to be.
-        oscillators : Frames on springs that the machine shakes, by name.
+        solver : Tolerances of the solution.
+        oscillators : Frames on springs that the machine excites, by name.
         tables : Curves through points, by the names by which formulas call them, as in press(ram).
-        measures : Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s).
+        measures : Measures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s).
         mechanism : Written out: links and joints have the names given here.
         gears : Teeth that links carry, by name, for joints of the kind mesh.
         masses : Point masses that links carry, by name.
         drive : Main drive; revolutions are turns of this link.
         drives : Further drives, by link.
         guess : Rough angles and displacements by link, places [x, y] of points by LINK.POINT, which choose how loops are closed. [rad or m or [x, y] of a point in m]
-        initial : Coordinates that start elsewhere than drive and guess say.
+        initial : Coordinates whose initial values differ from those of drive and guess.
         sensors : Accelerometers, encoders and others, by name.
         bushings : Elastic bearings between points that coincide, by name.
         loads : Forces and torques on links, by name.
@@ -346,22 +347,22 @@ class SensorPart(_schema.SensorPart):
         trigger : Blocks that begin at an angle of the drive; {} is enough.
         amplifier : Its filters.
         anti_alias : The filter before sampling.
-        adc : Analogue to digital.
+        adc : Analogue-to-digital converter.
         noise : Noise added to the samples.
-        impact_pulse : How long impacts last, as half a sine; without it they are impulses. [s, > 0]
+        impact_pulse : Duration of an impact, as half a sine; impulses if not given. [s, > 0]
         link : Required: the moving link that carries it; of an accelerometer also a frame on springs.
         relative_to : The link that carries its head.
-        pulses : In a turn: marks at equal angles, one on the link's x axis. [whole number, 1 to 1000]
+        pulses : Pulses per turn: marks at equal angles, one on the link's x axis. [whole number, 1 to 1000]
         at : From the link's origin: along the link, as [x, y] in its frame, or a point of it by name. [m or a pair [x, y]]
         joint : Required: the joint it is in.
         direction : Of what it reads, in the frame of the joint's second link; 0: along that link. [rad]
-        lines : In a turn; four counts each. [whole number, 1 to 1e+06]
+        lines : Lines per turn; four counts each. [whole number, 1 to 1e+06]
         index : Angle of the index line: counts are from there once it has passed, else from the start. [rad]
         axis : Direction of its reading: along the link, or 90 degrees counterclockwise from that. [along or across]
-        instrument : A preset, of which what is given here replaces parts.
-        gravity : It reads acceleration less that of gravity. [true or false]
+        instrument : A preset; keys given here replace its parts.
+        gravity : True if it senses acceleration less that of gravity. [true or false]
         transducer : The seismic mass.
         quantity : Quantity of the samples: integrated never, once or twice. [acceleration, velocity or displacement]
         integrator : The integrating circuit; only where something is integrated.
-        imu : It is published as sensor_msgs/Imu, too. [true or false]
+        imu : True to publish it as sensor_msgs/Imu, too. [true or false]
         """

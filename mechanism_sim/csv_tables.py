@@ -68,7 +68,7 @@ class CsvTable:
         for line, before, value in zip(self.lines[1:], values[:-1], values[1:], strict=True):
             if not value > before:
                 raise InputError(
-                    f"{self.where}, line {line}: '{name}' must rise, but {value:g} follows "
+                    f"{self.where}, line {line}: '{name}' must increase, but {value:g} follows "
                     f'{before:g}'
                 )
 
@@ -87,19 +87,20 @@ class CsvTable:
         return value
 
 
-def read_csv(path: Path, where: str) -> CsvTable:
+def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     """The table in a file.
 
     Parameters
     ----------
     where : the file and key that name it, which begin each sentence about it
+    larger : how many times as large it may be as `LARGEST` and `MOST`
     """
-    where = f"{where}: '{path.name}'"
-    rows = _rows(path, where)
-    if len(rows) - 1 > MOST:
+    where, most = f"{where}: '{path.name}'", larger * MOST
+    rows = _rows(path, where, larger * LARGEST)
+    if len(rows) - 1 > most:
         raise InputError(
-            f'{where} has {len(rows) - 1} points: allowed are {MOST}; take every '
-            f'{math.ceil((len(rows) - 1) / MOST)}th'
+            f'{where} has {len(rows) - 1} points: allowed are {most}; take every '
+            f'{math.ceil((len(rows) - 1) / most)}th'
         )
     if all(map(_is_number, rows[0][1])):
         names, units = [str(i + 1) for i in range(len(rows[0][1]))], [''] * len(rows[0][1])
@@ -124,12 +125,12 @@ def read_csv(path: Path, where: str) -> CsvTable:
     return CsvTable(where, cells, dict(zip(names, units, strict=True)), [n for n, _ in rows])
 
 
-def _rows(path: Path, where: str) -> list[tuple[int, list[str]]]:
+def _rows(path: Path, where: str, largest: int) -> list[tuple[int, list[str]]]:
     """Line number and cells of each line with text, at least one."""
     try:
-        data = documents.bytes_of(path, LARGEST)
-        if len(data) > LARGEST:
-            raise InputError(f'{where} is larger than {LARGEST} bytes: give fewer points')
+        data = documents.bytes_of(path, largest)
+        if len(data) > largest:
+            raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
         lines = data.decode('utf-8-sig').splitlines()
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
         mark = next(s for s in _SEPARATORS if s in lines[kept[0]] or s == _SEPARATORS[-1])

@@ -63,7 +63,7 @@ def bytes_of(path: Path, largest: int) -> bytes:
     Raises
     ------
     OSError
-        If it cannot be read, or is no regular file: devices have no end, and pipes may have no
+        If it cannot be read, or is not a regular file: devices have no end, and pipes may have no
         beginning.
     """
     with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), 'rb') as file:
@@ -71,7 +71,7 @@ def bytes_of(path: Path, largest: int) -> bytes:
         if stat.S_ISDIR(mode):
             raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not stat.S_ISREG(mode):
-            raise OSError(errno.EINVAL, 'it is no regular file')
+            raise OSError(errno.EINVAL, 'it is not a regular file')
         return file.read(largest + 1)
 
 
@@ -109,7 +109,7 @@ def check(data: Any, where: tuple[str, ...] = ()) -> None:
     """
     place = quoted('.'.join(where)).strip('\'"') or 'the document'
     if len(where) > DEEPEST:
-        raise DocumentError(f'{place}: more than {DEEPEST} levels in each other')
+        raise DocumentError(f'{place}: nested more than {DEEPEST} levels deep')
     if isinstance(data, str):
         described = where[-1:] == ('description',)
         _check_text(data, place, LONGEST_DESCRIPTION if described else LONGEST_TEXT)
@@ -139,7 +139,7 @@ def _check_text(text: str, place: str, longest: int) -> None:
     for letter in text:
         if not letter.isprintable() and not letter.isspace():
             raise DocumentError(
-                f'{place}: the text holds the character U+{ord(letter):04X}, which nobody can read'
+                f'{place}: the text holds the character U+{ord(letter):04X}, which is not allowed'
             )
 
 
@@ -172,7 +172,7 @@ class _Reader:
         event = self._loader.get_event()
         self._counted(1, event)
         if depth > DEEPEST:
-            raise _problem(f'more than {DEEPEST} levels in each other', event)
+            raise _problem(f'nested more than {DEEPEST} levels deep', event)
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self._known:
                 raise _problem(f"the alias '*{quoted(event.anchor)[1:-1]}' is not known", event)

@@ -43,7 +43,7 @@ def errors_as_sentences(path: Path | str) -> Iterator[None]:
     except InputError:
         raise
     except ValueError as error:  # a zero byte in a name, or what no name can be written as
-        raise InputError(f"'{path}' is no name of a file: {error}") from error
+        raise InputError(f"'{path}' is not a valid file name: {error}") from error
 
 
 @contextmanager
@@ -66,7 +66,7 @@ def beside(path: Path | str, devices: bool = True) -> Iterator[Path]:
             kept = None
         if kept is not None and not stat.S_ISREG(kept.st_mode):
             if not devices:
-                raise InputError(f"'{path}' cannot be written: it is no file")
+                raise InputError(f"'{path}' cannot be written: it is not a file")
             yield target
             return
         if kept is not None and not os.access(target, os.W_OK):

@@ -24,7 +24,8 @@ REQUIRED = (
 
 EXTRAS = {
     'distributed': 'cluster', 'ezdxf': 'dxf', 'imageio_ffmpeg': 'video', 'matplotlib': 'plots',
-    'openpyxl': 'tables', 'pyarrow': 'tables', 'sympy': 'equations',
+    'nptdms': 'signals', 'openpyxl': 'tables', 'pyarrow': 'tables', 'pyuff': 'signals',
+    'sympy': 'equations',
 }  # fmt: skip
 """Modules of extras, which only some commands need."""
 
@@ -32,8 +33,8 @@ OTHERS = 'pandas', 'polars', 'rclpy'
 """Modules that a notebook may ask for, and that of ROS."""
 
 _DISTRIBUTED_AS = {
-    'distributed': 'dask[distributed]', 'imageio_ffmpeg': 'imageio-ffmpeg', 'yaml': 'PyYAML',
-    'zenoh': 'eclipse-zenoh',
+    'distributed': 'dask[distributed]', 'imageio_ffmpeg': 'imageio-ffmpeg',
+    'nptdms': 'npTDMS', 'yaml': 'PyYAML', 'zenoh': 'eclipse-zenoh',
 }  # fmt: skip
 
 
@@ -121,5 +122,5 @@ def _sentence(module: str, error: BaseException, purpose: str) -> InputError:
         command = 'or go without ROS by MECHANISM_SIM_MIDDLEWARE=zenoh'
     return InputError(
         f"the Python package '{module}' is installed, but cannot be used ({reason(error)}): "
-        f'install it anew or another version of it, {command}'
+        f'reinstall it or install another version, {command}'
     )

@@ -185,7 +185,7 @@ def _csv(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
 
 
 def text_cell(value: Any) -> Any:
-    """A value as a cell of a text; empty where there is no number.
+    """A value as a cell of a text; empty where there is not a number.
 
     Spreadsheets take a text that begins like a formula as one: an apostrophe says that it is none.
     """
@@ -195,7 +195,7 @@ def text_cell(value: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A value as Python has it, a text as it is; empty where there is no number."""
+    """A value as Python has it, a text as it is; empty where there is not a number."""
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else ''
     if isinstance(value, np.generic):

@@ -237,6 +237,10 @@ class StepTolerances(NamedTuple):
     shorter: float = 0.37
     #: of the longest step: no step is halved further
     shortest: float = 1e-12
+    #: of the series of steps that an event ends soon
+    low_order: int = 7
+    #: of a step's error: last terms of rates in such steps
+    low_error: float = 1e-3
     #: times the fastest drive: rate at which errors of gaps and loops are taken back
     stabilisation: float = 1e3
     #: times a step's error, by which its polynomials may be off the equations

@@ -429,7 +429,7 @@ def to_stiffness(value: object, exponent: float) -> float:
     _refuse_comma(value, hint)
     unit = match[2].strip()
     parts = _PER_LENGTH.fullmatch(_respelled(unit))
-    wrong = f"has the unit '{unit}', which is not a force by a length: {hint}"
+    wrong = f"has the unit '{unit}', which is not a force per length: {hint}"
     if not parts:
         raise ValueError(wrong)
     power = 1.5 if parts[3] == '3/2' else float(parts[3] or 1.0)

@@ -12,7 +12,9 @@ from mcap_ros2.decoder import DecoderFactory
 import mechanism_sim as ms
 from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.messages.segments import motion_of
-from mechanism_sim.recording import BagWriter, Qos, read_bag
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.studies.run_bag import RunBag
 from ros_interfaces.definitions import field_descriptions
 

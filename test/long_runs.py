@@ -31,13 +31,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.run import prepare
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, prepare
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.gate import admit
 

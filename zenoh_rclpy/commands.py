@@ -121,7 +121,7 @@ def _number(text: str) -> int:
     with suppress(ValueError):
         if (value := int(text)) > 0:
             return value
-    raise argparse.ArgumentTypeError(f"'{text}' is no number from 1 on")
+    raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 on")
 
 
 def main(args: list[str] | None = None) -> int:

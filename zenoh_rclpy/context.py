@@ -64,8 +64,8 @@ def shutdown(timeout_sec: float = FLUSH_PATIENCE) -> None:
                 signal.signal(number, usual)
     if not flushed:
         raise MiddlewareError(
-            f'After {timeout_sec} s other processes had not taken in what was published here:'
-            ' part of it is lost'
+            f'After {timeout_sec} s other processes had not received all that was published: '
+            'part is lost'
         )
 
 

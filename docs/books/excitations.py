@@ -10,7 +10,7 @@ from oscillator import FreeResponse, Oscillator
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.fourier import spectrum
-from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.periodic_forces import FourierSeries
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

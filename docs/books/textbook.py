@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechanism_sim.joints.cam.laws import Diagram, Law
 from mechanism_sim.joints.cam.profiles import greatest
 from mechanism_sim.joints.mesh.involute import ToothSystem
-from mechanism_sim.linkages.four_bar import FourBar
-from mechanism_sim.linkages.slider_crank import SliderCrank
+from mechanism_sim.linkages.four_bar import FourBar, SliderCrank
 
 Array = NDArray[np.float64]
 

@@ -17,6 +17,19 @@ BEFORE = re.compile(
     r'(?=\s*<mi>\w{2,}</mi>\s*<mo>&ApplyFunction;)'
 )
 THIN_SPACE = r'\1<mspace width="0.1667em"></mspace>'  # browsers leave none around sin
+LEAF = r'<(m\w+)[^>]*>[^<]*</\w+>'
+ACCENTED = re.compile(
+    rf'<munderover>\s*(?P<base>{LEAF})\s*(?P<index>(?:(?!<munderover>).)*?)\s*'
+    r'(?P<accent><mo[^>]*>[˙¨ˆ^¯~→]</mo>)\s*</munderover>',
+    re.DOTALL,
+)
+"""The converter sets an index of a letter with an accent below the letter."""
+INDEXED = r'<msub><mover accent="true">\g<base>\g<accent></mover>\g<index></msub>'
+POWER = re.compile(
+    r'<msup>\s*<msub>(<mover accent="true">.*?</mover>)((?:(?!</?msub>).)*)</msub>'
+    r'\s*(<m\w+[^>]*>[^<]*</m\w+>)\s*</msup>'
+)
+TIGHT = re.compile(r'<mo stretchy="false">([|/])</mo>')
 logger = logging.getLogger(__name__)
 
 
@@ -40,7 +53,9 @@ def _converted(node: nodes.Element, as_block: bool) -> str:
     text = SIZES.sub('', node.astext()).replace('°', r'^\circ ')
     try:
         made = FUNCTION.sub(THIN_SPACE, tex2mathml(text, as_block=as_block))
-        return BEFORE.sub(THIN_SPACE, made)
+        made = ACCENTED.sub(INDEXED, BEFORE.sub(THIN_SPACE, made))
+        made = POWER.sub(r'<msubsup>\1\2\3</msubsup>', made)
+        return TIGHT.sub(r'<mo stretchy="false" lspace="0" rspace="0">\1</mo>', made)
     except MathError as error:
         logger.warning('%s in the formula %s', error, text, location=node)
         return ''

@@ -15,8 +15,8 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.results.ranges import LoadPeaks
+from mechanism_sim.scene.facts import as_written
 from mechanism_sim.scene.schema import Scene
-from mechanism_sim.scene.written import as_written
 from mechanism_sim.sensing.indicators import indicators
 from mechanism_sim.sensing.spectra import power
 from mechanism_sim.strict_json import plain

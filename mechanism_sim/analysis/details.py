@@ -8,15 +8,27 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.roses import ImpactCycles, Rose, impact_cycles, impact_rose
-from mechanism_sim.analysis.signals import Signal
-from mechanism_sim.analysis.wear import WearMap, wear_maps
+from mechanism_sim.analysis.roses import (
+    ImpactCycles,
+    Rose,
+    WearMap,
+    impact_cycles,
+    impact_rose,
+    wear_maps,
+)
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
-from mechanism_sim.sensing.spectra import LineSpectrum, envelope_spectrum, power, shock_band
+from mechanism_sim.sensing.spectra import (
+    LineSpectrum,
+    TurnSegments,
+    envelope_spectrum,
+    order_spectrum,
+    power,
+    shock_band,
+)
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40

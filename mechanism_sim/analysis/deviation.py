@@ -18,10 +18,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.sensing.chain import Converter, Noise
-from mechanism_sim.sensing.orders import TurnSegments
-from mechanism_sim.sensing.spectra import power
+from mechanism_sim.sensing.spectra import TurnSegments, power
 
 _SAMPLES = 1024  # angles in a turn
 _SEGMENT = 4  # turns under the window, if there are as many
@@ -93,8 +92,7 @@ def ideal_machine(machine: Machine) -> Machine:
     """
     if machine.plan.powered or not machine.plan.prescribed:
         raise InputError(
-            f'{machine.name}: only of drives that prescribe a motion it is known what the machine '
-            'would do without clearance'
+            f'{machine.name}: the motion without clearance is known only where drives prescribe it'
         )
     clean = {'noise': Noise(), 'adc': Converter(), 'trigger': None}
     sensors = machine.scene.sensors.items()

@@ -1,18 +1,24 @@
-"""Signals of a sensor in bags, made ready for identification."""
+"""Signals of bags and of other files, made ready for identification."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from mechanism_sim.analysis.record import machine_of
-from mechanism_sim.analysis.signals import Signal, SignalCollectors
-from mechanism_sim.analysis.topics import find_topics
+import numpy as np
+
+from mechanism_sim.analysis.collectors import Signal, SignalCollectors
+from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.recording import Bag, read_bag
-from mechanism_sim.results.sensor_record import STRETCHES, SensorRecord
+from mechanism_sim.recording.reader import Bag, read_bag
+from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.measured import Measured, QuantityRecord, SensorRecord
 from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.sensing.features import FEWEST
+from mechanism_sim.sensing.chain import QUANTITIES
+from mechanism_sim.signal_files import ChannelSamples, is_signal_file, read_signal, read_signals
+
+_EVEN = 0.01
+"""Of an interval between samples: so late they may be in all, to count as the sensor's own."""
 
 
 def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:
@@ -37,35 +43,94 @@ def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None)
 
 
 def measurements(
-    bags: Sequence[Path | str],
+    files: Sequence[Path | str],
     scenes: Sequence[str] = (),
     overrides: Iterable[str] = (),
     sensor: str | None = None,
     skip: float = 0.0,
-) -> list[SensorRecord]:
-    """Signals of bags, and the machines that they are taken for.
+    channel: str | None = None,
+    full_scale: str = '',
+) -> list[Measured]:
+    """Signals of files, and the machines that they are taken for.
 
     Parameters
     ----------
-    scenes : one for all bags, or one for each of them; without any, those the bags hold
+    files : bags, or files of `signal_files`
+    scenes : one for all files, or one for each of them; without any, those the bags hold
     overrides : of every scene
+    sensor : of a scene; of files other than bags also a quantity
     skip : samples before this time are left out [s]
+    channel, full_scale : as for `read_signal`; without a channel all that are named like sensors
+        or quantities of the scene
     """
-    if len(scenes) not in (0, 1, len(bags)):
-        raise InputError(f'{len(bags)} bags need one --scene, as many, or none')
+    if len(scenes) not in (0, 1, len(files)):
+        raise InputError(f'{len(files)} bags need one --scene, as many, or none')
     given = list(overrides)
     if given and not scenes:
-        raise InputError('--set goes with --scene: what a bag holds is not changed')
-    found = []
-    for k, path in enumerate(bags):
-        bag = read_bag(path)
-        machine = load_scene(scenes[k % len(scenes)], given) if scenes else machine_of(bag)
-        signal = signal_of(bag, sensor).since(skip)
-        found.append(_measurement(bag, machine, signal))
+        raise InputError('--set needs --scene: the scene in a bag cannot be changed')
+    found: list[Measured] = []
+    for k, path in enumerate(files):
+        machine = load_scene(scenes[k % len(scenes)], given) if scenes else None
+        if not is_signal_file(path):
+            if channel or full_scale:
+                raise InputError(
+                    f'{path} is a bag: --channel and --full-scale are for other files'
+                )
+            bag = read_bag(path)
+            signal = signal_of(bag, sensor).since(skip)
+            found.append(_of_sensor(bag, machine or machine_of(bag), signal))
+        elif machine is None:
+            raise InputError(f'{path} holds no machine: give --scene')
+        else:
+            channels = _chosen(path, machine, sensor, channel, full_scale)
+            found += [_of_file(path, machine, name, c, skip) for name, c in channels.items()]
     return found
 
 
-def _measurement(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:
+def _chosen(
+    path: Path | str, machine: Machine, sensor: str | None, channel: str | None, full_scale: str
+) -> dict[str, ChannelSamples]:
+    """Channels of a file by the sensor or quantity that each is of."""
+    known = [*machine.scene.sensors, *catalogue(machine)]
+    if channel or sensor:
+        channels = read_signals(path, full_scale)
+        only = channel or (sensor if sensor in channels else None)
+        one = read_signal(path, only, full_scale)
+        name = sensor or one.name
+        if name in known:
+            return {name: one}
+        raise InputError(
+            f"{machine.name} has neither a sensor nor a quantity '{name}'{nearest(name, known)}: "
+            'name it by --sensor'
+        )
+    found = {n: c for n, c in read_signals(path, full_scale).items() if n in known}
+    if not found:
+        raise InputError(
+            f'{path} has no channel that is named like a sensor or a quantity of {machine.name}: '
+            'name one by --sensor, and its channel by --channel'
+        )
+    return found
+
+
+def _of_file(
+    path: Path | str, machine: Machine, name: str, channel: ChannelSamples, skip: float
+) -> Measured:
+    later = channel.times >= max(skip, 0.0)
+    if not later.any():
+        raise InputError(f"{path}: channel '{channel.name}' has no samples after {skip:g} s")
+    t = channel.times[later]
+    keys = machine.scene.sensors.get(name)
+    if keys is None:
+        quantity = catalogue(machine)[name]
+        return QuantityRecord(machine, name, t, channel.in_unit(quantity.unit)[later])
+    if keys.trigger:
+        raise InputError(f'{path}: {name} has a trigger: give its times, and take that away')
+    y = channel.in_unit(QUANTITIES[keys.measures])[later]
+    late = np.abs(t - (t[0] + np.arange(len(t)) / keys.sample_rate)).max() * keys.sample_rate
+    return SensorRecord(machine, name, float(t[0]), y, None if late < _EVEN else t)
+
+
+def _of_sensor(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:
     name, known = signal.sensor, machine.scene.sensors
     if name not in known:
         raise InputError(
@@ -83,11 +148,4 @@ def _measurement(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:
             f'{bag.path}: the signal of {name} has gaps or a trigger: identification needs '
             'samples without interruption'
         )
-    measurement = SensorRecord(machine, name, signal.starts[0], signal.runs[0])
-    needed = FEWEST * (1 if measurement.steady else STRETCHES)
-    if len(measurement.samples) < needed:
-        raise InputError(
-            f'{bag.path}: {len(measurement.samples)} samples of {name} are too few: {needed} are '
-            'needed'
-        )
-    return measurement
+    return SensorRecord(machine, name, signal.starts[0], signal.runs[0])

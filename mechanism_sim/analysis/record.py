@@ -1,4 +1,4 @@
-"""A recorded run as a whole: its machine, its motion and events, and what its sensors said.
+"""A recorded run as a whole: its machine, motion, events, sensors, and revolutions as its clock.
 
 The summary of a bag needs one pass and little memory. What is asked for here needs the machine,
 rebuilt from the recorded scene, and all of the motion: then everything that can be asked of a
@@ -8,17 +8,17 @@ forces and signals need not be recorded.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.pieces import RecordedPiece, gaps, pieces
-from mechanism_sim.analysis.revolutions import Revolutions
-from mechanism_sim.analysis.signals import Signal, SignalCollectors, measured
-from mechanism_sim.analysis.topics import find_topics
+from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.audit import Audit
@@ -27,16 +27,177 @@ from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.messages.segments import row_names
+from mechanism_sim.messages.segments import motion_of, row_names
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.play import gaps_of
-from mechanism_sim.recording import Bag, read_bag, scene_text
+from mechanism_sim.recording.inventory import scene_text
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
+from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
-from mechanism_sim.sensing.orders import TurnSegments
+from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.tables import Table
 
+#: Last part of the name and type of what is analysed.
+KINDS = {
+    'drive': 'mechanism_sim/msg/DriveLaw',
+    'motion': 'mechanism_sim/msg/Motion',
+    'impacts': 'mechanism_sim/msg/Impact',
+    'mode_changes': 'mechanism_sim/msg/ModeChange',
+    'joint_reactions': 'mechanism_sim/msg/JointReactions',
+    'linkage_state': 'mechanism_sim/msg/LinkageState',
+    'cam_state': 'mechanism_sim/msg/CamState',
+    'gear_state': 'mechanism_sim/msg/GearState',
+    'geneva_state': 'mechanism_sim/msg/GenevaState',
+    'oscillator_state': 'mechanism_sim/msg/OscillatorState',
+    'sensors': 'mechanism_sim/msg/SensorBlock',
+    'progress': 'mechanism_sim/msg/Progress',
+}
+#: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
+SHARED = ('sensors', 'progress')
+#: What is no longer read, with the version of bags that ended it.
+RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
+_RUN = 'motion', 'impacts', 'mode_changes'
+_ZEROS = np.zeros((0, 0))
+NOTHING = Motion(
+    PiecewisePolynomial(
+        np.zeros(0), np.zeros(0), np.zeros(0), np.zeros((0, 0), np.int64), np.zeros((0, 0, 1))
+    ),
+    np.zeros((0, 0), np.uint8), _ZEROS, np.zeros((0, 0, 3)),
+)  # fmt: skip
+"""Motion of no segments."""
+
+_IMPACT = attrgetter(*('time' if name == 't' else name for name in Impact._fields
+                       if name != 'drive_work'))  # fmt: skip
+_WORK = Impact._fields.index('drive_work')
+_NEWTON = 50
 _BLOCK = 8192  # instants at once
+
+
+@dataclass(frozen=True, eq=False)
+class Revolutions:
+    """A run, and where its main drive is when.
+
+    Turns are counted from angle zero on, in the direction in which the drive ends up.
+
+    Attributes
+    ----------
+    piece : its motion and events
+    """
+
+    machine: Machine
+    piece: Piece
+
+    @property
+    def start(self) -> float:
+        """Of the motion [s]."""
+        return float(self.piece.motion.curve.start[0])
+
+    @property
+    def end(self) -> float:
+        """Of the motion [s]."""
+        return self.piece.motion.curve.end
+
+    @property
+    def slides(self) -> bool:
+        """True if the main drive moves straight, so that it makes no turns."""
+        return self.machine.plan.main in self.machine.physics.displacements
+
+    @cached_property
+    def _drive(self) -> int:
+        return self.machine.physics.coordinates.index(self.machine.plan.main)
+
+    @cached_property
+    def _sense(self) -> float:
+        """1 if the main drive turns counterclockwise, -1 if clockwise."""
+        first, last = self._angle(np.array([self.start, self.end]))
+        return -1.0 if last < first else 1.0
+
+    def _angle(self, t: Array) -> Array:
+        return self.piece.motion.curve(t)[:, self._drive]
+
+    def turned(self, t: Array) -> Array:
+        """Angle of the main drive in turns at times (N,) [s]: (N,), rising.
+
+        Not a number outside of the motion, and of a drive that slides.
+        """
+        inside = (t >= self.start) & (t <= self.end) & (not self.slides)
+        turned = np.full(len(t), np.nan)
+        curve = self.piece.motion.curve
+        turned[inside] = self._sense * turns_at(curve, self._drive, *curve.find(t[inside]))
+        return turned
+
+    def angle(self, t: Array) -> Array:
+        """Angle of the main drive at times (N,) [s] in [0, 2 pi); nan of a drive that slides."""
+        if self.slides:
+            return np.full(len(t), np.nan)
+        return np.asarray(np.mod(self._angle(t), TWO_PI))
+
+    @property
+    def turns(self) -> tuple[int, int]:
+        """The whole turns from angle zero to angle zero within the motion: from, and up to."""
+        first, last = self.turned(np.array([self.start, self.end]))
+        return math.ceil(first - 1e-9), math.floor(last + 1e-9)
+
+    def whole_turns(self, skip: int = 0) -> tuple[int, int]:
+        """The whole turns without the first `skip` of them."""
+        if self.slides:
+            raise InputError(
+                f'{self.machine.name}: {self.machine.plan.main} moves in a straight line: it '
+                'makes no turns'
+            )
+        first, last = self.turns
+        if first + skip >= last:
+            raise InputError(
+                f'{self.machine.name}: the run has {max(0, last - first)} whole turns of '
+                f'{self.machine.plan.main}; {skip + 1} are needed'
+            )
+        return first + skip, last
+
+    @property
+    def has_turns(self) -> bool:
+        """True if the run has a whole turn of a drive that turns one way only."""
+        if self.slides:
+            return False
+        first, last = self.turns
+        return first < last and bool(np.all(np.diff(self._marks[1]) >= 0.0))
+
+    @property
+    def rate(self) -> float:
+        """Turns of the main drive a second, in the mean [Hz]."""
+        first, last = self.turned(np.array([self.start, self.end]))
+        return float((last - first) / (self.end - self.start))
+
+    def begin(self, skip: int) -> float:
+        """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
+        if not skip:
+            return self.start
+        return float(self.times_at(np.array([self.whole_turns(skip)[0]]))[0])
+
+    @cached_property
+    def _marks(self) -> tuple[Array, Array]:
+        """Times [s] at which pieces of the motion meet, and the turns of the drive then."""
+        marks = np.append(self.piece.motion.curve.start, self.end)
+        return marks, self.turned(marks)
+
+    def times_at(self, turns: Array) -> Array:
+        """When the main drive has made `turns` (N,), as `turned` counts them [s]."""
+        marks, passed = self._marks
+        if np.any(np.diff(passed) < 0.0):
+            raise InputError(f'{self.machine.name}: {self.machine.plan.main} turns back')
+        curve, per_turn = self.piece.motion.curve, self._sense / TWO_PI
+        t = np.interp(turns, passed, marks)
+        for _ in range(_NEWTON):
+            k, dt = curve.find(t)
+            off = per_turn * curve.at(k, dt)[:, self._drive] - turns
+            rate = per_turn * curve.at(k, dt, 1)[:, self._drive]
+            # where it starts from rest, its angle of the start is reached at rate zero
+            step = np.divide(off, rate, out=np.zeros_like(off), where=(off != 0.0) & (rate != 0.0))
+            t = np.clip(t - step, self.start, self.end)
+            if np.abs(step).max(initial=0.0) <= 4.0 * np.spacing(self.end):
+                break
+        return np.asarray(t)
 
 
 def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
@@ -81,7 +242,7 @@ class Record(Revolutions):
         slack = 1e-9 * max(1.0, self.end)
         if not self.start - slack <= begin < finish <= self.end + slack:
             raise InputError(
-                f'from {begin:g} s to {finish:g} s is no part of the run, which goes from '
+                f'from {begin:g} s to {finish:g} s is not within the run, which goes from '
                 f'{self.start:g} s to {self.end:g} s'
             )
         return max(begin, self.start), min(finish, self.end)
@@ -91,7 +252,7 @@ class Record(Revolutions):
     ) -> Table:
         """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
         if (t is None) == (turns is None):
-            raise InputError('columns are asked for at times or at turns of the drive')
+            raise InputError('columns need either times or turns of the drive')
         times = t if turns is None else self.times_at(turns)
         assert times is not None  # noqa: S101 - one of both is given
         return self.piece.sample(times, 't', *names)
@@ -109,7 +270,7 @@ class Record(Revolutions):
         """A quantity at equal angles of the main drive, in whole turns from angle zero on.
 
         What the catalogue names is taken from the motion's polynomials at exactly these angles.
-        The signal of a sensor is interpolated (`mechanism_sim.sensing.orders.at_equal_angles`).
+        The signal of a sensor is interpolated (`mechanism_sim.sensing.spectra.at_equal_angles`).
 
         Parameters
         ----------
@@ -220,7 +381,7 @@ def loose_bearing(record: Record, joint: str) -> str:
     known, machine = record.loose_joints, record.machine
     if joint not in known:
         raise InputError(
-            f"'{joint}' is no joint with a pin loose in a bushing{nearest(joint, known)}; "
+            f"'{joint}' is not a joint with a pin loose in a bushing{nearest(joint, known)}; "
             f'such joints of {machine.name}: {", ".join(known) or "none"}'
         )
     return joint
@@ -275,3 +436,101 @@ def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[
         impact._replace(drive_work=impact.drive_impulse * speed if impact.drive_impulse else 0.0)
         for impact, speed in zip(impacts, speeds.tolist(), strict=True)
     ]
+
+
+@dataclass(frozen=True)
+class RecordedPiece:
+    """A message of the motion, and the events that were published since the one before.
+
+    Attributes
+    ----------
+    coordinates, joints : names of the columns of the motion; empty where it is not recorded
+    """
+
+    coordinates: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    motion: Motion = NOTHING
+    impacts: list[Impact] = field(default_factory=list)
+    modes: list[ModeChange] = field(default_factory=list)
+
+
+def pieces(
+    bag: Bag,
+    namespace: str | None = None,
+    others: Mapping[str, Callable[[Any], object]] | None = None,
+) -> Iterator[RecordedPiece]:
+    """The pieces of a run, in one pass over its bag; at the end, events without a motion.
+
+    Parameters
+    ----------
+    namespace : of the machine, where the bag holds several
+    others : are handed messages of further kinds of topics (see `KINDS`) as they come
+    """
+    others, topics = others or {}, find_topics(bag, namespace)
+    kinds = {name: kind for kind in (*_RUN, *others) for name in topics[kind]}
+    impacts: list[Impact] = []
+    modes: list[ModeChange] = []
+    for topic, message, _ in bag.messages(kinds):
+        kind = kinds[topic]
+        if kind == 'impacts':
+            values = _IMPACT(message)
+            impacts.append(Impact._make((*values[:_WORK], np.nan, *values[_WORK:])))
+        elif kind == 'mode_changes':
+            modes.append(_mode_change(bag, message))
+        elif kind == 'motion':
+            names = tuple(message.coordinates), tuple(message.joints)
+            yield RecordedPiece(*names, motion_of(message), impacts, modes)
+            impacts, modes = [], []
+        else:
+            others[kind](message)
+    if impacts or modes:
+        yield RecordedPiece(impacts=impacts, modes=modes)
+
+
+def _mode_change(bag: Bag, message: Any) -> ModeChange:
+    try:
+        modes = Mode(message.mode), Mode(message.previous_mode)
+    except ValueError as error:
+        raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
+    return ModeChange(message.time, message.joint, *modes)
+
+
+def gaps(curve: PiecewisePolynomial) -> list[tuple[float, float]]:
+    """The spans [s] between segments that should meet and do not: lost messages."""
+    end = curve.start[:-1] + (curve.start_low[:-1] + curve.duration[:-1])
+    slack = 8 * np.spacing(np.abs(curve.start[1:])) + 1e-15
+    apart = np.flatnonzero(curve.start[1:] - end > slack)
+    return [(float(end[k]), float(curve.start[k + 1])) for k in apart]
+
+
+def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, ...]]:
+    """The names of the topics of one machine by kind; at most one but for shared kinds.
+
+    Parameters
+    ----------
+    namespace : of the machine, as '/left'; needed where a bag holds several
+    """
+    for topic in bag.topics.values():
+        if topic.type in RETIRED:
+            raise InputError(
+                f'{bag.path}: {topic.name} holds {topic.type.rpartition("/")[2]}, as bags before '
+                f'version {RETIRED[topic.type]} did; {bag.writer} reads it.'
+            )
+    prefix = f'{(namespace or "").rstrip("/")}/'
+    found: dict[str, tuple[str, ...]] = {}
+    for kind, type_name in KINDS.items():
+        names = tuple(
+            topic.name
+            for topic in bag.topics.values()
+            if topic.type == type_name
+            and topic.name.startswith(prefix)
+            and (kind in SHARED or topic.name.rpartition('/')[2] == kind)
+        )
+        if len(names) > 1 and kind not in SHARED:
+            raise InputError(
+                f'{bag.path} holds several machines ({", ".join(names)}): choose a namespace.'
+            )
+        found[kind] = names
+    if namespace and not any(found.values()):
+        raise InputError(f'{bag.path} has no machine in namespace {namespace}.')
+    return found

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from array import array
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.analysis.crank import Crank, MotionSummary
-from mechanism_sim.analysis.delivery_audit import Ledger, LedgerCollector
-from mechanism_sim.analysis.fields import FieldRange, field_ranges
-from mechanism_sim.analysis.impacts import ImpactCollector, ImpactSummary
-from mechanism_sim.analysis.loads import LoadSummary, load_summary
-from mechanism_sim.analysis.modes import JointModes, ModeShares
-from mechanism_sim.analysis.pieces import pieces
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.analysis.collectors import (
+    FieldRange,
+    JointModes,
+    Ledger,
+    LedgerCollector,
+    ModeShares,
+    SensorSummary,
+    VibrationCollector,
+    field_ranges,
+)
 from mechanism_sim.analysis.published import (
     PARTS,
     EnergySummary,
@@ -24,16 +32,356 @@ from mechanism_sim.analysis.published import (
     loads_of,
     names_of_parts,
 )
-from mechanism_sim.analysis.record import check_motion
-from mechanism_sim.analysis.topics import KINDS, find_topics
-from mechanism_sim.analysis.vibration import SensorSummary, VibrationCollector
+from mechanism_sim.analysis.record import (
+    KINDS,
+    RecordedPiece,
+    check_motion,
+    find_topics,
+    gaps,
+    pieces,
+)
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.hybrid.peak_shapes import PeakShape
 from mechanism_sim.messages.events import parse_description
-from mechanism_sim.recording import Bag, displacements, read_bag, scene_name, scene_text
+from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.recording.inventory import displacements, scene_name, scene_text
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.writer import LIBRARY
+from mechanism_sim.results import ranges
 from mechanism_sim.results.ranges import LoadPeaks, largest
+from mechanism_sim.results.turns import (
+    Mean,
+    Place,
+    beginning,
+    impact_means,
+    impacts_by_turn,
+    turns_at,
+)
 from mechanism_sim.strict_json import plain
+
+_SLACK = 1e-9  # a revolution that is full but for rounding is full
+
+
+@dataclass(frozen=True)
+class DominantImpact:
+    """An impact of a large normal impulse; the first of them if there are several."""
+
+    time: float  #: [s]
+    joint: str
+    crank_angle: float | None
+    """[rad] of the coordinate `MotionSummary.crank`, in [0, 2 pi); None where not recorded."""
+    normal_impulse: float  #: [N s]
+    approach_speed: float  #: [m/s]
+    normal_angle: float  #: [rad]
+
+
+@dataclass(frozen=True)
+class JointImpacts:
+    """The impacts of one joint over the whole run; `dominant` are the three largest of them."""
+
+    joint: str
+    count: int
+    normal_impulse: float  #: [N s] sum
+    energy_loss: float  #: [J] sum
+    largest_approach_speed: float  #: [m/s]
+    I_n: float  #: [N s] normal impulse per impact ([SB] 7.3)
+    I_n_half_width: float  #: of its 95 % confidence interval; nan without two whole revolutions
+    dominant: tuple[DominantImpact, ...]
+
+
+@dataclass(frozen=True)
+class RevolutionTable:
+    """Impacts by revolution of the crank (rows, from 0) and joint (columns).
+
+    The last revolution may be a part of one. `elsewhere` counts the impacts at times of which the
+    motion is not recorded; they are in no row.
+    """
+
+    joints: tuple[str, ...]
+    count: NDArray[np.int64]  #: (revolutions, joints)
+    normal_impulse: Array  #: (revolutions, joints) [N s]
+    elsewhere: int
+
+
+@dataclass(frozen=True)
+class ImpactSummary:
+    """All impacts of a run; what is per revolution is None without the crank's motion.
+
+    `means` are those over the whole revolutions, from the first one on, with their 95 % confidence
+    intervals (`impact_means`); None if there are less than two.
+    """
+
+    count: int
+    normal_impulse: float  #: [N s] sum
+    energy_loss: float  #: [J] sum
+    joints: tuple[JointImpacts, ...]
+    dominant: DominantImpact | None
+    count_per_revolution: float | None
+    normal_impulse_per_revolution: float | None  #: [N s]
+    table: RevolutionTable | None
+    means: tuple[Mean, ...] | None = None
+
+
+class ImpactCollector:
+    """Gathers impacts, a few numbers of each."""
+
+    def __init__(self) -> None:
+        self._joints: dict[str, int] = {}
+        self._joint, self._numbers = array('l'), array('d')
+
+    def add(self, impacts: Iterable[Impact]) -> None:
+        """Enter the impacts that follow."""
+        for i in impacts:
+            self._joint.append(self._joints.setdefault(i.joint, len(self._joints)))
+            self._numbers.extend(
+                (i.t, i.normal_impulse, i.energy_loss, i.approach_speed, i.normal_angle)
+            )
+
+    def summary(self, crank: Crank) -> ImpactSummary:
+        """All that was gathered, by joint and by revolutions of the crank."""
+        found = crank.summary()
+        revolutions = found.revolutions if found else None
+        time, impulse, loss, speed, angle = np.array(self._numbers).reshape(-1, 5).T
+        names = tuple(sorted(self._joints))
+        order = np.array([names.index(name) for name in self._joints], np.int64)
+        columns = order[np.array(self._joint, np.int64)]
+
+        def dominant(chosen: NDArray[np.intp], count: int) -> tuple[DominantImpact, ...]:
+            hardest = chosen[np.argsort(-impulse[chosen], kind='stable')[:count]]
+            return tuple(
+                DominantImpact(
+                    float(time[k]), names[columns[k]], crank.angle(float(time[k])),
+                    float(impulse[k]), float(speed[k]), float(angle[k]),
+                )
+                for k in hardest
+            )  # fmt: skip
+
+        table, whole = None, 0
+        if revolutions is not None:
+            table = _table(names, columns, impulse, crank.turned(time), revolutions)
+            whole = int(np.floor(revolutions + _SLACK))
+        by_joint = []
+        for i, name in enumerate(names):
+            own = np.flatnonzero(columns == i)
+            by_joint.append(
+                JointImpacts(
+                    name, len(own), float(np.sum(impulse[own])), float(np.sum(loss[own])),
+                    float(np.max(speed[own])), float(np.mean(impulse[own])),
+                    _means(table, whole, [i])[2].half_width if table and whole > 1 else np.nan,
+                    dominant(own, 3),
+                )
+            )  # fmt: skip
+        total = float(np.sum(impulse))
+        return ImpactSummary(
+            count=len(time),
+            normal_impulse=total,
+            energy_loss=float(np.sum(loss)),
+            joints=tuple(by_joint),
+            dominant=next(iter(dominant(np.arange(len(time)), 1)), None),
+            count_per_revolution=len(time) / revolutions if revolutions else None,
+            normal_impulse_per_revolution=total / revolutions if revolutions else None,
+            table=table,
+            means=_means(table, whole, slice(None)) if table and whole > 1 else None,
+        )
+
+
+def _means(table: RevolutionTable, whole: int, joints: list[int] | slice) -> tuple[Mean, ...]:
+    """Figures per whole revolution of some joints together."""
+    count, impulse = (x[:whole, joints].sum(axis=1) for x in (table.count, table.normal_impulse))
+    return impact_means(count, impulse)
+
+
+def _table(
+    names: tuple[str, ...],
+    columns: NDArray[np.int64],
+    impulse: Array,
+    turned: Array,
+    revolutions: float,
+) -> RevolutionTable:
+    """The table of impacts that happened after `turned` revolutions in given columns."""
+    rows = max(1, int(np.ceil(revolutions - _SLACK)))
+    known = np.isfinite(turned)
+    row = np.clip(np.floor(turned[known] + _SLACK), 0, rows - 1).astype(np.int64)
+    count, sums = impacts_by_turn(row, impulse[known], rows, columns[known], len(names))
+    return RevolutionTable(names, count, sums, int(np.sum(~known)))
+
+
+@dataclass(frozen=True)
+class MotionSummary:
+    """The recorded motion. `gaps` are spans [s] inside it that are missing."""
+
+    coordinates: tuple[str, ...]
+    segments: int
+    start: float  #: [s]
+    end: float  #: [s]
+    crank: str  #: the coordinate whose revolutions are counted
+    revolutions: float | None  #: of it, in the direction in which it ends up; None if it slides
+    mean_speed: float  #: of it [rad/s or m/s], with its sign
+    gaps: tuple[tuple[float, float], ...]
+
+
+class Crank:
+    """Where the crank is at given times, as far as its motion is recorded.
+
+    Of all the motion only the crank's is kept: a long run has millions of segments.
+
+    Parameters
+    ----------
+    driven : the coordinate that is driven, if that is known; else that of the name ``crank``, or
+        the first
+    displacements : coordinates that slide, which have neither angles nor revolutions
+    """
+
+    def __init__(self, driven: str | None, displacements: Collection[str]) -> None:
+        self._preferred, self._displacements = (driven, 'crank'), displacements
+        self._names: tuple[tuple[str, ...], tuple[str, ...]] | None = None
+        self._index = 0
+        self._parts: list[PiecewisePolynomial] = []
+
+    def add(self, piece: RecordedPiece) -> None:
+        """Enter the piece that follows."""
+        if not len(piece.motion):
+            return
+        names = piece.coordinates, piece.joints
+        if self._names is None:
+            self._names = names
+            known = [n for n in (*self._preferred, *names[0]) if n in names[0]]
+            self._index = names[0].index(known[0])
+        if names != self._names:
+            raise InputError(
+                'coordinates or joints of the recorded motion change during the recording.'
+            )
+        curve, own = piece.motion.curve, slice(self._index, self._index + 1)
+        # a motion of low degree, as of a crank at constant speed, should not cost the memory of
+        # the others
+        used = np.flatnonzero(np.any(curve.coefficients[:, own] != 0, axis=(0, 1)))
+        powers = curve.coefficients[:, own, : int(used.max(initial=0)) + 1]
+        self._parts.append(replace(curve, turns=curve.turns[:, own], coefficients=powers.copy()))
+
+    @cached_property
+    def curve(self) -> PiecewisePolynomial | None:
+        """Of the crank, once all pieces are entered; None if no motion is recorded."""
+        return PiecewisePolynomial.joined(self._parts) if self._parts else None
+
+    def turned(self, t: Array) -> Array:
+        """Revolutions (N,) since the start by times (N,) [s]; nan where not recorded."""
+        turned = np.full(len(t), np.nan)
+        if self.curve is not None and not self._slides:
+            k, dt, known = self._find(self.curve, t)
+            turned[known] = turns_at(self.curve, 0, k[known], dt[known], self._start)
+        return -turned if self._net < 0 else turned
+
+    def angle(self, t: float) -> float | None:
+        """The angle at time t [s], in [0, 2 pi); None where not recorded."""
+        if self.curve is None or self._slides:
+            return None
+        k, dt, known = self._find(self.curve, np.array([t]))
+        return float(np.mod(self.curve.at(k, dt)[0, 0], TWO_PI)) if known[0] else None
+
+    def summary(self) -> MotionSummary | None:
+        """Summary of the recorded motion; None without any."""
+        c = self.curve
+        if c is None or self._names is None:
+            return None
+        lasted = c.end - float(c.start[0])
+        return MotionSummary(
+            coordinates=self._names[0],
+            segments=len(c),
+            start=float(c.start[0]),
+            end=c.end,
+            crank=self._names[0][self._index],
+            revolutions=None if self._slides else abs(self._net),
+            mean_speed=TWO_PI * self._net / lasted if lasted > 0 else 0.0,
+            gaps=tuple(gaps(c)),
+        )
+
+    @property
+    def _slides(self) -> bool:
+        return self._names is not None and self._names[0][self._index] in self._displacements
+
+    @cached_property
+    def _net(self) -> float:
+        """Revolutions over the run, with their sign."""
+        c = self.curve
+        if c is None:
+            return 0.0
+        return float(turns_at(c, 0, np.array([len(c) - 1]), c.duration[-1:], self._start)[0])
+
+    @cached_property
+    def _start(self) -> Place:
+        return beginning(self.curve, 0) if self.curve is not None else (0, 0.0)
+
+    @staticmethod
+    def _find(
+        c: PiecewisePolynomial, t: Array
+    ) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
+        """The segment of each time, the time since its start [s], and whether it is recorded."""
+        k = np.clip(np.searchsorted(c.start, t, side='right') - 1, 0, len(c) - 1)
+        dt = (t - c.start[k]) - c.start_low[k]
+        slack = 4 * np.spacing(abs(c.end))
+        return k, dt, (dt >= -slack) & (dt <= c.duration[k] + slack)
+
+
+@dataclass(frozen=True)
+class LoadPeak:
+    """The largest magnitude of something."""
+
+    name: str
+    value: float  #: [N] magnitude of a force; [N m] torque, with its sign
+    time: float  #: [s]
+    #: [rad] of the coordinate `MotionSummary.crank`, in [0, 2 pi); None where not recorded
+    crank_angle: float | None
+    #: [s] for which the load is above half of the peak, as far as that is known of the motion
+    duration: float | None = None
+    impulse: float | None = None  #: of the magnitude in that time [N s, N m s]
+    whole: bool = True  #: whether the load was below half of the peak before and after
+
+
+@dataclass(frozen=True)
+class LoadSummary:
+    """The largest force in each joint and the largest torque of the drive, between impacts.
+
+    Forces of bearings of shafts are by ``SHAFT.BEARING``; those along an axis, which have a sign,
+    end in ``.axial``.
+    """
+
+    samples: int | None  #: instants that were published, if that is all there is; None: the motion
+    joints: tuple[LoadPeak, ...]
+    drive_torque: LoadPeak
+    moments: tuple[LoadPeak, ...] = ()  #: [N m] of bearings that tilt
+
+
+def load_summary(
+    peaks: Mapping[str, ranges.Peak],
+    shapes: Mapping[str, PeakShape],
+    crank_angle: Callable[[float], float | None],
+    samples: int | None = None,
+) -> LoadSummary | None:
+    """The loads among the peaks of quantities; None if there are no forces.
+
+    Parameters
+    ----------
+    peaks, shapes : by the names of the catalogue
+    crank_angle : angle [rad] of the crank at a time [s]
+    """
+    found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
+    for name, (value, time) in peaks.items():
+        kind, _, of = name.removesuffix('.size').partition('.')
+        of += '.axial' if kind == 'axial_force' else ''
+        peak = LoadPeak(of, value, time, crank_angle(time))
+        if shape := shapes.get(name):
+            peak = replace(peak, duration=shape.duration, impulse=shape.impulse, whole=shape.whole)
+        found[kind if kind in found else ''].append(peak)
+    forces, efforts = found[''], found['drive_torque']
+    if not (forces or samples):
+        return None
+    none = replace(forces[0], value=0.0) if forces else LoadPeak('', 0.0, 0.0, None)
+    drive = efforts[0] if efforts else none
+    moments = tuple(found['bearing_moment'])
+    return LoadSummary(samples, tuple(forces), replace(drive, name='drive'), moments)
 
 
 @dataclass(frozen=True)
@@ -180,4 +528,4 @@ def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:
     if present['joint_reactions'] and found.loads is None:
         yield 'topic joint_reactions is empty: no forces and torque'
     if present['linkage_state'] and found.energy is None:
-        yield 'topic linkage_state has no energies: no balance of energy'
+        yield 'topic linkage_state has no energies: no energy balance'

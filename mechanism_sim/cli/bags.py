@@ -21,7 +21,7 @@ from mechanism_sim.cli.options import (
     workers_options,
 )
 from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('bag info', _info, 'list what a bag holds')
+    sub = command('bag info', _info, 'list the contents of a bag')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
-    sub = command('bag play', _play, 'publish what a bag holds, as its nodes did')
+    sub = command('bag play', _play, 'publish the messages of a bag, as its nodes did')
     sub.add_argument('bag', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag')
-    option(sub, '--rate', 'R', 'recorded seconds in a second; 0: as fast as possible', 1.0)
+    option(sub, '--rate', 'R', 'recorded seconds per second; 0: as fast as possible', 1.0)
     option(sub, '--from', 'S', 'begin at this time after the first message', 0.0)
     option(sub, '--delay', 'S', 'wait before the first message', 0.0)
     sub.add_argument(
         '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
     )
-    option(sub, '--clock', 'HZ', 'publish /clock, too, if the bag has none', float)
-    option(sub, '--timeout', 'S', 'look at most so long for subscriptions', 10.0)
+    option(sub, '--clock', 'HZ', 'also publish /clock if the bag has none', float)
+    option(sub, '--timeout', 'S', 'longest time to wait for subscriptions', 10.0)
     sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')
     sub = command('analyze', _analyze, 'summarise a recorded run, or fit a bearing to it')
@@ -54,18 +54,21 @@ def add(command: Command) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import BagInfo, info, render_info  # noqa: PLC0415
+    from mechanism_sim.recording.inventory import BagInfo, info, render_info  # noqa: PLC0415
 
     return print_result(options, info(options.bag), BagInfo.to_json, render_info, echo)
 
 
 def _recover(options: argparse.Namespace) -> int:
-    from mechanism_sim.recording import RecoveredBag, recover, render_recovery  # noqa: PLC0415
+    from mechanism_sim.recording.inventory import RecoveredBag, recover, render_recovery  # noqa: PLC0415
 
     return print_result(options, recover(options.bag), RecoveredBag.to_json, render_recovery, echo)
 
 
-_FIT = 'scene', 'set', 'range', 'joint', 'sensor', 'seed', 'rounds', 'workers', 'dask'
+_FIT = (
+    'scene', 'set', 'range', 'joint', 'sensor', 'channel', 'full-scale', 'method', 'seed',
+    'rounds', 'workers', 'dask',
+)  # fmt: skip
 _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
     'band', 'pin-radius', 'plots', 'namespace',
@@ -78,7 +81,7 @@ def _play(options: argparse.Namespace) -> int:
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
     from mechanism_sim.nodes.player import player  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     bag = read_bag(options.bag)
@@ -101,20 +104,20 @@ def _analyze(options: argparse.Namespace) -> int:
     if options.fit is not None:
         refuse_options(options, _DETAILS, 'does not apply to --fit')
         return _fit(options)
-    refuse_options(options, _FIT, 'goes with --fit')
+    refuse_options(options, _FIT, 'needs --fit')
     if len(options.bags) > 1:
         raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
     (options.bag,) = options.bags
-    from mechanism_sim.analysis import analyze  # noqa: PLC0415
     from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.analysis.summary import analyze  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report.bag import render, render_details  # noqa: PLC0415
 
     skip = skipped_turns(options)
     for name, owner in (('band', 'envelope'), ('pin-radius', 'wear')):
         if not getattr(options, owner) and not options.plots:
-            refuse_options(options, [name], f'goes with --{owner}: it is about that')
+            refuse_options(options, [name], f'needs --{owner}')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = Wanted(
         options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
@@ -123,7 +126,7 @@ def _analyze(options: argparse.Namespace) -> int:
     )  # fmt: skip
     if not (wanted or plots or options.against):
         what = 'a detail such as --average, or with --plots: the summary is of the whole run'
-        refuse_options(options, ['skip'], f'goes with {what}')
+        refuse_options(options, ['skip'], f'needs {what}')
     details: Details | None = None
     if wanted or plots or options.against:
         details = _details(options, wanted)
@@ -144,8 +147,8 @@ def _analyze(options: argparse.Namespace) -> int:
 def _fit(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.measurements import measurements  # noqa: PLC0415
     from mechanism_sim.report import progress, studies  # noqa: PLC0415
-    from mechanism_sim.studies.identification import ROUNDS, Identification  # noqa: PLC0415
-    from mechanism_sim.studies.parameters import OF_JOINT, parameters, ranges  # noqa: PLC0415
+    from mechanism_sim.studies.identification import METHODS, ROUNDS, identify  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import OF_JOINT, parameters, read_limits  # noqa: PLC0415
 
     counts = options.rounds.split(',') if options.rounds else ROUNDS
     if not all(str(n).strip().isdecimal() and int(n) >= 16 for n in counts):
@@ -154,6 +157,11 @@ def _fit(options: argparse.Namespace) -> int:
     workers = read_workers(options)
     if options.seed < 0:
         raise InputError('--seed must be at least 0')
+    if options.method not in (None, *METHODS):
+        raise InputError(
+            f"--method '{options.method}'{nearest(options.method, METHODS)}: allowed are "
+            f'{", ".join(METHODS)}'
+        )
     with progress.busy('reading', options.json):
         signals = measurements(
             options.bags,
@@ -161,15 +169,21 @@ def _fit(options: argparse.Namespace) -> int:
             options.overrides,
             options.sensor,
             skipped_time(options),
+            options.channel,
+            options.full_scale or '',
         )
     first = signals[0]
     if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
-        refuse_options(options, ['joint'], f'goes with --fit of {", ".join(OF_JOINT)}')
+        refuse_options(options, ['joint'], f'needs --fit of {", ".join(OF_JOINT)}')
     wanted = parameters(
-        first.machine, options.fit.split(','), first.sensor, options.joint, ranges(options.ranges)
+        first.machine,
+        options.fit.split(','),
+        first.name,
+        options.joint,
+        read_limits('--range', options.ranges),
     )
     with progress.count('fit', sum(rounds), quiet=options.json) as show, workers:
-        found = Identification(signals, wanted, options.seed, workers, show).find(rounds)
+        found = identify(signals, wanted, options.method, options.seed, rounds, workers, show)
     return print_result(options, found, studies.fit_json, studies.fit_text)
 
 
@@ -177,7 +191,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
     """Quantities that are asked of a bag, or everything that can be drawn."""
     from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     def record_of(bag: str) -> Record:
@@ -187,7 +201,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
         return record
 
     if options.against and not wanted.deviations:
-        raise InputError('--against goes with --deviation: it compares two deviations')
+        raise InputError('--against needs --deviation: it compares two deviations')
     record = record_of(options.bag)
     against = record_of(options.against) if options.against else None
     with progress.busy('analyze', options.json):
@@ -197,18 +211,21 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
 def _band(text: str | None) -> tuple[float, float] | None:
     if text is None:
         return None
-    low, colon, high = text.partition(':')
-    if not colon:
-        raise InputError(f"--band '{text}': write for example '500 Hz:2 kHz'")
-    return quantity('--band', low, 'Hz')[0], quantity('--band', high, 'Hz')[0]
+    from mechanism_sim.ranges import check_order, read_range  # noqa: PLC0415
+
+    given = read_range('--band', text, '500 Hz:2 kHz').values
+    low, high = (quantity('--band', x, 'Hz')[0] for x in given)
+    check_order('--band', low, high, given)
+    return low, high
 
 
 def _fit_options(sub: argparse.ArgumentParser) -> None:
-    more = sub.add_argument_group("a bearing's parameters from an accelerometer's signal")
+    more = sub.add_argument_group('parameters of a machine from measured signals')
     option(
         more, '--fit', 'NAME,...',
-        'instead: find these so that runs give the recorded signal: some of restitution, '
-        'friction, radial, noise, or dotted paths',
+        'instead of the summary: find these so that runs reproduce the signal of a bag, or of a '
+        '.csv, .wav, .uff or .tdms file: some of restitution, friction, radial, noise, or dotted '
+        'paths',
     )  # fmt: skip
     more.add_argument(
         '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
@@ -220,7 +237,14 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'; several times",
     )  # fmt: skip
     option(more, '--joint', 'J', 'the loose joint, where there are several')
-    option(more, '--sensor', 'S', 'the sensor, where there are several')
+    option(more, '--sensor', 'S', 'the sensor, where there are several; of files also a quantity')
+    option(more, '--channel', 'C', 'of a file, if it is not named like its sensor or quantity')
+    option(more, '--full-scale', 'Q', "largest number of a .wav, as '50 m/s^2'")
+    option(
+        more, '--method', 'M',
+        'gauss-newton (sample by sample) or regression (features of the signal, for chaos); by '
+        'itself the first, if runs follow the signal',
+    )  # fmt: skip
     option(more, '--seed', 'N', 'of the random numbers of the search', 0)
     option(more, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
     workers_options(more)

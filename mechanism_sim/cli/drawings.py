@@ -1,4 +1,4 @@
-"""Cycles, pictures, cams and gears for the workshop, machines for other programs."""
+"""Cycles, pictures, cams and gears for manufacture, machines for other programs."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ def add(command: Command) -> None:
         sub, '--at', 'ANGLE|WAY',
         "all quantities at a position of the drive, as '30 deg' or '60 mm'; a turn begins there",
     )  # fmt: skip
-    option(sub, '--revolutions', 'N', 'how many turns of the drive', 1)
+    option(sub, '--revolutions', 'N', 'number of turns of the drive', 1)
     time_option(sub, '--duration', 'length, for a drive without a constant speed')
     sub.add_argument(
         '--points', nargs='+', action='extend', default=[], metavar='LINK.POINT',
-        help='points whose paths are wanted',
+        help='points whose paths are computed',
     )  # fmt: skip
     flag(sub, '--local', 'add the forces along and across each link')
-    flag(sub, '--static', 'leave out the forces of inertia')
+    flag(sub, '--static', 'leave out inertia forces')
     measure_option(sub)
     option(sub, '-o --output', 'FILE', f'write the samples: {TABLES}')
     option(sub, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')
@@ -67,36 +67,37 @@ def add(command: Command) -> None:
         'ANGLE|TIME',
         "where to draw it, as '30 deg' of the drive or '20 ms'; the start if not given",
     )
-    option(sub, '--positions', 'K', 'how many positions, all but one of them faint', 1)
+    option(sub, '--positions', 'K', 'number of positions; all but one are drawn faint', 1)
     look_options(sub, 'all')
     time_option(sub, '--duration', 'length, for a drive without a constant speed')
-    option(sub, '--magnify', 'N', 'how much more elastic links bend; visibly if not given', 0.0)
-    more = sub.add_argument_group('for the workshop')
+    option(sub, '--magnify', 'N', 'magnification of bending; made visible if not given', 0.0)
+    more = sub.add_argument_group('for manufacture')
     option(
         more, '--profile', 'JOINT',
-        'instead: figures of this cam, or of these gears in mesh; --output: their outlines, a '
-        '.svg or .dxf file',
+        'instead of a picture: figures of this cam, or of these gears in mesh; --output: their '
+        'outlines, a .svg or .dxf file',
     )  # fmt: skip
     option(more, '--table', 'FILE', f'write a cam over its turn: {TABLES}')
     option(more, '--gear', 'NAME', 'only the outline of this gear')
     option(
         more, '--friction', 'MU', 'coefficient of friction between teeth; 0.05 if not given', float
     )
-    sub = command('export', _export, 'a machine for viewers and for other simulators')
+    sub = command('export', _export, 'write a machine for viewers and other simulators')
     scene_options(sub)
     sub.add_argument(
         '--format', choices=(*dict.fromkeys(FORMATS.values()),),
-        help='if --output does not say it: a description of the machine, its links as a drawing '
-        'or plates, what a viewer shows of its run, or a page of its ideal motion',
+        help='needed if the ending of --output does not determine it: a description of the '
+        'machine, its links as a drawing or plates, what a viewer shows of its run, or a page '
+        'of its ideal motion',
     )  # fmt: skip
     option(
         sub, '-o --output', 'FILE',
         'a .urdf, .sdf, .dxf, .stl, .rviz, .html file, .xml of MuJoCo, .json of Foxglove; '
         'standard output if not given',
     )  # fmt: skip
-    option(sub, '--frame-prefix', 'TEXT', 'before names of frames, in a URDF and for viewers', '')
+    option(sub, '--frame-prefix', 'TEXT', 'prefix of frame names, in a URDF and for viewers', '')
     option(sub, '--namespace', 'NS', 'namespace of the nodes, for viewers', '')
-    text = 'of a page: a length or coordinate with a slider; several times'
+    text = 'for a page: a length or coordinate with a slider; several times'
     several(sub, '--slider', 'PATH=LOW:HIGH', text)
 
 
@@ -153,7 +154,7 @@ def _draw(options: argparse.Namespace) -> int:
     if options.profile is not None:
         refuse_options(options, _PICTURE, 'does not apply to --profile')
         return _profile(options)
-    refuse_options(options, ['table', 'gear', 'friction'], 'goes with --profile')
+    refuse_options(options, ['table', 'gear', 'friction'], 'needs --profile')
     from mechanism_sim.report import drawing, figures, progress  # noqa: PLC0415
     from mechanism_sim.results.cycle import instant  # noqa: PLC0415
 
@@ -220,11 +221,11 @@ def _export(options: argparse.Namespace) -> int:
 
     viewers, options.format = ('foxglove', 'rviz'), _format(options)
     if options.format not in viewers:
-        refuse_options(options, ['namespace'], f'is for --format {" and ".join(viewers)}')
+        refuse_options(options, ['namespace'], f'applies to --format {" and ".join(viewers)}')
         if options.format != 'urdf':
-            refuse_options(options, ['frame-prefix'], 'is for --format urdf, foxglove and rviz')
+            refuse_options(options, ['frame-prefix'], 'needs --format urdf, foxglove or rviz')
     if options.format != 'html':
-        refuse_options(options, ['slider'], 'is for --format html')
+        refuse_options(options, ['slider'], 'applies to --format html')
     machine = read_machine(options)
     with progress.busy('export', options.json):
         text, missing = _exported(options, machine)
@@ -244,17 +245,16 @@ def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[
     """A machine in the format that is asked for, and what of it the format has no words for."""
     if options.format in ('foxglove', 'rviz'):
         from mechanism_sim.analysis.preview import preview  # noqa: PLC0415
-        from mechanism_sim.report.foxglove import to_foxglove  # noqa: PLC0415
-        from mechanism_sim.report.rviz import to_rviz  # noqa: PLC0415
+        from mechanism_sim.report.layouts import to_foxglove, to_rviz  # noqa: PLC0415
 
         to = to_foxglove if options.format == 'foxglove' else to_rviz
         return to(preview(machine), options.namespace, options.frame_prefix), []
     if options.format == 'html':
         from mechanism_sim.pages import ideal  # noqa: PLC0415
-        from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
+        from mechanism_sim.ranges import named_ranges  # noqa: PLC0415
 
-        limits = ranges(options.slider, '--slider').items()
-        sliders = {path: (str(low), str(high)) for path, (low, high) in limits}
+        given = named_ranges('--slider', options.slider, 'links.crank.length=50 mm:80 mm')
+        sliders = {path: (one.values[0], one.values[1]) for path, one in given.items()}
         return ideal.page(machine, sliders, options.scene)
     from mechanism_sim.export import mjcf, sdf, urdf  # noqa: PLC0415
 

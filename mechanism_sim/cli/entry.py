@@ -57,12 +57,12 @@ def make_parser() -> Overview:
     """The parser of all commands; `run` of what it reads is the command's function."""
     parser = Overview(
         prog='mechanism-sim',
-        description='Simulator of real (loose, rattling, vibrating) planar machines.',
+        description='Simulator of planar machines with clearance, impacts and vibration.',
     )
     parser.add_argument('--version', action='store_true', help='print the version')
     parser.add_argument(
         '--completion', metavar='SHELL', choices=first.SHELLS,
-        help='print the script by which a shell completes names: ' + ', '.join(first.SHELLS),
+        help='print the script for completion of names in a shell: ' + ', '.join(first.SHELLS),
     )  # fmt: skip
     parser.set_defaults(run=_start, parser=parser)
     places = {'': parser.add_subparsers(dest='command', metavar='COMMAND', parser_class=Parser)}
@@ -95,7 +95,7 @@ def _read(parser: Parser, args: Sequence[str]) -> argparse.Namespace:
     if options.command:  # options of the program itself, which go without a command
         refuse = ('version', options.version), ('completion', options.completion)
         for name in (name for name, given in refuse if given):
-            parser.error(f"--{name} goes without a command; '{options.command}' was given, too")
+            parser.error(f"--{name} takes no command, but '{options.command}' was given")
     if ros_args and options.command not in ('run', 'node', 'view'):
         options.parser.error('--ros-args is for the commands run, node and view')
     if options.command == 'plot' and not any(word.startswith('-') for word in rest):

@@ -14,8 +14,8 @@ SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('new', _new, 'write a scene of your own, with comments, from one that exists')
-    sub.add_argument('name', metavar='NAME', help='of the scene; the file is NAME.yaml')
+    sub = command('new', _new, 'write a new scene, with comments, from an existing one')
+    sub.add_argument('name', metavar='NAME', help='name of the scene; the file is NAME.yaml')
     sub.add_argument(
         '--from', default='four_bar', metavar='SCENE', dest='scene',
         help='the scene to begin with: four_bar, linkage, one of the package, or a YAML file',
@@ -28,11 +28,12 @@ def add(command: Command) -> None:
         'outlines as .dxf or .svg, an address of PMKS+ in quotes',
     )  # fmt: skip
     option(sub, '-o --output', 'SCENE', 'the .yaml file; standard output if not given')
-    option(sub, '--unit', 'U', 'of lengths, if the file does not say it, as mm')
-    option(sub, '--thickness', 'T', 'of links by their outlines, for their masses, as 5 mm')
+    option(sub, '--unit', 'U', 'unit of lengths, if the file does not state it, as mm')
     option(
-        sub, '--density', 'RHO', 'of links by their outlines; steel if not given', '7850 kg/m^3'
+        sub, '--thickness', 'T', 'thickness of links given by outlines, for their masses, as 5 mm'
     )
+    text = 'density of links given by outlines; steel if not given'
+    option(sub, '--density', 'RHO', text, '7850 kg/m^3')
     set_option(sub)
 
 
@@ -56,7 +57,7 @@ def _import(options: argparse.Namespace) -> int:
 
 
 def _new(options: argparse.Namespace) -> int:
-    from mechanism_sim.scene.new_scene import TEMPLATES, new_scene  # noqa: PLC0415
+    from mechanism_sim.scene.scene_writer import TEMPLATES, new_scene  # noqa: PLC0415
 
     source = TEMPLATES.get(options.scene, options.scene)
     file = new_scene(options.name, source, options.overrides)

@@ -21,22 +21,23 @@ from mechanism_sim.errors import InputError
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('life', _life, 'how bearings wear over many cycles, and how long they last')
+    sub = command('life', _life, 'wear of bearings over many cycles, and their life')
     scene_options(sub)
-    text = "what ends it, as 'clearance > 0.5 mm', 'depth.JOINT > 20 um', or a measure and a limit"
+    text = "end of life, as 'clearance > 0.5 mm', 'depth.JOINT > 20 um', or a measure and a limit"
     option(sub, '--until', 'CONDITION', text)
-    option(sub, '--cycles', 'N', 'turns of the drive after which it ends in any case', '1e7')
-    option(
-        sub, '--tolerance', 'X', 'of what a clearance grows by in a step, that it may be off', 0.02
-    )
-    option(sub, '--revolutions', 'N', 'turns of each run that count', 40)
-    option(sub, '--skip', 'N', 'turns of each run before them, until it has settled', 10)
+    option(sub, '--cycles', 'N', 'largest number of turns of the drive', '1e7')
+    option(sub, '--tolerance', 'X', 'relative error allowed in the growth in a step', 0.02)
+    option(sub, '--revolutions', 'N', 'turns of each run that are evaluated', 40)
+    option(sub, '--skip', 'N', 'turns of each run before these, in which it settles', 10)
     measure_option(sub)
     option(
-        sub, '-o --output', 'TABLE', f'a row for each stage: {TABLES}; it goes on from its runs'
+        sub,
+        '-o --output',
+        'TABLE',
+        f'a row for each stage: {TABLES}; an existing one is continued',
     )
-    flag(sub, '--restart', 'forget what is computed already')
-    option(sub, '--plot', 'FILE', 'draw clearances and profiles along the life')
+    flag(sub, '--restart', 'discard what was computed before')
+    option(sub, '--plot', 'FILE', 'draw clearances and profiles over the cycles')
     option(sub, '--scenes', 'DIR', 'folder for the scene of every stage')
     option(sub, '--bags', 'DIR', 'folder for a recorded run of every stage')
 
@@ -55,7 +56,7 @@ def _life(options: argparse.Namespace) -> int:
     except ValueError as error:
         raise InputError(f"--cycles '{options.cycles}': write a number, as 1e7") from error
     if options.restart and not table:
-        raise InputError('--restart goes with --output')
+        raise InputError('--restart needs --output')
     machine = read_machine(options)
     with progress.busy('life', options.json) as say:
         found = life(

@@ -25,10 +25,10 @@ def add(command: Command) -> None:
     flag(sub, '--schema', 'the keys of scenes as a JSON schema for editors, instead of the list')
     sub = command('check', _check, 'check a scene, and summarise its machine, without running it')
     scene_options(sub)
-    own = command('quantities', _quantities, 'list what can be asked of a machine by name')
+    own = command('quantities', _quantities, 'list the quantities of a machine')
     scene_options(own)
     more = sub.add_argument_group('equations')
-    flag(more, '--equations', "write down the machine's own equations instead")
+    flag(more, '--equations', 'write the equations of motion of the machine instead')
     flag(more, '--rates', 'add the rates of closures and gaps')
     form = more.add_mutually_exclusive_group()
     flag(form, '--latex', 'print a fragment of LaTeX')
@@ -38,7 +38,7 @@ def add(command: Command) -> None:
 
 def _scenes(options: argparse.Namespace) -> int:
     if options.schema:
-        from mechanism_sim.scene.new_scene import json_schema  # noqa: PLC0415
+        from mechanism_sim.scene.scene_writer import json_schema  # noqa: PLC0415
 
         print_json(json_schema())
         return 0
@@ -68,7 +68,7 @@ def _quantities(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     if options.equations:
         return _equations(options)
-    refuse_options(options, ['rates', 'latex', 'markdown', 'output'], 'goes with --equations')
+    refuse_options(options, ['rates', 'latex', 'markdown', 'output'], 'needs --equations')
     from mechanism_sim.scene.check import Report, check, render  # noqa: PLC0415
 
     machine = read_machine(options, remarks=False)

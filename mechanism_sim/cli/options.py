@@ -24,10 +24,10 @@ Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.Arg
 
 NODE_CLASSES = {
     'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
-    'linkage': 'mechanism_sim.nodes.linkage:LinkageNode',
-    'cam': 'mechanism_sim.nodes.part:CamNode',
-    'gear_train': 'mechanism_sim.nodes.part:GearTrain',
-    'geneva': 'mechanism_sim.nodes.part:GenevaNode',
+    'linkage': 'mechanism_sim.nodes.lifecycle:LinkageNode',
+    'cam': 'mechanism_sim.nodes.lifecycle:CamNode',
+    'gear_train': 'mechanism_sim.nodes.lifecycle:GearTrain',
+    'geneva': 'mechanism_sim.nodes.lifecycle:GenevaNode',
     'oscillator': 'mechanism_sim.nodes.oscillator:OscillatorNode',
     'sensors': 'mechanism_sim.nodes.sensors:Sensors',
     'display': 'mechanism_sim.nodes.display:Display',
@@ -52,7 +52,7 @@ def option(parser: Options, flags: str, metavar: str, text: str, default: object
 def time_option(parser: Options, flag: str, text: str, dest: str | None = None) -> None:
     """Add an option for a time: in seconds, or with a unit."""
     own: dict[str, Any] = {'dest': dest} if dest else {}
-    said = f"{text}, in seconds or as '20 ms'"
+    said = f"{text} (in seconds, or as '20 ms')"
     parser.add_argument(flag, metavar='S', type=_seconds, help=said, **own)
 
 
@@ -92,7 +92,7 @@ def look_options(sub: argparse.ArgumentParser, labels: str) -> None:
     """Add what a drawing shows besides the machine: paths, and names as `labels` unless told."""
     several(sub, '--path', 'LINK.POINT', 'draw the path of this point; several times')
     shown = 'all', 'links', 'none'
-    sub.add_argument('--labels', choices=shown, default=labels, help='which names are written')
+    sub.add_argument('--labels', choices=shown, default=labels, help='names that are drawn')
 
 
 def scene_options(
@@ -111,7 +111,7 @@ def scene_options(
 
 def tables_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for the files that scenes may name."""
-    text = 'a folder below which tables of a scene may lie, besides its own; several times'
+    text = 'a further folder in which tables of a scene may be, besides its own; several times'
     several(sub, '--tables-from', 'DIR', text)
 
 
@@ -164,13 +164,13 @@ def skipped_time(options: argparse.Namespace) -> float:
 
 def measure_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for figures of one's own."""
-    text = "a figure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'"
+    text = "a measure, as 'rms(drive_torque, from 2 s)' or 'peak = largest(reaction.pin)'"
     several(sub, '--measure', 'TEXT', f'{text}; several times', 'measures')
 
 
 def workers_options(sub: Options, usual: str = 'one for each core') -> None:
     """Add the options for who makes the runs of a study."""
-    option(sub, '--workers', 'N', f'processes; {usual} if not given', int)
+    option(sub, '--workers', 'N', f'number of processes; {usual} if not given', int)
     option(sub, '--dask', 'ADDRESS', 'run on the cluster of this Dask scheduler')
 
 
@@ -209,7 +209,7 @@ def refuse_options(options: argparse.Namespace, names: Iterable[str], reason: st
     Parameters
     ----------
     names : of options, as `pin-radius`
-    reason : the end of the sentence, as "goes with --wear"
+    reason : the end of the sentence, as "needs --wear"
     """
     for name in names:
         if options.parser.is_given(options, name):

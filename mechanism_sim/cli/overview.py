@@ -25,7 +25,7 @@ UNLISTED = 'node', 'thesis', 'basins', 'lyapunov'
 options of `bifurcation` and `statistics` do what the others do."""
 
 VERBS = {
-    'bag': 'list what a bag holds, publish it, or close one whose recorder was killed',
+    'bag': 'list or publish the contents of a bag, or close a bag whose recorder was killed',
     'thesis': "the thesis's experiment, criteria of contact loss, and start angles",
 }
 """Commands that consist of others, as `thesis starts`."""
@@ -58,7 +58,7 @@ START = (
             'report run.mcap -o run.html',
         ),
     ),
-    ('Move it while you change its speed and its clearance', ('view four_bar_clearance --open',)),
+    ('Change its speed and its clearance while it runs', ('view four_bar_clearance --open',)),
     (
         'Make a machine of your own',
         (
@@ -74,10 +74,10 @@ START = (
 
 def render_start() -> str:
     """The first screen: what to do next, with commands that can be copied."""
-    lines = ['mechanism-sim simulates planar machines as they are: loose, rattling, vibrating.']
+    lines = ['mechanism-sim simulates planar machines with clearance, impacts and vibration.']
     for purpose, commands in START:
         lines += ['', f'{purpose}:', *(f'  mechanism-sim {command}' for command in commands)]
-    lines += ['', "Every command explains itself: 'mechanism-sim solve --help'."]
+    lines += ['', "Help of a command: 'mechanism-sim solve --help'."]
     return '\n'.join(lines)
 
 
@@ -95,11 +95,11 @@ class Overview(Parser):
         lines += [
             '',
             'Options:',
-            f'  {"--help":{width}}  this list; of a command, after its name, its options',
+            f'  {"--help":{width}}  print this list; after the name of a command, its options',
             f'  {"--version":{width}}  print the version',
-            f'  {"--completion":{width}}  SHELL: print the script by which it completes names',
+            f'  {"--completion":{width}}  SHELL: print its script for completion of names',
             '',
-            "'mechanism-sim' alone says how to begin.",
+            "'mechanism-sim' alone shows how to begin.",
         ]
         return '\n'.join(lines) + '\n'
 

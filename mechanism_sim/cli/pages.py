@@ -42,37 +42,37 @@ def add(command: Command) -> None:
     measure_option(sub)
     sub.add_argument(
         'beside', metavar='BAG|SCENE', nargs='*',
-        help='further runs, which the first is compared with; --set is for all scenes among them',
+        help='further runs to compare with the first; --set applies to all scenes',
     )  # fmt: skip
-    text = 'change a value of the last scene, which is the first one again if it is alone'
+    text = 'change a value of the last scene; a single scene is compared with its changed copy'
     several(sub, '--set-other', 'PATH=VALUE', text, 'others')
     text = 'a run of the scene for each of these values, as drive.speed=300rpm,400rpm'
     option(sub, '--compare', 'PATH=VALUES', text)
     option(sub, '-o --output', 'FILE', 'the .html file; named after the run if not given')
 
     sub = command('view', _view, 'a machine while it runs, in a browser, with sliders')
-    scene_options(sub, 'a scene to be run with it; without one it follows what runs', count='?')
+    scene_options(sub, 'a scene to run with it; without one it follows what runs', count='?')
     time_option(sub, '--duration', 'length of the run; 1 h if none is known')
     option(sub, '--revolutions', 'N', 'turns of the drive to run, instead', float)
     option(
         sub, '--realtime-factor', 'F',
-        'simulated seconds in a second; 0: as fast as possible; if not given, a turn takes some '
+        'simulated seconds per second; 0: as fast as possible; if not given, a turn takes some '
         'seconds',
         float,
     )  # fmt: skip
     flag(sub, '--paused', 'begin its run paused')
-    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    option(sub, '--port', 'N', 'port of the page, 8080 if not given; 0: any free one', int)
     flag(sub, '--open', 'open a browser')
     option(sub, '--namespace', 'NS', 'namespace of the nodes that are followed')
 
-    sub = command('edit', _edit, 'draw and change a machine by touch, in a browser')
+    sub = command('edit', _edit, 'draw and edit a machine in a browser')
     sub.add_argument(
         'scene', metavar='SCENE', nargs='?',
-        help='a scene of the package, of which a copy is edited, a file, also one that `import` '
-        'reads; without: a new one',
+        help='a scene of the package (a copy is edited) or a file, also one that `import` '
+        'reads; a new scene if not given',
     )  # fmt: skip
     tables_option(sub)
-    option(sub, '--port', 'N', 'of the page on this machine, 8080 if not given; 0: any', int)
+    option(sub, '--port', 'N', 'port of the page, 8080 if not given; 0: any free one', int)
     flag(sub, '--open', 'open a browser')
 
 
@@ -144,7 +144,7 @@ def _compared(options: argparse.Namespace) -> list[tuple[str, Sequence[str]]]:
     """The runs that are compared: their sources, and what is changed in each."""
     sources = [options.scene, *options.beside]
     if options.compare:
-        refuse_options(options, ['set-other'], 'does not go with --compare')
+        refuse_options(options, ['set-other'], 'cannot be combined with --compare')
         path, _, values = options.compare.partition('=')
         if options.beside or not values.strip():
             raise InputError(
@@ -166,7 +166,7 @@ def _view(options: argparse.Namespace) -> int:
     run = _run_arguments(options) if options.scene else []
     if not run:
         own = 'set', 'rtol', 'atol', 'duration', 'revolutions', 'realtime-factor', 'paused'
-        refuse_options(options, own, 'is for a run of its own: give a SCENE')
+        refuse_options(options, own, 'needs a run of its own: give a SCENE')
     opened = (lambda address: print_json({'address': address})) if options.json else None
     return view(parameters, run, ros_args(options), opened)
 

@@ -33,8 +33,8 @@ from mechanism_sim.cli.source import (
 from mechanism_sim.errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from mechanism_sim.analysis.quantity_lookup import Asked
-    from mechanism_sim.recording import Bag
+    from mechanism_sim.analysis.open_run import Asked
+    from mechanism_sim.recording.reader import Bag
     from mechanism_sim.scene import Machine
 
 
@@ -44,27 +44,29 @@ def add(command: Command) -> None:
         'animate', _animate, 'a film of a run, or its sound: MP4, GIF, SVG frames or WAV'
     )
     source_options(sub)
-    option(sub, '-o --output', 'FILE|DIR', '.mp4, .gif, .svg to be numbered, or a folder '
-        'for SVG frames; .wav: what impacts sound like; SCENE.mp4 if not given')  # fmt: skip
+    option(sub, '-o --output', 'FILE|DIR', '.mp4, .gif, .svg to be numbered, or a folder for '
+        'SVG frames; .wav: the sound of impacts; SCENE.mp4 if not given')  # fmt: skip
     option(sub, '--fps', 'N', 'frames a second', float)
     option(
         sub, '--realtime-factor', 'F',
-        'simulated seconds in a second; if not given a turn of the drive takes 3 s, and a sound '
-        'as long as the run',
+        'simulated seconds per second; if not given, a turn of the drive takes 3 s, and a sound '
+        'lasts as long as the run',
         float,
     )  # fmt: skip
-    option(sub, '--size', 'PIXELS', "of the longer side, or as '1280x720'")
+    option(sub, '--size', 'PIXELS', "number of pixels of the longer side, or '1280x720'")
     glass = sub.add_mutually_exclusive_group()
-    option(glass, '--lens', 'JOINT', 'the joint with play that is magnified', '')
+    option(glass, '--lens', 'JOINT', 'the joint with clearance that is magnified', '')
     glass.add_argument('--no-lens', action='store_const', const=None, dest='lens', help='no lens')
     flag(sub, '--forces', 'draw forces as arrows at the joints')
     look_options(sub, 'none')
     heard = sub.add_argument_group('of a sound')
-    option(heard, '--distance', 'R', 'of the listener from the machine', '1 m')
-    option(heard, '--direction', 'ANGLE', "from the x axis, as '90 deg'; 0 if not given")
-    option(heard, '--pulse', 'T', "how long impacts last, as '0.1 ms'")
+    option(heard, '--distance', 'R', 'distance of the listener from the machine', '1 m')
+    option(heard, '--direction', 'ANGLE', "direction of the listener, as '90 deg'; 0 if not given")
+    option(heard, '--pulse', 'T', "duration of an impact, as '0.1 ms'")
     sub = command(
-        'plot', _plot, 'anything in a run over time, the angle of the drive or another quantity'
+        'plot',
+        _plot,
+        'plot quantities of a run over time, the angle of the drive or another quantity',
     )
     source_options(sub)
     sub.add_argument(
@@ -80,9 +82,9 @@ def add(command: Command) -> None:
     option(
         sub, '--against', 'angle|NAME',
         'the angle of the main drive, or a quantity, instead of the time; the direction of a '
-        'vector makes a round chart', 'time',
+        'vector makes a polar chart', 'time',
     )  # fmt: skip
-    flag(sub, '--ideal', 'the same machine with ideal joints below it')
+    flag(sub, '--ideal', 'also draw the same machine with ideal joints')
     flag(sub, '--charts', 'WHAT are charts of the report, as forces or impacts; without any, all: '
          'to a folder, a .pdf, or files as FILE_CHART.svg')  # fmt: skip
 
@@ -93,14 +95,13 @@ _HEARD = 'distance', 'direction', 'pulse'
 
 def _animate(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.report.animation import film  # noqa: PLC0415
     from mechanism_sim.report.screen import FilmParts  # noqa: PLC0415
-    from mechanism_sim.report.video import Target  # noqa: PLC0415
+    from mechanism_sim.report.video import Target, film  # noqa: PLC0415
 
     if Path(options.output or '').suffix == '.wav':
-        refuse_options(options, _SEEN, 'is of a film: a .wav file has none')
+        refuse_options(options, _SEEN, 'applies to a film, not to a .wav file')
         return _sound(options)
-    refuse_options(options, _HEARD, 'is of a sound: write to a .wav file')
+    refuse_options(options, _HEARD, 'applies to a sound: write to a .wav file')
     target = Target(options.output or f'{Path(options.scene).stem}.mp4')
     size = _size(options.size) if options.size else None
     record, start, end = run_of(options)
@@ -154,8 +155,8 @@ def _sound(options: argparse.Namespace) -> int:
 
 
 def _plot(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.quantity_lookup import Asked  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
     from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
 
@@ -163,7 +164,7 @@ def _plot(options: argparse.Namespace) -> int:
         refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
         return _charts(options)
     if not options.what:
-        reason = 'goes with the name of a quantity; without one all that can be plotted is listed'
+        reason = 'needs the name of a quantity; without one all that can be plotted is listed'
         refuse_options(options, ['output', 'against', 'ideal'], reason)
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
     numbers = [file for file in files if Path(file).suffix in ENDINGS]
@@ -173,7 +174,7 @@ def _plot(options: argparse.Namespace) -> int:
         figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
     ]
     if not pictures:
-        refuse_options(options, ['against'], 'is about a picture: give one to --output, too')
+        refuse_options(options, ['against'], 'applies to a picture: give one to --output, too')
     if options.ideal and options.against not in ('time', 'angle'):
         raise InputError('--ideal is drawn over time or --against angle: the ideal machine has '
                          f'a {options.against} of its own')  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.cli.options import (
     TABLES,
@@ -49,8 +49,8 @@ def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
     several(sub, '--vary', 'PATH=LOW:HIGH:N', vary, 'vary')
     option(sub, '--at-impacts', 'JOINT', 'sections at impacts in this joint, not once a turn')
     option(sub, '--transient', 'N', 'turns of the drive until it has settled', 60)
-    option(sub, '--keep', 'N', 'turns of which sections are taken', 60)
-    option(sub, '--longest', 'P', 'longest period that is looked for, in turns', 16)
+    option(sub, '--keep', 'N', 'turns in which sections are taken', 60)
+    option(sub, '--longest', 'P', 'longest period to look for, in turns', 16)
     option(sub, '-o --output', 'TABLE', f'a row for each point: {TABLES}')
     option(sub, '--plot', 'FILE', 'draw the sections: .png, .svg or .pdf')
     workers_options(sub)
@@ -58,15 +58,19 @@ def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
 
 def _bifurcation(options: argparse.Namespace) -> int:
     from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.ranges import named_ranges  # noqa: PLC0415
     from mechanism_sim.report import bifurcation as report  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.studies.basins import basins  # noqa: PLC0415
     from mechanism_sim.studies.bifurcation import bifurcation  # noqa: PLC0415
     from mechanism_sim.studies.continuation import branches  # noqa: PLC0415
 
-    vary = dict(map(_varied, options.vary or ['']))
-    if len(vary) != max(1, len(options.vary)) or len(vary) > 2:
+    given = named_ranges('--vary', options.vary or [''], 'drive.speed=100 rpm:600 rpm:51', True)
+    if len(given) > 2:
         raise InputError('--vary: give one key, or two different ones; sweep takes more')
+    vary: dict[str, tuple[Any, Any, int]] = {
+        path: (one.values[0], one.values[1], one.number) for path, one in given.items()
+    }
     two = len(vary) == 2
     if options.command == 'basins' and not two:
         raise InputError('basins: --vary: give two keys; bifurcation takes one')
@@ -110,15 +114,3 @@ def _write(options: argparse.Namespace, columns: list[Column], chart: Chart) -> 
         tables.write(Path(options.output), columns)
     if options.plot:
         figures.save(figures.paint(chart), Path(options.plot))
-
-
-def _varied(text: str) -> tuple[str, tuple[str, str, int]]:
-    """Path, and limits and number of values, of ``PATH=LOW:HIGH:N``."""
-    path, _, rest = text.partition('=')
-    low, high, count = [*(part.strip() for part in rest.split(':')), '', '', ''][:3]
-    if not (path and low and high and count.isdecimal() and rest.count(':') == 2):
-        given = f" '{text}'" if text else ''
-        raise InputError(
-            f"--vary{given}: write PATH=LOW:HIGH:N, as 'drive.speed=100 rpm:600 rpm:51'"
-        )
-    return path.strip(), (low, high, int(count))

@@ -30,7 +30,7 @@ from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
     from mechanism_sim.report.tables import Writer
-    from mechanism_sim.results.solution import Piece
+    from mechanism_sim.results.run import Piece
 
 
 def add(command: Command) -> None:
@@ -43,19 +43,19 @@ def add(command: Command) -> None:
         sub,
         '--derivatives',
         'PATHS',
-        'by numbers of the scene, as drive.speed,links.coupler.mass: of the final state, impacts '
-        'and measures',
+        'derivatives of the final state, impacts and measures by numbers of the scene, as '
+        'drive.speed,links.coupler.mass',
     )
     flag(sub, '--horizon', 'until when digits of the run hold, by exact derivatives along it')
-    option(sub, '--sample-rate', 'HZ', 'samples a second, for --output', float)
-    option(sub, '-o --output', 'FILE', f'write samples of everything: {TABLES}')
-    flag(sub, '--no-events', 'with --json: counts of events instead of their lists')
-    option(sub, '--save', 'FILE', 'write what --resume needs to go on from the end')
+    option(sub, '--sample-rate', 'HZ', 'samples per second, for --output', float)
+    option(sub, '-o --output', 'FILE', f'write samples of all quantities: {TABLES}')
+    flag(sub, '--no-events', 'with --json: numbers of events instead of their lists')
+    option(sub, '--save', 'FILE', 'write a snapshot of the end, from which --resume continues')
     option(
         sub,
         '--resume',
         'FILE',
-        'go on from what --save wrote; lengths still count from the very beginning',
+        'continue from the snapshot of --save; lengths count from the start of the first run',
     )
     sub = command('run', _run, 'run a scene as nodes that publish and record')
     scene_options(sub)
@@ -63,7 +63,7 @@ def add(command: Command) -> None:
     option(sub, '--record', 'FILE', 'record the run in this MCAP file')
     flag(sub, '--overwrite', 'replace an existing bag')
     option(
-        sub, '--realtime-factor', 'F', 'simulated seconds in a second; 0: as fast as possible', 0.0
+        sub, '--realtime-factor', 'F', 'simulated seconds per second; 0: as fast as possible', 0.0
     )
     flag(sub, '--display', 'publish markers for RViz and Foxglove, too')
     flag(sub, '--processes', 'run each node in a process of its own')
@@ -95,16 +95,16 @@ def _solve(options: argparse.Namespace) -> int:
     )
     from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
-    from mechanism_sim.results.means import ImpactTally  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
+    from mechanism_sim.results.turns import ImpactTally  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
     from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
 
     if options.no_events and not options.json:
-        raise InputError('--no-events goes with --json: without it no events are listed')
+        raise InputError('--no-events needs --json: without it no events are listed')
     if options.sample_rate is not None and not options.output:
-        raise InputError('--sample-rate goes with --output: it is that of the samples in the file')
+        raise InputError('--sample-rate needs --output: it is that of the samples in the file')
     machine = read_machine(options)
     end = run_length(machine, options.revolutions, options.duration)
     taken = Measurement(machine, read_measures(options, machine))
@@ -158,7 +158,7 @@ def _run(options: argparse.Namespace) -> int:
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     if not options.record:
-        refuse_options(options, ['overwrite'], 'goes with --record: it is about that bag')
+        refuse_options(options, ['overwrite'], 'needs --record')
     if options.record and Path(options.record).exists() and not options.overwrite:
         raise InputError(
             f"the bag '{options.record}' exists already; choose another name or give --overwrite"

@@ -23,7 +23,7 @@ from mechanism_sim.recording.runs import BAG_ENDINGS
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
-    from mechanism_sim.recording import Bag
+    from mechanism_sim.recording.reader import Bag
     from mechanism_sim.scene import Machine
 
 
@@ -59,7 +59,7 @@ def refuse_overrides(options: argparse.Namespace) -> None:
 def read_run(options: argparse.Namespace) -> Record:
     """The run that a bag holds."""
     from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
-    from mechanism_sim.recording import read_bag  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
     refuse_overrides(options)
@@ -93,7 +93,7 @@ def simulate_run(
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.namespace:
-        raise InputError('--namespace is for bags')
+        raise InputError('--namespace applies to bags')
     machine = read_machine(options)
     if check:
         check(machine)

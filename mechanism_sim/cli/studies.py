@@ -34,6 +34,7 @@ from mechanism_sim.errors import InputError
 
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
+    from mechanism_sim.studies.plan import SweepPlan
 
 
 def add(command: Command) -> None:
@@ -43,20 +44,23 @@ def add(command: Command) -> None:
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
-    text = 'instead: so many of the largest Lyapunov exponents, and how long digits of a run hold'
+    text = (
+        'instead: this number of the largest Lyapunov exponents, and how long the digits of '
+        'a run are significant'
+    )
     option(sub, '--exponents', 'N', text, int)
     sub = command('lyapunov', _exponents, 'how fast neighbouring motions part, with intervals')
     scene_options(sub)
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
-    option(sub, '--exponents', 'N', 'so many of the largest Lyapunov exponents', 1)
-    sub = command('find', _find, 'find values of keys for which figures are as wanted')
+    option(sub, '--exponents', 'N', 'number of the largest Lyapunov exponents', 1)
+    sub = command('find', _find, 'find values of keys for which measures have wanted values')
     scene_options(sub, count='?')
-    text = 'a key, and between which values to look, or PATH=VALUE,VALUE,...; several times'
+    text = 'a key and the limits of its value, or PATH=VALUE,VALUE,...; several times'
     several(sub, '--vary', 'PATH=LOW:HIGH', text, 'vary')
     text = "as 'largest(reaction.ram_pin) = 20 kN'; several times"
     several(sub, '--so-that', 'GOAL', text, 'so_that')
-    text = "instead: as 'rms(drive_torque)'; several times for a front of Pareto"
+    text = "instead: as 'rms(drive_torque)'; several times for a Pareto front"
     several(sub, '--minimise', 'MEASURE', text)
     several(sub, '--maximise', 'MEASURE', 'instead, or beside it; several times')
     text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
@@ -66,13 +70,15 @@ def add(command: Command) -> None:
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     text = 'global: between all limits, by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
+    text = 'exact, where there are such; or of cycles, which may take less time'
+    sub.add_argument('--gradients', choices=('exact', 'differences'), default='exact', help=text)
     text = 'cycles after which a global search, or a front, ends'
     option(sub, '--evaluations', 'N', text, 400)
-    text = 'the scene (.yaml), a table of what was tried, the curve or the front; several times'
+    text = 'the scene (.yaml), a table of the designs tried, the curve or the front; several times'
     several(sub, '-o --output', 'FILE', text)
-    flag(sub, '--restart', 'with a table: forget what is computed already')
+    flag(sub, '--restart', 'with a table: discard what was computed before')
     workers_options(sub, '1')
-    flag(sub, '--lift-off', 'instead: from which speed on followers leave their cams')
+    flag(sub, '--lift-off', 'instead: the speed from which followers lift off their cams')
     flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
     option(sub, '--longest', 'P', 'with --periodic: longest period, in revolutions', 8)
     option(sub, '--transient', 'N', 'with --periodic: revolutions until it has settled', 60)
@@ -95,10 +101,12 @@ def add(command: Command) -> None:
     workers_options(sub)
     option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
     option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
-    flag(sub, '--restart', 'forget what is computed already')
+    flag(sub, '--restart', 'discard what was computed before')
     option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot and --plots: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
+    flag(sub, '--first-order', "instead: shares of variance and worst case of the tolerances in "
+         "'vary', by one run with derivatives, and runs that say if that is enough")  # fmt: skip
     option(sub, '--plots', 'PLACE', 'draw all charts: these, tornados and response surfaces; to a '
            'folder, a .pdf, or NAME.svg for NAME_*.svg')  # fmt: skip
     option(sub, '--pareto', 'A,B', 'with --plots: runs that are best in two measures, the least '
@@ -169,7 +177,7 @@ def _lift_off(options: argparse.Namespace) -> int:
 
 _SEARCH = (
     'vary', 'so-that', 'minimise', 'maximise', 'subject-to', 'values', 'duration', 'revolutions',
-    'search', 'evaluations', 'output', 'restart', 'workers', 'dask',
+    'search', 'evaluations', 'gradients', 'output', 'restart', 'workers', 'dask',
 )  # fmt: skip
 _PERIODIC = 'periodic', 'longest', 'transient'
 _SCENE = 'set', 'tables-from', 'rtol', 'atol'
@@ -184,19 +192,19 @@ def _find(options: argparse.Namespace) -> int:
         refuse_options(options, others, 'does not apply to --path')
         return _path(options)
     if options.teeth is not None:
-        own = 'is for a scene, and --teeth goes without one'
+        own = 'needs a scene, and --teeth takes none'
         refuse_options(options, ['lift-off', *_PERIODIC, *_SEARCH, *_SCENE], own)
         if options.scene is not None:
-            raise InputError(f"find --teeth goes without a scene; '{options.scene}' was given")
+            raise InputError(f"find --teeth takes no scene, but '{options.scene}' was given")
         return _teeth(options)
-    refuse_options(options, _TEETH, 'goes with --teeth')
-    refuse_options(options, ['transmission'], 'goes with --path')
+    refuse_options(options, _TEETH, 'needs --teeth')
+    refuse_options(options, ['transmission'], 'needs --path')
     if options.scene is None:
         raise InputError('find: SCENE is missing; see --help')
     if options.periodic:
         refuse_options(options, ['lift-off', *_SEARCH], 'does not apply to --periodic')
         return _periodic(options)
-    refuse_options(options, _PERIODIC, 'goes with --periodic')
+    refuse_options(options, _PERIODIC, 'needs --periodic')
     if options.lift_off:
         refuse_options(options, _SEARCH, 'does not apply to --lift-off')
         return _lift_off(options)
@@ -209,16 +217,16 @@ def _find_value(options: argparse.Namespace) -> int:
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.studies.find import find  # noqa: PLC0415
     from mechanism_sim.studies.goal import read_goals  # noqa: PLC0415
-    from mechanism_sim.studies.parameters import ranges  # noqa: PLC0415
+    from mechanism_sim.studies.parameters import read_limits  # noqa: PLC0415
 
     goals = read_goals(options.so_that, options.minimise, options.maximise, options.subject_to)
-    vary = ranges(options.vary or [''], '--vary', lists=True)
+    vary = read_limits('--vary', options.vary or [''], lists=True)
     scene, table, picture = _outputs(options)
     front = len(options.minimise) + len(options.maximise) > 1
     if picture and not front and (len(vary) > 1 or len(goals) > 1):
         raise InputError('--output: a picture is the curve of one key and one goal, or a front')
     if options.restart and not table:
-        raise InputError('--restart goes with a table, -o FILE.csv, and its journal')
+        raise InputError('--restart needs a table, -o FILE.csv, and its journal')
     if options.values < 2 or options.evaluations < 1:
         raise InputError('--values must be at least 2, --evaluations at least 1')
     workers = read_workers(options, 1)
@@ -229,8 +237,9 @@ def _find_value(options: argparse.Namespace) -> int:
         result = find(
             machine, vary, options.so_that, minimise=options.minimise,
             maximise=options.maximise, subject_to=options.subject_to, samples=options.values,
-            search=options.search, evaluations=options.evaluations, file=table,
-            restart=options.restart, workers=workers, show=show, duration=options.duration,
+            search=options.search, evaluations=options.evaluations, gradients=options.gradients,
+            file=table, restart=options.restart, workers=workers, show=show,
+            duration=options.duration,
             **({} if options.revolutions is None else {'periods': options.revolutions}),
         )  # fmt: skip
     if scene and result.values:
@@ -243,18 +252,16 @@ def _find_value(options: argparse.Namespace) -> int:
 def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.output import write_text  # noqa: PLC0415
     from mechanism_sim.report import found  # noqa: PLC0415
-    from mechanism_sim.results.path_distance import read_path  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
-    from mechanism_sim.studies.synthesis import path_four_bars  # noqa: PLC0415
+    from mechanism_sim.studies.four_bars import find_four_bars  # noqa: PLC0415
 
     if options.scene is not None:
-        raise InputError(f"find --path goes without a scene; '{options.scene}' was given")
+        raise InputError(f"find --path takes no scene, but '{options.scene}' was given")
     scene, *others = _outputs(options)
     if any(others):
         raise InputError('--output: find --path writes a scene, NAME.yaml')
-    designs = path_four_bars(
-        read_path(options.path), quantity('--transmission', options.transmission, 'rad')[0]
-    )
+    least = quantity('--transmission', options.transmission, 'rad')[0]
+    designs = find_four_bars(options.path, least)
     if scene:
         write_text(scene, load_scene(designs[0].scene(options.path)).scene.to_yaml())
     return print_result(options, designs, found.four_bars_json, found.four_bars_text)
@@ -299,11 +306,12 @@ def _teeth_options(sub: argparse.ArgumentParser) -> None:
 
 def _teeth(options: argparse.Namespace) -> int:
     from mechanism_sim.joints.mesh.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
+    from mechanism_sim.ranges import read_range  # noqa: PLC0415
     from mechanism_sim.report import teeth  # noqa: PLC0415
 
-    fewest, colon, most = options.teeth_range.partition(':')
-    if not (colon and fewest.isdecimal() and most.isdecimal()):
-        raise InputError(f"--teeth-range '{options.teeth_range}': write for example 18:120")
+    fewest, most = read_range('--teeth-range', options.teeth_range, '18:120').values
+    if not (fewest.isdecimal() and most.isdecimal()):
+        raise InputError(f"--teeth-range '{options.teeth_range}': both must be whole numbers")
     count = int(fewest), int(most)
     distance = (
         quantity('--centre-distance', options.centre_distance, 'm')[0]
@@ -328,13 +336,15 @@ def _teeth(options: argparse.Namespace) -> int:
 def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
-    from mechanism_sim.report.sweep_charts import SweepCharts  # noqa: PLC0415
+    from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
     from mechanism_sim.studies.sweep import SweepInterrupted, run_plan  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     with progress.busy('checking', options.json) as say:
         plan = read_plan(options.file, options.measures, say)
+    if options.first_order:
+        return _first_order(options, plan)
     table = Path(options.output or f'{plan.name}{default_ending()}')
     if options.over and not (options.plot or options.plots):
         raise InputError('--over needs --plot FILE or --plots PLACE')
@@ -365,3 +375,27 @@ def _sweep(options: argparse.Namespace) -> int:
     else:
         print(report.render(summary, plan, rows))
     return 0
+
+
+def _first_order(options: argparse.Namespace, plan: SweepPlan) -> int:
+    """Tolerances to first order, with their table and tornados."""
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.report import figures, progress  # noqa: PLC0415
+    from mechanism_sim.report import sweep as report  # noqa: PLC0415
+    from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
+    from mechanism_sim.studies.tolerances import first_order  # noqa: PLC0415
+
+    others = 'plot', 'over', 'effects', 'bags', 'windows', 'restart', 'pareto'
+    refuse_options(options, others, 'does not apply to --first-order')
+    report.check_charts(plan, options.plots, None, '--plots')
+    table = tables.check_file('--output', options.output) if options.output else None
+    count = 1 + 2 * len(plan.factors) + 2 * len(plan.measures)
+    workers = read_workers(options)
+    with progress.count('sweep', count, quiet=options.json) as show, workers:
+        found = first_order(plan, workers, show)
+    if table:
+        tables.write(table, report.first_order_table(found), {'sweep': plan.name})
+    if options.plots:
+        drawn = SweepCharts(found.plan, found.rows, found.effects)
+        figures.save_all(drawn.tornados(), Path(options.plots))
+    return print_result(options, found, report.first_order_json, report.first_order)

@@ -23,7 +23,7 @@ from mechanism_sim.cli.options import (
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('thesis experiment', _experiment, 'its figures and tables, from bags of a sweep')
+    sub = command('thesis experiment', _experiment, 'figures and tables from bags of a sweep')
     sub.add_argument(
         'folders', nargs='+', metavar='DIR', help='folders of bags, as sweep --bags writes them'
     )
@@ -31,20 +31,19 @@ def add(command: Command) -> None:
     option(sub, '--page', 'FILE.md', 'renew the tables of a page between its marks')
     skip_option(sub, 'the first half if not given')
     sub = command(
-        'thesis contact-loss', _contact_loss, 'criteria of contact loss, beside what happens'
+        'thesis contact-loss', _contact_loss, 'criteria of contact loss, beside simulated losses'
     )
     scene_options(sub)
     length_options(sub, '3 if not given')
-    sub = command('thesis starts', _starts, 'how long a seated pin follows, by start angle')
+    sub = command('thesis starts', _starts, 'how long a seated pin keeps contact, by start angle')
     scene_options(sub)
-    option(sub, '--angles', 'N', 'how many start angles around the turn', 24)
+    option(sub, '--angles', 'N', 'number of start angles in a turn', 24)
     length_options(sub, '3 if not given')
     workers_options(sub, '1')
 
 
 def _experiment(options: argparse.Namespace) -> int:
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
-    from mechanism_sim.thesis import experiment_page  # noqa: PLC0415
     from mechanism_sim.thesis import experiment_tables as report  # noqa: PLC0415
     from mechanism_sim.thesis.experiment import (  # noqa: PLC0415
         bags_of,
@@ -55,13 +54,13 @@ def _experiment(options: argparse.Namespace) -> int:
 
     skip = None if options.skip is None else skipped_turns(options)
     place = figures.check_picture('--output', options.output, True) if options.output else None
-    page = experiment_page.read_page('--page', options.page) if options.page else None
+    page = report.read_page('--page', options.page) if options.page else None
     bags = bags_of([Path(folder) for folder in options.folders])
     with progress.count('experiment', len(bags), quiet=options.json) as show:
         found = with_orders(with_limits(read_experiment(bags, skip, show)))
     if page:
         file, text = page
-        output.write_text(file, experiment_page.renewed(text, found))
+        output.write_text(file, report.renewed(text, found))
     if place:
         from mechanism_sim.thesis.experiment_figures import charts  # noqa: PLC0415
 
@@ -71,7 +70,7 @@ def _experiment(options: argparse.Namespace) -> int:
 
 def _contact_loss(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.thesis.losses import losses, render, to_json  # noqa: PLC0415
+    from mechanism_sim.thesis.contact_loss import losses, render, to_json  # noqa: PLC0415
 
     machine = read_machine(options)
     with progress.busy('contact-loss', options.json):

@@ -27,30 +27,28 @@ def add(command: Command) -> None:
     """The commands of this file."""
     sub = command('modes', _modes, 'natural frequencies, damping ratios and mode shapes')
     scene_options(sub)
-    option(sub, '--along', 'N', 'with the drive held at N angles around its turn', int)
-    option(sub, '--speeds', 'A:B:N', "over N speeds of the drive, as '0 rpm:3000 rpm:31'")
+    option(sub, '--along', 'N', 'modes with the drive held at N angles of a turn', int)
+    option(sub, '--speeds', 'A:B:N', "modes over N speeds of the drive, as '0 rpm:3000 rpm:31'")
     sub.add_argument(
         '--turning', action='store_true',
-        help='about the motion in which its torque keeps it, even if it could rest',
+        help='modes about the steady rotation under its torque, even if it could rest',
     )  # fmt: skip
     option(sub, '-o --output', 'FILE', 'draw the shapes, or the frequencies over angle or speed')
     sub = command('response', _response, 'steady response to a harmonic force or base motion')
     scene_options(sub)
     sub.add_argument(
         'quantities', nargs='*', metavar='QUANTITY',
-        help='as position.mass or reaction.ground_mass.x; positions if none is given',
+        help='as position.mass or reaction.ground_mass.x; all positions if none is given',
     )  # fmt: skip
     option(sub, '--force', 'LINK.POINT', 'a force of amplitude 1 N at this point')
-    option(sub, '--direction', 'ANGLE', "of the force in the world, as '90 deg'")
+    option(sub, '--direction', 'ANGLE', "direction of the force in the fixed frame, as '90 deg'")
     option(sub, '--torque', 'LINK', 'a moment of amplitude 1 N m on this link')
-    option(sub, '--base', 'COORDINATE', 'this driven coordinate moves by 1 m, or 1 rad')
-    option(sub, '--frequencies', 'A:B:N', "as '1 Hz:20 Hz:39'")
-    option(
-        sub, '--speed', 'S', "of the drive meanwhile, as '900 rpm'; it stands still if not given"
-    )
-    option(sub, '--harmonics', 'N', 'instead: of the vibration under drives and loads', int)
+    option(sub, '--base', 'COORDINATE', 'an amplitude of 1 m or 1 rad of this driven coordinate')
+    option(sub, '--frequencies', 'A:B:N', "first, last and number, as '1 Hz:20 Hz:39'")
+    option(sub, '--speed', 'S', "speed of the drive, as '900 rpm'; it is at rest if not given")
+    option(sub, '--harmonics', 'N', 'instead: N harmonics under drives and loads', int)
     option(sub, '--period', 'T', "with --harmonics: as '0.1 s'; a turn of the drive if not given")
-    option(sub, '--speeds', 'A:B:N', 'instead: of the first harmonic over N speeds of the drive')
+    option(sub, '--speeds', 'A:B:N', 'instead: the first harmonic over N speeds of the drive')
     option(sub, '-o --output', 'FILE', 'draw it')
 
 
@@ -75,17 +73,13 @@ def _span(name: str, text: str, unit: str) -> Array:
     """Equidistant values from ``A:B:N``."""
     import numpy as np  # noqa: PLC0415
 
+    from mechanism_sim.ranges import check_order, read_range  # noqa: PLC0415
+
     example = {'Hz': '1 Hz:20 Hz:39', 'rad/s': '0 rpm:3000 rpm:31'}[unit]
-    parts = text.split(':')
-    if len(parts) != 3 or not parts[2].strip().isdecimal() or int(parts[2]) < 2:
-        raise InputError(
-            f"{name} '{text}': expected first, last and number of values, 2 or more, as "
-            f"'{example}'"
-        )
-    low, high = (quantity(name, x, unit)[0] for x in parts[:2])
-    if not low < high:
-        raise InputError(f"{name} '{text}': the first value must be below the last")
-    return np.linspace(low, high, int(parts[2]))
+    given = read_range(name, text, example, counted=True)
+    low, high = (quantity(name, x, unit)[0] for x in given.values)
+    check_order(name, low, high, given.values)
+    return np.linspace(low, high, given.number)
 
 
 def _modes(options: argparse.Namespace) -> int:
@@ -124,7 +118,7 @@ def _response(options: argparse.Namespace) -> int:
     ]  # fmt: skip
     if options.speeds is not None:
         if any(x is not None for x in (*forced, options.harmonics, options.period)):
-            raise InputError('--speeds goes without a source, --frequencies and --harmonics')
+            raise InputError('--speeds takes no source, --frequencies or --harmonics')
         speeds = _span('--speeds', options.speeds, 'rad/s')
         machine = read_machine(options)
         turned = unbalance_response(machine, options.quantities, speeds)
@@ -132,14 +126,14 @@ def _response(options: argparse.Namespace) -> int:
         return print_result(options, turned, report.response_json, report.response_text)
     if options.harmonics is not None:
         if any(x is not None for x in forced):
-            raise InputError('--harmonics goes without a source and without --frequencies')
+            raise InputError('--harmonics takes no source and no --frequencies')
         period = quantity('--period', options.period, 's')[0] if options.period else None
         machine = read_machine(options)
         series = harmonics(machine, options.quantities, options.harmonics, period)
         _draw(file, report.harmonics_chart, series, machine.scene.title)
         return print_result(options, series, report.harmonics_json, report.harmonics_text)
     if options.period is not None:
-        raise InputError('--period belongs to --harmonics')
+        raise InputError('--period needs --harmonics')
     if not options.frequencies:
         raise InputError("give --frequencies, as '1 Hz:20 Hz:39', --harmonics or --speeds")
     frequency = _span('--frequencies', options.frequencies, 'Hz')

@@ -339,7 +339,7 @@ def stop_slide(
     path = basis @ np.linalg.svd((matrix @ basis)[rows])[2][-1]
     normals = path[:m] * math.copysign(1.0, path[:m].sum())
     if normals.min() < -_IMPACTS.pull * normals.max():
-        raise ArithmeticError('forces of both signs grow without end')
+        raise ArithmeticError('forces of both signs grow without limit')
     change = (matrix @ path)[m:] * math.copysign(1.0, path[:m].sum())
     stops = [
         (abs(before[m + i]) / -(slip[i] * change[i]), i)

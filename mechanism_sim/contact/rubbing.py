@@ -38,12 +38,12 @@ class Rubs(NamedTuple):
 def rubs_of(
     terms: Array, sizes: list[list[tuple[int, int]]], rows: int, free: int, drives: int
 ) -> Rubs:
-    """Views of the terms in one row."""
+    """Views of the terms (N, ...) in one row, or of their derivatives."""
     k, each = len(sizes), [x for own in sizes for x, _ in own]
     shapes = (k,), (k, free), (rows + k, k), (k, drives), (sum(each), rows + k), (len(each),)
     ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
     slip, response, compliance, drive, forces, coefficients = (
-        x.reshape(s) for x, s in zip(np.split(terms, ends), shapes, strict=True)
+        x.reshape(*s, *x.shape[1:]) for x, s in zip(np.split(terms, ends), shapes, strict=True)
     )
     owner = np.array([i for i, own in enumerate(sizes) for _ in own])
     last, walls = np.cumsum(each), np.array([wall for own in sizes for _, wall in own])

@@ -32,6 +32,7 @@ from mechanism_sim.scene import Machine
 
 _MEMORY = 2e6  # numbers in the equations that are solved at once
 _MOST = 1024  # segments
+_SHORT = 1e-8  # of usual segments: of one in which nothing can happen
 
 CHATTER = (
     'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
@@ -251,6 +252,7 @@ class _Walk:
         self._limits: list[DerivativeLimit] = []
         self._begun: dict[int, DerivativeLimit] = {}
         self._struck = self._by_segment()
+        self._next = self._following()
 
     def _by_segment(self) -> dict[int, list[int]]:
         """The impacts that happen where a segment begins, by their numbers."""
@@ -261,6 +263,16 @@ class _Walk:
             found.setdefault(k, []).append(i)
         found.pop(0, None)  # those of the start belong to it
         return found
+
+    def _following(self) -> NDArray[np.intp]:
+        """The segment (m,) that follows on each, without those in which nothing can happen.
+
+        A load that is let go may seem to act in another way for a rounding of time.
+        """
+        h, m = self._motion.curve.duration, len(self._motion)
+        near = np.isin(np.arange(m), [x - 1 for x in self._struck] + [*self._struck])
+        own = np.where((h < _SHORT * np.median(h)) & ~near, m - 1, np.arange(m))
+        return np.append(np.minimum.accumulate(own[::-1])[::-1], m - 1)[1:]
 
     def flow(self) -> Flow:
         """Walk, and say what was found."""
@@ -296,7 +308,7 @@ class _Walk:
             try:
                 of.jumps.begin(side, others)
                 if closed:
-                    self._state[f : 2 * f, p] = of.jumps.seated(side, x, modes, p)
+                    self._state[f : 2 * f, p] = of.jumps.seated(side, x, p)
             except NoDerivativeError as error:
                 text, ends = f'{error}; there are no derivatives by it', True
             if closed or ends:
@@ -340,7 +352,7 @@ class _Walk:
             self._approaches[first + j] = self._approach
             W = extended.shape[1]
             self._state = steps.end[j, :, :W] @ extended[j] + steps.end[j, :, W:]
-            if j in events and not self._jump(first + j + 1, j, *events[j]):
+            if j in events and not self._jump(first + j, j, *events[j]):
                 alive, done = False, j + 1
                 self._state = np.full_like(self._state, np.nan)
                 self._shift[first + j + 1 :] = np.nan
@@ -365,19 +377,22 @@ class _Walk:
         k = np.arange(first, min(last, len(motion) - 1))
         if not len(k):
             return {}
-        flags = of.equations.points(motion, np.append(k, k[-1] + 1), np.zeros(len(k) + 1))
-        pars = np.delete(flags.parameters, of.system.parameters.stabilisation, axis=0)
-        changed = (np.diff(pars, axis=1) != 0.0).any(axis=0)
+        after = self._next[k]
+        old, new = (
+            of.equations.points(motion, x, np.zeros(len(k))).parameters for x in (k, after)
+        )
+        kept = np.isin(np.arange(len(old)), of.system.parameters.stabilisation, invert=True)
+        changed = (old != new)[kept].any(axis=0)
         for table in of.laws:
-            which = _law_at(table, curve.start[[*k, k[-1] + 1]])
-            changed |= np.diff(which) != 0
+            changed |= _law_at(table, curve.start[after]) != _law_at(table, curve.start[k])
         changed |= np.isin(k + 1, [*self._struck])
+        changed &= np.isin(k, self._next) | (k == 0)
         which = np.flatnonzero(changed)
         if not len(which):
             return {}
         sides = []
         for segments, dt in (
-            (k[which], curve.duration[k[which]]), (k[which] + 1, np.zeros(len(which))),
+            (k[which], curve.duration[k[which]]), (after[which], np.zeros(len(which))),
         ):  # fmt: skip
             at = of.equations.points(motion, segments, dt, damped=False)
             slopes = of.equations.slopes(at)
@@ -391,19 +406,20 @@ class _Walk:
         a[of.system.prescribed_index] = at.a_p[:, j]
         return Side(Points(*(x[:, j : j + 1] for x in at)), slopes.rate[:, j], a)
 
-    def _jump(self, k: int, j: int, before: Side, after: Side) -> bool:
-        """Take derivatives across the event at the start of segment k; False if there are none."""
-        of, t = self._of, float(self._motion.curve.start[k])
+    def _jump(self, old: int, j: int, before: Side, after: Side) -> bool:
+        """Take derivatives across the event after segment `old`; False if there are none."""
+        of, k = self._of, int(self._next[old])
+        t = float(self._motion.curve.start[k])
         x = self._variation(j, self._ends)
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
-        where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(k)
+        where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(old, k)
         try:
             if impacts:
                 found = of.jumps.struck(before, after, x, impacts)
                 of.jumps.check_switches(before, after, self._switched(before, after))
             else:
-                found = self._passed(k, before, after, x)
+                found = self._passed((old, k), before, after, x)
         except NoDerivativeError as error:
             text = f'{error}; there are no derivatives beyond it'
             self._limits.append(DerivativeLimit(t, where, text, True))
@@ -429,11 +445,11 @@ class _Walk:
             parameters[of.equations.chosen.index(i)] = self._approach[m]
         return Variation(q, v, a_p, self._state[2 * f :], parameters, self._approach)
 
-    def _passed(self, k: int, before: Side, after: Side, x: Variation) -> Saltation:
-        """Across an event without impact."""
+    def _passed(self, ends: tuple[int, int], before: Side, after: Side, x: Variation) -> Saltation:
+        """Across an event without impact between two segments."""
         of, motion, curve = self._of, self._motion, self._motion.curve
         sizes, m = of.equations.sizes, len(of.system.gaps)
-        old, new = motion.modes[k - 1].tolist(), motion.modes[k].tolist()
+        old, new = motion.modes[[*ends]].tolist()
         rows, gaps = [], []
         for i, (a, b) in enumerate(zip(old, new, strict=True)):
             slid = a in (Mode.SLIDING_FORWARD, Mode.SLIDING_BACKWARD)
@@ -451,7 +467,7 @@ class _Walk:
             guards.switch[j, column] = 1.0
         law = None
         for j, table in enumerate(of.laws):
-            first, then = _law_at(table, curve.start[[k - 1, k]])
+            first, then = _law_at(table, curve.start[[*ends]])
             if first != then:
                 law = of.influence.laws[j].start[then]
         if gaps and not of.system.compliant and not of.equations.system.rated[gaps[0]]:
@@ -464,8 +480,8 @@ class _Walk:
         index = self._of.system.parameters.switches
         return [j for j, symbols in enumerate(index) if (old[symbols] != new[symbols]).any()]
 
-    def _changed(self, k: int) -> str:
-        """Joints whose contact changes where segment k begins."""
-        old, new = self._motion.modes[k - 1], self._motion.modes[k]
+    def _changed(self, *ends: int) -> str:
+        """Joints whose contact changes between two segments."""
+        old, new = self._motion.modes[[*ends]]
         names = [gap.name for gap in self._of.system.gaps]
         return ', '.join(dict.fromkeys(names[i] for i in np.flatnonzero(old != new)))

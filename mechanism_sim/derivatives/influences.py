@@ -17,8 +17,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics import compiled
-from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law
-from mechanism_sim.planar.endless_laws import unrolled
+from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, unrolled
 from mechanism_sim.scene import Machine
 
 _Begun = tuple[tuple[int, ...], tuple[int, ...]]
@@ -97,7 +96,7 @@ class _Parts:
         self._laws = [plan.laws_until(c, end) for c in self._driven]
         self._names = _names(self._system)
         self._begun: _Begun | None = None
-        self._rubbing: tuple[float, ...] = ()
+        self._rubbing: list[float] = []
         self.others: set[_Begun] = set()
         self._shapes: list[tuple[int, ...]] = []
         self.values = self.of(machine)
@@ -113,10 +112,13 @@ class _Parts:
         scaled = [x * s.scale for x, s in zip(state.states, system.states, strict=True)]
         snapshot = run.snapshot()
         begun = snapshot.modes, snapshot.switches
-        self._begun, self._rubbing = self._begun or begun, self._rubbing or snapshot.rubbing
+        index = system.parameters  # pins whose forces turn rub on
+        first, last = len(index.sides), len(index.sides) + len(index.towards)
+        sides = [*snapshot.rubbing[:first], *snapshot.rubbing[last:]]
+        self._begun, self._rubbing = self._begun or begun, self._rubbing or sides
         if begun != self._begun:
             self.others.add(begun)
-        if snapshot.rubbing != self._rubbing:
+        if sides != self._rubbing:
             raise InputError(
                 f'{machine.name}: joints with friction that rest at the start slip with another '
                 'value of this key: no derivative'

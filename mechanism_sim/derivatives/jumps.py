@@ -17,8 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.contact.rubbing import Rubs, rubs_of
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
 from mechanism_sim.derivatives.influences import NUMBERS, Influence
+from mechanism_sim.derivatives.joint_impulses import beside
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
 from mechanism_sim.hybrid.events import Impact, Mode
 
@@ -29,6 +31,19 @@ _DEPTH = 1e-12  # of the mechanism: to which places are known
 
 class NoDerivativeError(Exception):
     """An event across which there is no derivative, in words."""
+
+
+class _OrderError(NoDerivativeError):
+    """Contacts that meet at one instant, and not at one for other values.
+
+    Parameters
+    ----------
+    shifts : (P,) of the instants [s] of each by its number
+    """
+
+    def __init__(self, shifts: dict[int, Array]) -> None:
+        super().__init__('several contacts meet, whose order changes')
+        self.shifts = shifts
 
 
 class Side(NamedTuple):
@@ -106,8 +121,10 @@ class Jumps:
 
     # --- terms --------------------------------------------------------------------------------
 
-    def _terms(self, side: Side, chosen: Selected) -> _Terms:
-        values, slopes, built_in = self._eq.selected(side.at, chosen)
+    def _terms(self, side: Side, chosen: Selected | None) -> _Terms:
+        """Chosen terms of contacts, or those of friction in ideal joints."""
+        eq, at = self._eq, side.at
+        values, slopes, built_in = eq.rubs(at) if chosen is None else eq.selected(at, chosen)
         direct = np.zeros((len(values), self._influence.start.shape[1]))
         for column, x in built_in.items():
             direct[:, column] = x
@@ -157,7 +174,7 @@ class Jumps:
                 raise NoDerivativeError('several events meet, whose order changes')
         if not shifts:
             if not smooth:
-                raise NoDerivativeError('forces jump there for no reason that has a derivative')
+                raise NoDerivativeError('forces jump there without a cause that has a derivative')
             return Saltation(state, np.zeros(x.q.shape[1]), [], x.approach)
         dt, f = shifts[0], len(self._free)
         state[f:] -= np.outer(jump, dt)
@@ -187,7 +204,15 @@ class Jumps:
         asked = self._none(len(switched))
         asked.switch[[*switched], range(len(switched))] = 1.0
         old, new = (self._terms(side, asked).values for side in (before, after))
-        if (old * new >= -((_SMALL * np.abs([old, new]).max()) ** 2)).any():
+        index, small = self._system.parameters.switches, _SMALL * np.abs([old, new]).max()
+        # what holds a motion leaves it at rest up to the impact
+        held = [
+            getattr(self._system.switches[j], 'holds', None) is not None
+            and before.at.parameters[index[j][-1], 0] > 0.0
+            for j in switched
+        ]
+        crossed = np.where(held, np.abs(new) > small, old * new < -(small**2))
+        if not crossed.all():
             raise NoDerivativeError('a load switches at the same instant')
 
     # --- starts -------------------------------------------------------------------------------
@@ -206,36 +231,58 @@ class Jumps:
             if np.abs(rates - side.rates).max(initial=0.0) > _SMALL * size:
                 raise NoDerivativeError('a load begins with another part at the start')
 
-    def seated(self, side: Side, x: Variation, modes: Sequence[int], key: int) -> Array:
+    def seated(self, side: Side, x: Variation, key: int) -> Array:
         """Rates (f,) of free coordinates by a key, after blows that keep closed contacts closed.
 
         A small rate out of a contact that is pressed ends in a chatter about as short as it is
         small, whatever the restitution below 1: its impulse is that of a plastic impact.
         """
-        closed, m, f = [i for i, x in enumerate(modes) if x], len(self._names), len(self._free)
+        closed, n = self._closed(side), len(x.q)
         if self._system.compliant or (self._e[closed] == 1.0).any():
             raise NoDerivativeError('it changes the contacts with which the motion begins')
-        z, t, rough = self._differential(x), len(closed), self._rows > m
-        own = closed + ([m + i for i in closed] if rough else [])
-        n, terms = len(own), self._terms(side, self._unit_terms(tuple(closed), tuple(own)))
-        moved, A = terms.moved(z), terms.values[2 * t + n : 2 * t + n + n * n].reshape(n, n)
-        W = terms.values[2 * t + n + n * n :][: n * f].reshape(n, f)
-        opens = np.abs(moved[:t, key]).max() > _SMALL * np.abs(z[: len(x.q), key]).max()
-        if opens:
+        z = self._differential(x)
+        _, moved, gaps = self._at_rest(side, z, side)
+        if np.abs(gaps[:, key]).max() > _SMALL * np.abs(z[:n, key]).max():
             raise NoDerivativeError('it opens a contact that is closed at the start')
-        held = [*range(t)]  # what impulses act on, each along its column of `along`
-        along = np.eye(n)
-        for k, i in enumerate(closed if rough else ()):
-            if modes[i] == Mode.STICKING:
-                held.append(t + k)
-            elif modes[i] in (Mode.SLIDING_FORWARD, Mode.SLIDING_BACKWARD):
-                along[t + k, k] = self._mu[i] * (
-                    1.0 if modes[i] == Mode.SLIDING_BACKWARD else -1.0
-                )
-        along = along[:, held]
-        rate = moved[2 * t : 2 * t + n][held]
-        impulse = -along @ np.linalg.solve((A @ along)[held], rate[:, key])
-        return np.asarray(x.v[self._free, key] + impulse @ W)
+        return np.asarray(moved[n:][self._free, key])
+
+    def _at_rest(self, now: Side, z: Array, flags: Side) -> tuple[Side, Array, Array]:
+        """The machine after impulses that keep at rest what is closed or sticks by `flags`.
+
+        Gaps that differ are closed by plastic blows before: their order does not matter, for in
+        any order they act along the same lines until all of them are closed.
+
+        Returns
+        -------
+        The side, total differentials (z, P), and those of the gaps (m, P) before
+        """
+        closed, m, f = np.flatnonzero(self._closed(flags)), len(self._names), len(self._free)
+        pars, index, t = flags.at.parameters[:, 0], self._system.parameters, len(closed)
+        own = [*closed, *(m + closed if self._rows > m else [])]
+        n, terms = len(own), self._terms(now, self._unit_terms(tuple(closed), tuple(own)))
+        ends = np.cumsum([t, t, n, n * n, n * f]).tolist()
+        _, _, rate, A, W, _ = np.split(terms.values, ends)
+        A, W = A.reshape(n, n), W.reshape(n, f)
+        held, along = [*range(t)], np.eye(n)  # rows, and lines on which impulses act
+        for j, i in enumerate(self._system.dynamics.contacts.frictional):
+            if i in closed:
+                k = int(np.flatnonzero(closed == i)[0])
+                held += [t + k] * bool(pars[index.sticks[j]] > 0.0)
+                along[t + k, k] = -self._mu[i] * pars[index.slips[j]]
+        normal, along = along[:, :t], along[:, held]
+        z, gaps = z.copy(), terms.moved(z)[:t]
+        z[self._free] -= W.T @ (normal @ _solved((A @ normal)[:t], gaps))
+        _, _, drate, dA, dW, _ = np.split(terms.moved(z), ends)
+        x = -_solved((A @ along)[held], rate[held])
+        impulses = along @ x
+        moved = drate + np.einsum('ijp,j->ip', dA.reshape(n, n, -1), impulses)
+        dx = -along @ _solved((A @ along)[held], moved[held])
+        v, c = now.at.v.copy(), len(self._system.coordinates)
+        v[self._free, 0] += impulses @ W
+        z[[c + i for i in self._free]] += W.T @ dx + np.einsum(
+            'i,ijp->jp', impulses, dW.reshape(n, f, -1)
+        )
+        return now._replace(at=now.at._replace(v=v)), z, gaps
 
     # --- impacts ------------------------------------------------------------------------------
 
@@ -243,22 +290,32 @@ class Jumps:
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
         """Across impacts at one instant."""
-        if self._system.dynamics.rubs:
-            raise NoDerivativeError('friction in ideal joints takes part in the impact')
         z, flow = self._differential(x), self._flow(before)
         n, groups = len(self._system.coordinates), _groups(impacts)
         if len(groups) == 1 < len(impacts) and self._independent(before, impacts):
             return self._apart(before, after, x, impacts)
         now, dt, rows = before, None, []
-        for group in groups:
-            found = self._together(now, z, flow, group, dt)
-            now, z, dt, more = found
-            rows += more
+        speed = np.abs(np.concatenate([before.at.v, after.at.v])).max()
+        try:
+            for group in groups:
+                found = self._together(now, z, flow, group, dt)
+                now, z, dt, more = found
+                rows += more
+        except _OrderError as error:
+            if len(groups) > 1 or not self._closed(after)[[*error.shifts]].all():
+                raise
+            dt = error.shifts[self._names.index(impacts[0].joint)]
+            now, z, _ = self._at_rest(before, z + np.outer(flow, dt), after)
+            known = [error.shifts.get(self._names.index(i.joint), dt) for i in impacts]
+            rows = [np.array([t, *np.full((len(NUMBERS) - 1, len(t)), np.nan)]) for t in known]
+        if np.abs(now.at.v[:, 0] - after.at.v[:, 0]).max() > _ALIKE * speed and any(
+            i.ends_chatter for i in impacts
+        ):
+            now, z, _ = self._at_rest(now, z, after)
         assert dt is not None  # noqa: S101 - there is an impact
         off = now.at.v[:, 0] - after.at.v[:, 0]
-        speed = np.abs(np.concatenate([before.at.v, after.at.v])).max()
         if np.abs(off).max() > _ALIKE * speed:
-            raise NoDerivativeError('rates jump there by more than its impacts say')
+            raise NoDerivativeError('velocities jump there by more than its impacts account for')
         f = len(self._free)
         moved = z[self._free] - np.outer(after.at.v[self._free, 0], dt)
         faster = z[n:][self._free] - np.outer(after.rates[:f], dt)
@@ -324,7 +381,10 @@ class Jumps:
                 k for k, i in enumerate(touching) if not closed[i] and (near[k] or i in struck)
             ]
             rates = terms.some([2 * t + k for k in first])
-            dt = self._instant(terms.some(first), rates.slopes.T @ flow, z, flow, now)
+            shifts = self._instants(terms.some(first), rates.slopes.T @ flow, z, flow, now)
+            dt = shifts[0]
+            if np.abs(shifts - dt).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
+                raise _OrderError(dict(zip([touching[k] for k in first], shifts, strict=True)))
             z = z + np.outer(flow, dt)
         values, moved, n, f = terms.values, terms.moved(z), len(own), len(self._free)
         # of unit impulses: rates of rows and coordinates, impulses of drives
@@ -341,13 +401,38 @@ class Jumps:
         ], dtype=float)  # fmt: skip
         e = applies * self._e[touching], applies[:, None] * self._influence.restitution[touching]
         mu = self._mu[touching], self._influence.friction[touching]
-        x, dx = (part[:n] for part in self._impulses(touching, (A, dA), (rate, drate), e, mu))
+
+        def impulses(A: Array, dA: Array) -> tuple[Array, Array]:
+            more = [(0, 0), (0, dA.shape[2] - len(dt))]
+            wide = [
+                (x, np.pad(dx, more) if dA.shape[2] else np.zeros((len(x), 0)))
+                for x, dx in ((rate, drate), e, mu)
+            ]
+            x, dx = self._impulses(touching, (A, dA), *wide)
+            return x[:n], dx[:n]
+
+        dW, dD, lost = dW.reshape(n, f, len(dt)), dD.reshape(*D.shape, len(dt)), 0.0 * dt
+        if rubs := self._rubs(now, z, own):
+            own_rubs, slopes = rubs
+            found = beside(impulses, (A, dA), own_rubs, slopes)
+            if found is None:
+                raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
+            (x, dx), (share, dshare), lost = found
+            of_joints = [(own_rubs.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
+                         (own_rubs.response, slopes.response),
+                         (own_rubs.drive_response, slopes.drive_response)]  # fmt: skip
+            dA, dW, dD = (
+                own_ + np.einsum('kip,kj->jip', d, share) + np.einsum('ki,kjp->jip', u, dshare)
+                for own_, (u, d) in zip((dA.swapaxes(0, 1), dW, dD), of_joints, strict=True)
+            )
+            A, W, D = (y + share.T @ u for y, (u, _) in zip((A.T, W, D), of_joints, strict=True))
+            A, dA = A.T, dA.swapaxes(0, 1)
+        else:
+            x, dx = impulses(A, dA)
         after, dafter = rate + A @ x, drate + np.einsum('ijp,j->ip', dA, x) + A @ dx
         v, later, c = now.at.v.copy(), z.copy(), len(self._system.coordinates)
         v[self._free, 0] += x @ W
-        later[[c + i for i in self._free]] += (
-            np.einsum('i,ijp->jp', x, dW.reshape(n, f, len(dt))) + W.T @ dx
-        )
+        later[[c + i for i in self._free]] += np.einsum('i,ijp->jp', x, dW) + W.T @ dx
         index = self._system.prescribed_index
         turned = now.at.v[index, 0], z[c : 2 * c][index]
         rows, unknown = [], np.full(len(dt), np.nan)
@@ -355,7 +440,7 @@ class Jumps:
             k = touching.index(i)
             of = [k, t + k] if n > t else [k]
             drive = x[of] @ D[of], np.einsum(
-                'i,ijp->jp', x[of], dD.reshape(n, len(index), len(dt))[of]
+                'i,ijp->jp', x[of], dD[of]
             ) + D[of].T @ dx[of]  # fmt: skip
             mean, dmean = 0.5 * (rate + after)[of], 0.5 * (drate + dafter)[of]
             known = {
@@ -365,12 +450,28 @@ class Jumps:
                 'rebound_speed': dafter[k] * (after[k] > 0.0),
                 'normal_impulse': dx[k],
                 'tangential_impulse': dx[of[-1]] * (n > t),
-                'energy_loss': -(x[of] @ dmean + mean @ dx[of]),
+                'energy_loss': lost * (i == struck[0]) - (x[of] @ dmean + mean @ dx[of]),
                 'drive_impulse': drive[1].sum(axis=0),
                 'drive_work': drive[0] @ turned[1] + turned[0] @ drive[1],
             }
             rows.append(np.array([known.get(name, unknown) for name in NUMBERS]))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows
+
+    def _rubs(self, now: Side, z: Array, own: list[int]) -> tuple[Rubs, Rubs] | None:
+        """Friction in ideal joints beside some rows of contacts, and its differentials."""
+        if not self._system.dynamics.rubs:
+            return None
+        terms, sizes = self._terms(now, None), self._system.functions.rub_terms[1]
+        rows, k = self._rows, len(sizes)
+        kept = [*own, *range(rows, rows + k)]
+        p, f = len(self._system.prescribed), len(self._free)
+        found = []
+        for values in (terms.values, terms.moved(z)):
+            every = rubs_of(values, sizes, rows, f, p)
+            found.append(
+                every._replace(compliance=every.compliance[kept], forces=every.forces[:, kept])
+            )
+        return found[0], found[1]
 
     def _unit_terms(self, touching: tuple[int, ...], own: tuple[int, ...]) -> Selected:
         """Terms that a blow asks for: gaps, angles, rates, and those of unit impulses."""
@@ -407,8 +508,8 @@ class Jumps:
         part[struck] = True
         return [int(i) for i in np.flatnonzero(part)]
 
-    def _instant(self, gaps: _Terms, opening: Array, z: Array, flow: Array, now: Side) -> Array:
-        """Shift (P,) of the instant at which the open gaps of a blow close.
+    def _instants(self, gaps: _Terms, opening: Array, z: Array, flow: Array, now: Side) -> Array:
+        """Shifts (N, P) of the instants at which the open gaps of a blow close.
 
         Parameters
         ----------
@@ -421,10 +522,7 @@ class Jumps:
         grazes = along**2 <= 2.0 * opening * _DEPTH * size
         if (grazes | (along >= -_SMALL * np.abs(now.at.v).max() * size)).any():
             raise NoDerivativeError('the contact only grazes')
-        shifts = -gaps.moved(z) / along[:, None]
-        if np.abs(shifts - shifts[0]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
-            raise NoDerivativeError('several contacts meet, whose order changes')
-        return np.asarray(shifts[0])
+        return np.asarray(-gaps.moved(z) / along[:, None])
 
     def _impulses(
         self,
@@ -450,11 +548,16 @@ class Jumps:
             slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
             return of_one(theta, slopes, int(self._laws[touching[0]]))
         if not np.isfinite(mu).all():
-            raise NoDerivativeError('a rough contact is struck together with others')
+            raise NoDerivativeError('a rough contact takes part in an impact with others')
         found = of_several(A, r, e, mu, self._laws[touching], (dA, dr, de, dmu))
         if found is None:
             raise NoDerivativeError('no impulses satisfy all contacts')
         return found
+
+
+def _solved(A: Array, b: Array) -> Array:
+    """Of rows that may depend on each other."""
+    return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
 
 
 def _groups(impacts: Sequence[Impact]) -> list[list[Impact]]:

@@ -244,3 +244,17 @@ class LinearEquations:
         found = self._call(self._contacts, wide, columns)
         moved = self._differences(lambda other: other._call(other._contacts, wide, columns)[0])
         return found[0], found[1:], moved
+
+    @cached_property
+    def _rubs(self) -> hy.cfunc_dbl:
+        terms, _ = self.system.functions.rub_terms
+        unit = [hy.make_vars(f'chosen{i}') for i in range(len(terms))]
+        return self._compiled([dot(unit, terms)], unit)
+
+    def rubs(self, at: Points) -> tuple[Array, Array, dict[int, Array]]:
+        """Values (N,) of the terms of friction in ideal joints, and their derivatives likewise."""
+        columns = np.eye(len(self.system.functions.rub_terms[0]))
+        wide = Points(*(np.repeat(x, len(columns), axis=1) for x in at))
+        found = self._call(self._rubs, wide, columns)
+        moved = self._differences(lambda other: other._call(other._rubs, wide, columns)[0])
+        return found[0], found[1:], moved

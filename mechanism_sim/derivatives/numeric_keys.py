@@ -99,7 +99,7 @@ def _leaves(content: Any, path: str = '') -> Iterator[tuple[str, Any]]:
 def _quantity(leaf: Any) -> tuple[Any, str]:
     """Value and unit."""
     if isinstance(leaf, tuple | list) and len(leaf) == 2 and isinstance(leaf[1], str):
-        return leaf if _is_number(leaf[0]) else (leaf, '')
+        return (leaf[0], leaf[1]) if _is_number(leaf[0]) else (leaf, '')
     return leaf, ''
 
 
@@ -123,8 +123,8 @@ def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[f
         )
     known = [*leaves, *(f'initial.{x}.{c}' for x in ('position', 'velocity') for c in free)]
     raise InputError(
-        f"{machine.name}: '{path}' is no number of the scene that its motion depends on"
-        f'{nearest(path, known)}'
+        f"{machine.name}: '{path}' is not a number of the scene that its motion depends "
+        f'on{nearest(path, known)}'
     )
 
 
@@ -163,7 +163,7 @@ def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) 
             ) from error
         if values.shape != base.shape:
             raise InputError(
-                f"{key.machine.name}: '{key.path}' changes what the machine is made of: no "
+                f"{key.machine.name}: '{key.path}' changes the structure of the machine: no "
                 'derivative'
             )
         found += (weight / key.step) * (values - base)

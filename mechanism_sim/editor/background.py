@@ -20,6 +20,9 @@ from mechanism_sim.packages import reason
 PATIENCE = 2.0
 """[s] for a run to notice that it is not wanted any more; then its process is ended."""
 
+UNTIL = 2.0
+"""[s] of a run whose length neither the scene says nor the speed of its drive."""
+
 _OFTEN = 0.2  # [s] between words of progress
 
 
@@ -30,11 +33,13 @@ class Job(NamedTuple):
     ----------
     number : of the state of the document
     content : keys and values
+    worn : of the same machine with a bearing that has worn, and what that is called
     """
 
     number: int
     name: str
     content: dict[str, Any]
+    worn: tuple[dict[str, Any], dict[str, Any]] | None = None
 
 
 class Background:
@@ -43,7 +48,7 @@ class Background:
     Parameters
     ----------
     hear : called, from another thread, with (number, kind, JSON text) of what was found: kinds
-        are ``checked``, ``progress``, ``run`` and ``problem``
+        are ``checked``, ``progress``, ``run``, ``worn`` and ``problem``
     """
 
     def __init__(self, hear: Callable[[int, str, str], None]) -> None:
@@ -60,7 +65,7 @@ class Background:
                 self._start()
             except (OSError, RuntimeError) as error:  # no memory, no processes, no threads
                 self.close()
-                text = f'it is not checked and run, for that cannot be started ({reason(error)})'
+                text = f'it cannot be checked and run: no process starts ({reason(error)})'
                 self._hear(job.number, 'problem', strict_json.dumps(text))
                 return
         self._since, self._busy = (time.monotonic() if self._busy else None), True
@@ -128,6 +133,7 @@ class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
 def _serve(link: Connection) -> None:
     """Do jobs until nobody gives any."""
     work_unseen('run')
+    shown = -1  # the state whose run is shown
     try:
         job = link.recv()
         while True:
@@ -135,8 +141,12 @@ def _serve(link: Connection) -> None:
                 job = link.recv()
             link.send((job.number, 'begun', ''))
             try:
-                if problem := _problem(job, link):
+                problem = '' if shown == job.number else _problem(job, link)
+                if problem:
                     link.send((job.number, 'problem', strict_json.dumps(problem)))
+                else:
+                    shown = job.number
+                    _wear(job, link)
             except _NotWanted:
                 continue
             give_back()
@@ -162,8 +172,6 @@ def _problem(job: Job, link: Connection) -> str:
 def _work(job: Job, link: Connection) -> None:
     from mechanism_sim.numerics.compiled import forget_for_others  # noqa: PLC0415
     from mechanism_sim.results.measures import check_measures  # noqa: PLC0415
-    from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
-    from mechanism_sim.scene import over_range, run_length  # noqa: PLC0415
     from mechanism_sim.scene.build import build  # noqa: PLC0415
     from mechanism_sim.scene.check import check  # noqa: PLC0415
     from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
@@ -173,8 +181,40 @@ def _work(job: Job, link: Connection) -> None:
     if machine.scene.measures:
         check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
     link.send((job.number, 'checked', strict_json.dumps(check(machine).to_json())))
+    shown = _shown(*_run(machine, job.number, link))
+    link.send((job.number, 'run', strict_json.dumps(shown)))
+
+
+def _wear(job: Job, link: Connection) -> None:
+    """Run the same machine with a bearing that has worn: its figures, or why there are none."""
+    from mechanism_sim.scene.build import build  # noqa: PLC0415
+    from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
+
+    if job.worn is None:
+        return
+    content, said = job.worn
+    found: dict[str, Any]
+    try:
+        machine = build(job.name, check_scene(job.name, content))
+        found = {'figures': _figures(*_run(machine, job.number, link))}
+    except (InputError, RunError) as error:
+        found = {'problem': str(error)}
+    link.send((job.number, 'worn', strict_json.dumps({**said, **found})))
+
+
+def _run(machine: Any, number: int, link: Connection) -> tuple[Any, Any]:
+    """A machine over its length, or over the range of its drive, and its solution."""
+    from mechanism_sim.results.simulate import simulate  # noqa: PLC0415
+    from mechanism_sim.scene import over_range, run_length  # noqa: PLC0415
+
     machine = over_range(machine) or machine
-    end, last = run_length(machine, None, None), time.monotonic()
+    try:
+        end = run_length(machine, None, None)
+    except InputError:
+        if machine.scene.duration is not None:
+            raise
+        end = run_length(machine, None, UNTIL)  # of a motor nobody knows how fast it turns
+    last = time.monotonic()
 
     def show(t: float, _impacts: int) -> None:
         nonlocal last
@@ -182,26 +222,37 @@ def _work(job: Job, link: Connection) -> None:
             raise _NotWanted
         if time.monotonic() > last + _OFTEN:
             last = time.monotonic()
-            link.send((job.number, 'progress', strict_json.dumps(t / end)))
+            link.send((number, 'progress', strict_json.dumps(t / end)))
 
     solution = simulate(machine, duration=end, progress=show)
     show(end, 0)
     give_back()
-    link.send((job.number, 'run', strict_json.dumps(_shown(machine, solution))))
+    return machine, solution
 
 
 def _shown(machine: Any, solution: Any) -> dict[str, Any]:
     """Frames of a run that a page plays, and its figures."""
     from mechanism_sim.analysis.record import Record  # noqa: PLC0415
     from mechanism_sim.pages.recorded import recorded  # noqa: PLC0415
-    from mechanism_sim.results.ranges import LoadPeaks  # noqa: PLC0415
 
     record = Record(machine, solution, {})
-    shown = recorded(record)
+    figures = _figures(machine, solution)
+    shown = recorded(record).to_json()
+    return {**shown, 'figures': figures, 'digest': record.digest(), 'end': record.end}
+
+
+Figure = tuple[str, str, float | None, str, float | None]
+"""Of what, of which part, value (None: without limit), unit, instant [s] if there is one."""
+
+
+def _figures(machine: Any, solution: Any) -> list[Figure]:
+    """Largest loads of a run, and its impacts."""
+    from mechanism_sim.results.ranges import LoadPeaks  # noqa: PLC0415
+
     peaks = LoadPeaks(machine)
     peaks.add(solution.motion)
     straight = machine.mechanism.displacements
-    figures: list[tuple[str, str, float | None, str, float | None]] = []
+    figures: list[Figure] = []
     for joint, peak in peaks.forces.items():
         figures.append(('force', joint, _finite(peak.value), 'N', peak.time))
     for c, peak in peaks.torques.items():
@@ -214,7 +265,7 @@ def _shown(machine: Any, solution: Any) -> dict[str, Any]:
             figures.append(
                 ('hardest', hardest.joint, hardest.normal_impulse, 'N s', float(hardest.t))
             )
-    return {**shown.to_json(), 'figures': figures, 'digest': record.digest(), 'end': record.end}
+    return figures
 
 
 def _finite(value: float) -> float | None:

@@ -70,8 +70,8 @@ class Document:
         name = Path(name).name
         if Path(name).suffix.lower() not in ('.yaml', '.yml') and not is_importable(name):
             raise InputError(
-                f"'{name}' is no machine: drop a scene, .yaml, or a file of another program that "
-                "'mechanism-sim import' reads"
+                f"'{name}' is not a machine: drop a scene, .yaml, or a file of another program "
+                "that 'mechanism-sim import' reads"
             )
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / name
@@ -153,7 +153,7 @@ class Document:
         except UnicodeEncodeError as error:
             where, half = text.count('\n', 0, error.start) + 1, ord(text[error.start])
             raise InputError(
-                f'{self.name}:{where}: half a character (U+{half:04X}), which no file can hold'
+                f'{self.name}:{where}: an incomplete character (U+{half:04X}) cannot be saved'
             ) from error
         if len(text) > documents.LARGEST:
             raise InputError(f'{self.name}: is larger than {documents.LARGEST} bytes')
@@ -195,7 +195,7 @@ class Document:
             file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
         inside = not file.is_absolute() and '..' not in file.parts and _stays(file)
         if file.stem.startswith('.') or not (inside or file == self.file):
-            raise InputError(f"'{name}' is no name for a scene: write for example my_machine")
+            raise InputError(f"'{name}' is not a scene name: write for example my_machine")
         with output.errors_as_sentences(file):
             there = text_there(file)
         own = self.file is not None and file == self.file

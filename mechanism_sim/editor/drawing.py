@@ -11,7 +11,7 @@ import numpy as np
 from mechanism_sim.editor.motion import Turn
 from mechanism_sim.editor.sketch import Handle, Pose, Poses, point, points_of
 from mechanism_sim.editor.tools import TOOLS
-from mechanism_sim.export.scale import scale_bar
+from mechanism_sim.export.bending import scale_bar
 from mechanism_sim.export.shapes import COIL, Shape, around
 from mechanism_sim.export.skeleton import bounds, skeleton_of
 from mechanism_sim.export.stage import written

@@ -42,7 +42,7 @@ class FilesBeside:
         what = str(message.get('what'))
         try:
             self._make(document, what)
-            self._say(f'{what}: it is being made …')
+            self._say(f'{what}: it is being written …')
         except InputError as error:
             self._say(str(error))
         return True
@@ -51,7 +51,7 @@ class FilesBeside:
         if what not in FORMATS:
             raise InputError(f"there is no '{what}' to be made; there are: {', '.join(FORMATS)}")
         if self._process and self._process.poll() is None:
-            raise InputError('one file after the other: the last is still being made')
+            raise InputError('the previous file is still being written: wait until it is done')
         end, command = FORMATS[what]
         folder = document.file.parent.resolve() if document.file else Path.cwd()
         names = (f'{document.name}{f"_{k}" if k else ""}{end}' for k in count())

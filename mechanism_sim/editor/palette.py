@@ -1,4 +1,4 @@
-"""The palette: tools for links and drives, and those of the kinds of joints, loads and sensors."""
+"""The palette: tools for links, and those of drives and of the kinds of joints, loads, sensors."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from mechanism_sim.editor.rounding import degrees, rounded
-from mechanism_sim.editor.sketch import GONE, PLAY, Edit, Pose, Sketch, Spot, point
+from mechanism_sim.editor.rounding import degrees
+from mechanism_sim.editor.sketch import PLAY, Edit, Pose, Sketch, Spot
 from mechanism_sim.editor.tool import Draw, Tool
 from mechanism_sim.editor.tools import TOOLS
 from mechanism_sim.errors import InputError
@@ -30,29 +30,6 @@ def _link(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     return edits
 
 
-def _cylinder(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
-    """A cylinder with its rod, pinned at both ends; the rod is driven."""
-    a, b, long = sketch.ends(start, end, 'cylinder')
-    k = 1
-    while f'cylinder_{k}' in sketch.scene.links or f'rod_{k}' in sketch.scene.links:
-        k += 1
-    body, rod = f'cylinder_{k}', f'rod_{k}'
-    edits = [sketch.link(body), sketch.link(rod)]
-    for spot, link in ((start, body), (end, rod)):
-        reference, more = sketch.reference(spot)
-        edits += [*more, *sketch.joint(reference, link)]
-    edits.insert(-1, Edit(('joints', f'{body}_{rod}', 'prismatic'), [body, rod]))
-    drive = {
-        'speed': rounded(0.1 * long, 10.0 ** math.floor(math.log10(0.1 * long)), 'mm/s', 'm/s'),
-        'start_position': sketch.long(long),
-    }
-    edits.append(Edit(('guess', body), degrees(math.atan2(b[1] - a[1], b[0] - a[0]))))
-    edits.append(Edit(('drives', rod), drive))
-    if sketch.scene.duration is None:
-        edits.append(Edit(('duration',), '1 s'))
-    return edits
-
-
 def _ground(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     """A point of the frame: with a pin where there is a point of a link."""
     if start.handle and any(link == GROUND for link, _ in start.handle.members):
@@ -71,29 +48,6 @@ def _point(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     return sketch.reference(start)[1]
 
 
-def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
-    """Tool for a rotor at constant speed: the link on which it is put."""
-    scene, link = sketch.scene, start.link
-    if not link and start.handle:
-        link = next((x for x, _ in start.handle.members if x != GROUND), '')
-    if not link or link == GROUND:
-        raise InputError('a drive is put on a link that turns or slides: press on it')
-    if link in scene.drives or (scene.drive and (scene.drive.coordinate or 'crank') == link):
-        raise InputError(f'{link} is driven already')
-    slides = any(
-        j.kind == 'prismatic' and (x := point(scene, j.points[1])) and x[0] == link
-        for j in scene.joints.values()
-    )
-    drive = {'speed': '100 mm/s' if slides else '60 rpm'}
-    rough = scene.rough.get(link)
-    if not slides:
-        drive['start_angle'] = degrees(rough.value if rough else sketch.poses[link].angle)
-    more = [Edit(('guess', link), GONE)] if rough and not slides else []
-    if scene.drive or scene.drives:
-        return [Edit(('drives', link), drive), *more]
-    return [Edit(('drive',), {'coordinate': link, **drive}), *more]
-
-
 def _clearance(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
     """Play in a pin; links without mass get one, for a pin that flies needs it."""
     if start.handle is None or not start.handle.joint:
@@ -108,7 +62,7 @@ _LINKS = (
     Tool(
         'link', 'L',
         'M3.5 10a2.5 2.5 0 1 0 2.4 3.2l6-6A2.5 2.5 0 1 0 9.8 5l-6 6z',
-        'Press where a link begins, drag to where it ends; pins come where it meets something',
+        'Press where a link begins, drag to where it ends; it is pinned to links that it meets',
         _link, 'band',
     ),
     Tool(
@@ -116,20 +70,12 @@ _LINKS = (
         'Click: a pivot of the frame, there or under the end of a link', _ground,
     ),
     Tool(
-        'cylinder', 'C', 'M1 5h8v2h6v2H9v2H1z',
-        'Press on one point, drag to another: a cylinder with a driven rod', _cylinder, 'band',
-    ),
-    Tool(
         'point', 'P', 'M8 5a3 3 0 1 1 0 6 3 3 0 0 1 0-6z',
         'Click on a link: a point whose path is drawn', _point,
     ),
     Tool(
-        'drive', 'D', 'M8 2a6 6 0 0 1 6 6h2l-3 4-3-4h2a4 4 0 1 0-4 4v2A6 6 0 0 1 8 2z',
-        'Click on a link: it turns, or slides, at a constant speed', _drive,
-    ),
-    Tool(
         'masses', 'M', 'M5 4a3 3 0 0 1 6 0h2l2 11H1L3 4zm2 0h2a1 1 0 0 0-2 0z',
-        'Masses of bars of 1 kg/m for all links without; 1 kg for what has no length',
+        'Masses of bars of 1 kg/m for all links without mass; 1 kg for links without length',
         lambda sketch, *_: sketch.masses(), 'now',
     ),
 )  # fmt: skip
@@ -139,7 +85,7 @@ _PLAYS = (
         'clearance', 'K',
         'M8 1a7 7 0 1 1 0 14A7 7 0 0 1 8 1zm0 2a5 5 0 1 0 0 10A5 5 0 0 0 8 3zm1 1.5a3 3 0 1 1 0 6 '
         '3 3 0 0 1 0-6z',
-        'Click on a pin: it has play', _clearance,
+        'Click on a pin: it gets a clearance', _clearance,
     ),
 )  # fmt: skip
 
@@ -152,10 +98,11 @@ def _of_kinds(kinds: Iterable[str], first: Iterable[str] = ()) -> tuple[Tool, ..
 
 
 GROUPS: dict[str, tuple[Tool, ...]] = {
-    'links': _LINKS,
-    'joints': (*_of_kinds(KINDS, _FIRST), *_PLAYS),
+    'links': (*_LINKS, *_of_kinds(('elastic',))),
+    'drives': _of_kinds(('drive',)),
+    'joints': (*_of_kinds(KINDS, _FIRST), *_PLAYS, *_of_kinds(('stops',))),
     'loads': _of_kinds(LOADS),
-    'sensors': _of_kinds(SENSORS),
+    'sensors': (*_of_kinds(SENSORS), *_of_kinds(('oscillators',))),
 }
 """All tools that draw, in the order of the palette."""
 

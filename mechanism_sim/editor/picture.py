@@ -42,7 +42,7 @@ class DocumentPicture(NamedTuple):
         for handle in drawing.handles(self.scene, self.poses):
             if handle.key == key:
                 return handle
-        raise InputError('there is nothing there any more')
+        raise InputError('this element does not exist any more')
 
     @property
     def hint(self) -> str:

@@ -56,5 +56,5 @@ class UnsavedEdits:
         try:
             output.write_text(file, document.text, devices=False)
         except (InputError, RunError, OSError, ValueError) as error:
-            return f'what is not saved is not kept either: {error}'
+            return f'unsaved changes cannot be kept either: {error}'
         return ''

@@ -51,7 +51,7 @@ def with_value(text: str, path: Path, value: Any) -> str:
             put = '\n' + '\n'.join(rows)
         return _put(text, start, end, put)
     if not isinstance(node, yaml.MappingNode):
-        raise InputError(f"'{'.'.join(path)}' cannot be set: there is a plain value on the way")
+        raise InputError(f"'{'.'.join(path)}' cannot be set: a part of this path is a plain value")
     ((name, part),) = whole.items()
     end = _end(text, node.value[-1][1]) if node.value else node.start_mark.index + 1
     if node.value and node.value[-1][1].start_mark.index == node.value[-1][1].end_mark.index:
@@ -124,7 +124,7 @@ def _chain(root: Any, path: Path) -> tuple[list[Any], Any]:
             break
         if found.start_mark.index < since:
             raise InputError(
-                f"'{'.'.join(path)}' is an alias ('*') of what stands elsewhere: change it there"
+                f"'{'.'.join(path)}' is an alias ('*') of a value elsewhere: change it there"
             )
         chain.append(found)
     return chain, last

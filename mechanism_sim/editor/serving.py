@@ -31,7 +31,7 @@ from mechanism_sim.editor.worker import Worker
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'curves', 'canvas', 'fields', 'edit'
+MODULES = 'svg', 'stage', 'lens', 'player', 'curves', 'canvas', 'fields', 'wear', 'edit'
 
 PAUSE = 0.1
 """[s] without an edit after which the document is checked and run, as it is dragged."""
@@ -77,8 +77,8 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
     except KeyboardInterrupt:
         said = desk.keep()
         if desk.document.changed:
-            kept = said or 'the next edit of it gives it back'
-            print(f'mechanism-sim: what was changed last is not saved; {kept}', file=sys.stderr)
+            kept = said or 'the next edit of this file brings it back'
+            print(f'mechanism-sim: the last changes are not saved; {kept}', file=sys.stderr)
         return 0
     finally:
         files.close()
@@ -104,7 +104,8 @@ class Desk:
         self._number = -1
         self._busy = False
         self._since = time.monotonic()
-        self._asked = self._ran = self._paused = -1
+        self._asked = self._paused = -1
+        self._ran: tuple[int, Any] = -1, None
         self._notice = self._given_back(document)
         self._first = document
         self._worker: Worker | None = None
@@ -198,11 +199,14 @@ class Desk:
             return
         if self._todo:
             kind, item = self._todo.popleft()
+            if kind == 'page' and item.get('type') == 'wear':
+                self._asked = -1  # the document is as it was, and another run is asked for
             worker.ask(kind, item)
             return
-        if worker.job is not None and self._ran != worker.job.number == worker.number:
-            self._ran = worker.job.number
-            runs.submit(worker.job)
+        job = worker.job
+        if job is not None and self._ran != (job.number, job.worn) and job.number == worker.number:
+            self._ran = job.number, job.worn
+            runs.submit(job)
         if time.monotonic() < self._since + PAUSE:
             return
         self._keep_meanwhile()
@@ -244,7 +248,7 @@ class Desk:
                 self._found.clear()
                 self._number = number
             self._found = {'state': text, **{k: x for k, x in self._found.items() if k != kind}}
-        elif kind in ('checked', 'progress', 'run', 'problem', 'forces'):
+        elif kind in ('checked', 'progress', 'run', 'worn', 'problem', 'forces'):
             self._found[kind] = text
         self._send(text)
 
@@ -275,7 +279,7 @@ class Desk:
         return _GIVEN_BACK if text else ''
 
 
-_GIVEN_BACK = 'what was not saved the last time is here again; undo gives the file as it is'
+_GIVEN_BACK = 'unsaved changes have been restored; undo returns to the file as saved'
 
 
 def _busy(whether: bool) -> str:

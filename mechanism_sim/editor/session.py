@@ -12,7 +12,7 @@ import numpy as np
 from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.editor import gestures, palette, panel, turn_chart
+from mechanism_sim.editor import gestures, palette, panel, turn_chart, wear
 from mechanism_sim.editor.assembly_choices import as_drawn, choices
 from mechanism_sim.editor.background import Job
 from mechanism_sim.editor.beside import BesideDocument
@@ -80,6 +80,7 @@ class Session:
         self._arrows, self._forces_of = ForceArrows(), 0  # the state whose forces are shown
         self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
+        self._worn: tuple[str, float] | None = None  # a joint, and its radial clearance [m]
         try:
             self._refresh()
             self._shown = self.state()
@@ -95,7 +96,7 @@ class Session:
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
             'select': self._select, 'trace': self._trace,
             'chart': lambda m: self._beside.choose(str(m['quantity'])),
-            'save': self._save, 'open': self._open, 'import': self._open,
+            'wear': self._wear, 'save': self._save, 'open': self._open, 'import': self._open,
             'undo': lambda _: self.document.undo(), 'redo': lambda _: self.document.redo(),
             'text': lambda m: self.document.replace(str(m['text'])),
         }  # fmt: skip
@@ -107,7 +108,7 @@ class Session:
         except (InputError, RunError) as error:
             self._say(str(error))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError):
-            self._say('that was no command of this page')
+            self._say('that is not a command of this page')
         except Exception as error:  # whatever a message raises, all pages go on
             self._say(f'that is not possible ({reason(error)})')
         if kind not in ('drag', 'pull'):
@@ -152,6 +153,8 @@ class Session:
             'tracks': picture.tracks(self._path, self._traced),
             'problem': picture.problem,
             'hint': picture.hint,
+            'wears': wear.joints(picture.scene),
+            'length': str(content.get('duration', '')),
             'quantities': turn_chart.names(picture.turn),
             'chart': self._beside.chart(picture.turn),
             'place': [] if picture.hint else _place_of(picture.problem, content),
@@ -173,9 +176,30 @@ class Session:
     def job(self) -> Job | None:
         """Document to be checked and run, as it is dragged; None if it is none."""
         try:
-            return Job(self.number, self.document.name, self.document.whole(self._tried))
+            content = self.document.whole(self._tried)
+            return Job(self.number, self.document.name, content, self._with_wear())
         except InputError:
             return None
+
+    def _with_wear(self) -> tuple[dict[str, Any], dict[str, Any]] | None:
+        """Document with a pin that has worn, and which that is; None where nobody asks for it."""
+        if self._worn is None or self._worn[0] not in self._picture.scene.joints:
+            return None
+        joint, radial = self._worn
+        edits = wear.edits(
+            Sketch(self._picture.scene, self._picture.poses, wear.GRID), joint, radial
+        )
+        whole = self.document.whole([*self._written_out(), *self._tried, *edits])
+        return whole, {'joint': joint, 'radial': radial}
+
+    def _wear(self, message: Mapping[str, Any]) -> None:
+        joint, radial = str(message['joint']), float(message['radial'])
+        if not radial > 0.0:
+            self._worn = None
+            return
+        if joint not in wear.joints(self._picture.scene):
+            raise InputError(f'{joint} does not wear here: choose a pin of two links')
+        self._worn = joint, min(max(radial, wear.LEAST), wear.MOST)
 
     def found(self, number: int, kind: str, data: Any) -> None:
         """Show what came of a job, if it is of the document as it is."""
@@ -224,7 +248,7 @@ class Session:
             parts = len(scene.links) + len(scene.joints)
             if parts > MOST_PARTS:
                 raise InputError(
-                    f'{self.document.name}: its {parts} links and joints are not drawn, for that '
+                    f'{self.document.name}: its {parts} links and joints are not drawn, as that '
                     f'takes too long: allowed are {MOST_PARTS}; check and solve take more'
                 )
         except InputError as error:
@@ -291,7 +315,7 @@ class Session:
         """Move the machine along its way, so that a handle comes nearest to a place."""
         turn = self._picture.turn
         if turn is None or not turn.q.size:
-            raise InputError('what is no machine yet cannot be turned by hand')
+            raise InputError('this is not a complete machine yet: it cannot be turned by hand')
         handle = self._picture.handle(message['handle'])
         link, name = next(((x, n) for x, n in handle.members if x != GROUND), ('', ''))
         if not link:
@@ -360,7 +384,7 @@ class Session:
         fixed = len(path) < 2 or GROUND in (name, path[-1])
         if not name.isidentifier() or name in there or fixed:
             raise InputError(
-                f"'{name}' cannot be its name: take letters, digits and _, and none that is taken"
+                f"'{name}' cannot be its name: use letters, digits and _, no name in use"
             )
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)
@@ -392,6 +416,7 @@ class Session:
         self.document = document
         watch('opened', document)
         self._path, self._traced, self._beside = (), {}, BesideDocument()
+        self._worn = None
         self._picture = nothing(Document().scene())
         self._of = None
 

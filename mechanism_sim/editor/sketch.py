@@ -143,6 +143,8 @@ class Way(NamedTuple):
     own: str  #: LINK.POINT that slides
     at: Vector2  #: [m] of its point in the world
     axis: float  #: [rad] in the world
+    joint: str  #: its guide
+    along: float  #: [m] how far it is along it
 
 
 class Sketch:
@@ -320,11 +322,12 @@ class Sketch:
     def sliding(self, spot: Spot) -> Way | None:
         """The link at a place, if it slides on the ground."""
         links = [x for x, _ in spot.handle.members] if spot.handle else [spot.link]
-        for joint in self.scene.joints.values():
+        for name, joint in self.scene.joints.items():
             one, two = (point(self.scene, reference) for reference in joint.points)
             if joint.kind == 'prismatic' and one and two and one[0] == GROUND and two[0] in links:
-                own = referred(*two[:2])
-                return Way(two[0], own, self.poses[two[0]].place(two[2]), joint.axis)
+                own, at = referred(*two[:2]), self.poses[two[0]].place(two[2])
+                along = rotate((at[0] - one[2][0], at[1] - one[2][1]), -joint.axis)[0]
+                return Way(two[0], own, at, joint.axis, name, along)
         return None
 
     def slider(self, stem: str, base: Vector2, axis: float) -> tuple[str, float, list[Edit]]:

@@ -30,14 +30,14 @@ RETRY = 2.0
 """[s] until a process that could not be started is tried again."""
 
 NOT_STARTED = (
-    'nothing is drawn, for its process cannot be started ({}): it is tried again; what is edited '
-    'meanwhile waits for it'
+    'the drawing is not updated: its process cannot be started ({}); this is tried again, and '
+    'later edits are drawn then'
 )
 TOO_LONG = (
-    f'it is not drawn, for that takes longer than {PATIENCE:g} s: take parts away, or use the '
-    'commands check and solve, which take their time'
+    f'it is not drawn: that takes longer than {PATIENCE:g} s; remove parts, or use the commands '
+    'check and solve, which have no time limit'
 )
-CANCELLED = 'it is not drawn, for another document came before it was'
+CANCELLED = 'it is not drawn: another document has replaced it'
 
 Send = Callable[[str, int, str], None]
 
@@ -116,7 +116,10 @@ class Worker:
             while self._link and self._link.poll():
                 self._hear(*self._link.recv())
         except (EOFError, OSError):  # it has ended, by a fault of a library or of the memory
-            self._again('it is not drawn, for its process has ended: it may be too large', True)
+            self._again(
+                'it is not drawn: the drawing process has ended; the machine may be too large',
+                True,
+            )
 
     def look(self, outdated: bool) -> None:
         """End what takes too long, or is wanted no more."""

@@ -1,6 +1,6 @@
 """Machines and their parts for other programs.
 
-Cams and gears for the workshop: outlines in true size as SVG and DXF.
+Cams and gears for manufacture: outlines in true size as SVG and DXF.
 
 For a cam of `joints.cam.profiles` and a gear of `joints.mesh.involute`::
 

@@ -11,9 +11,18 @@ from functools import cached_property
 from typing import TypeGuard
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, Ideal, check_names, steady, time_step, way
+from mechanism_sim.export.ideal import (
+    COLOURS,
+    WORLD,
+    Ideal,
+    Solid,
+    check_names,
+    solids,
+    steady,
+    time_step,
+    way,
+)
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.linkages.springs import Elongation, GuidedSpring, Spring, TorsionSpring
 from mechanism_sim.planar.drive import DriveLaw
@@ -53,7 +62,7 @@ def left_out(machine: Machine) -> list[str]:
         if isinstance(element, AppliedForce) and _constant(element) is None:
             found.append(f'{element.name}: left out: its force is not constant')
         elif not isinstance(element, AppliedForce) and not _is_linear(element):
-            found.append(f'{element.name}: left out: a force of a kind of its own')
+            found.append(f'{element.name}: left out: MuJoCo has no force of this kind')
     return found
 
 

@@ -80,7 +80,7 @@ class Outline:
         return np.array([everything.min(axis=1), everything.max(axis=1)])
 
 
-def cam_outline(cam: Cam, clearance: float | None = None, step: float | None = None) -> Outline:
+def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
     """The profile of a cam at angle 0, with the pitch curve of its roller and the base circle.
 
     `profiles.find_flaws` and `interference.find_cut_away` say whether it can be cut.
@@ -88,10 +88,9 @@ def cam_outline(cam: Cam, clearance: float | None = None, step: float | None = N
     Parameters
     ----------
     clearance : of the roller in a groove [m], which then has both walls; None: no groove
-    step : between the points of curves [rad] or [m]; without it a 3600th of the turn or stroke,
-        which keeps a radius of 100 mm to 0.05 um
     """
-    at = drawing_angles(cam.law, step or extent(cam.law) / 3600)
+    # steps between points which keep a radius of 100 mm to 0.05 um
+    at = drawing_angles(cam.law, extent(cam.law) / 3600)
     touch, closed = cam.at(at), not cam.law.reciprocating
     walls = {'profile': touch.profile}
     if clearance is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.dxf import to_dxf
+from mechanism_sim.export.outline_files import to_dxf
 from mechanism_sim.export.outlines import Circle, Outline, Polygon
 from mechanism_sim.export.shapes import PIN
 from mechanism_sim.export.skeleton import Skeleton, skeleton_of

@@ -8,9 +8,17 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, Ideal, check_names, time_step, way
+from mechanism_sim.export.ideal import (
+    COLOURS,
+    WORLD,
+    Ideal,
+    Solid,
+    check_names,
+    solids,
+    time_step,
+    way,
+)
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2

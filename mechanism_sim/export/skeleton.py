@@ -10,16 +10,15 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.export.bending import bendings
-from mechanism_sim.export.scale import round_below, scale_bar
+from mechanism_sim.export.bending import bendings, round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.joints.contact_keys import Clearance, Play
 from mechanism_sim.joints.joint_keys import bounds_of
 from mechanism_sim.linkages.springs import Spring
+from mechanism_sim.planar.configuration import Poses
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
-from mechanism_sim.planar.poses import Poses
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import Kind, circle, complex_of, points_of
 from mechanism_sim.scene import Machine

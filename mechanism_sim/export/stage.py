@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.export.bending import round_below
 from mechanism_sim.export.palette import index
-from mechanism_sim.export.scale import round_below
 from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
 from mechanism_sim.hybrid.dense_output import Motion

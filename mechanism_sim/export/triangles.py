@@ -29,7 +29,13 @@ def triangles(curves: Sequence[Array]) -> Array:
         whole = curve
         own = [hole for hole in holes if _smallest_around(hole, outer) is curve]
         for hole in sorted(own, key=lambda x: -x[:, 0].max()):
-            whole = _bridged(whole, hole)
+            # one curve that goes round a hole: in and out between the nearest visible corners
+            h = int(hole[:, 0].argmax())
+            at = hole[h]
+            order = np.argsort(np.hypot(*(whole - at).T), kind='stable')
+            k = next(int(i) for i in order if not _crossed(at, whole[i], (whole, hole)))
+            inner = np.roll(hole, -h, axis=0)
+            whole = np.concatenate([whole[: k + 1], inner, inner[:1], whole[k:]])
         found.append(_clipped(whole))
     return np.concatenate(found) if found else np.zeros((0, 3, 2))
 
@@ -37,16 +43,6 @@ def triangles(curves: Sequence[Array]) -> Array:
 def _smallest_around(hole: Array, outer: Sequence[Array]) -> Array | None:
     around = [curve for curve in outer if encloses(curve, hole[:2].mean(axis=0))]
     return min(around, key=area, default=None)
-
-
-def _bridged(curve: Array, hole: Array) -> Array:
-    """One curve that goes round a hole: in and out between the nearest visible corners."""
-    h = int(hole[:, 0].argmax())
-    at = hole[h]
-    order = np.argsort(np.hypot(*(curve - at).T), kind='stable')
-    k = next(int(i) for i in order if not _crossed(at, curve[i], (curve, hole)))
-    inner = np.roll(hole, -h, axis=0)
-    return np.concatenate([curve[: k + 1], inner, inner[:1], curve[k:]])
 
 
 def _crossed(a: Array, b: Array, curves: Sequence[Array]) -> bool:

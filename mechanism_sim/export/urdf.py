@@ -13,9 +13,8 @@ import math
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import WORLD, check_names, frame_of, way
+from mechanism_sim.export.ideal import COLOURS, WORLD, Solid, check_names, frame_of, solids, way
 from mechanism_sim.export.markup import Element, comment, text, written
-from mechanism_sim.export.solids import COLOURS, Solid, solids
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
@@ -54,7 +53,11 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
         else:
             tree.carry(body.name)
     _loops(robot, mechanism, prefix)
-    _start(robot, machine)
+    # the coordinates at the start, which only readers of states look at
+    state = SubElement(robot, 'state', model=machine.name)
+    state.set('time_from_start', '0')
+    for name, value in zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True):
+        SubElement(state, 'joint_state', joint=name, position=text(float(value)))
     return written(robot)
 
 
@@ -152,14 +155,6 @@ def _loops(robot: Element, mechanism: Mechanism, prefix: str) -> None:
         for side, (link, at) in zip(sides, joint.points, strict=True):
             _origin(SubElement(loop, side, link=frame_of(link, prefix)), (*at, 0.0), 0.0)
         SubElement(loop, 'axis', xyz=text(*axis))
-
-
-def _start(robot: Element, machine: Machine) -> None:
-    """The coordinates at the start, which only readers of states look at."""
-    state = SubElement(robot, 'state', model=machine.name)
-    state.set('time_from_start', '0')
-    for name, value in zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True):
-        SubElement(state, 'joint_state', joint=name, position=text(float(value)))
 
 
 class _Tree:

@@ -79,7 +79,7 @@ class Energy:
         if self.error <= _AUDIT.promised * self.exchanged + self.rounding:
             return ''
         return (
-            f'works may be off by {self.error:.2g} J: loads or forces vary faster than the steps'
+            f'work may have an error of {self.error:.2g} J: loads or forces vary faster than steps'
         )
 
 
@@ -202,9 +202,9 @@ class Audit:
         balance = self.energy
         if balance and balance.share > _AUDIT.missing:
             raise RunError(
-                f'{StopReason.ENERGY_UNBALANCED.value}: {balance.residual:.3g} J missing; try a '
-                'smaller rtol, smoother formulas of loads, less friction, or springs with a free '
-                'length or damping whose ends do not meet'
+                f'{StopReason.ENERGY_UNBALANCED.value}: {balance.residual:.3g} J remain; try a '
+                'smaller rtol, smoother formulas of loads, less friction, or springs with a '
+                'free length or damping whose ends do not meet'
             )
 
     def _look(

@@ -13,8 +13,7 @@ import numpy as np
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.clock import base_at, horner, take_off_turns
 from mechanism_sim.hybrid.present_state import PresentState
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 
 
 class DriveLaws:

@@ -25,15 +25,15 @@ from mechanism_sim.numerics.symbolic import (
     dense,
     div,
     dot,
-    eliminate,
     factorise,
     forward,
     mul,
     neg,
+    solve_dragged,
     solve_symmetric,
 )
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Jet
 from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
@@ -50,7 +50,11 @@ from mechanism_sim.tolerances import TOLERANCES
 _IMPACTS = TOLERANCES.impacts
 
 
-_CRAMER = 6  # contacts up to which there are not too many minors
+_CRAMER = 3
+"""Contacts up to which there are not too many minors."""
+
+_YIELDS = 1e40
+"""[1/kg] Compliance of what is not kept: beside it that of any links is below rounding."""
 
 
 class Solved(NamedTuple):
@@ -268,10 +272,7 @@ class Dynamics:
         elif not contacts.frictional:
             N = solve_symmetric(self._masked_compliance(range(m), range(m)), [pressed])[0]
         else:
-            N, stuck = self._pressed(pressed, b[m:])
-            for i, force in zip(contacts.frictional, stuck, strict=True):
-                slides = mul(self.flags.slips[i], mul(contacts.mu[i], N[i]))
-                friction[i] = add(force, neg(slides))
+            N, friction = self._pressed(pressed, b[m:])
         factors = [*N, *(friction if contacts.frictional else [])]
         a, closing = self.reduced.pushed(motion, factors)
         return Solved(a, N, friction, closing)
@@ -292,6 +293,18 @@ class Dynamics:
             K.append(line)
         return K
 
+    def _yielding(self, r: int, c: int) -> Term:
+        """Compliance of two rows; what is not kept gives way as if it had no mass.
+
+        Its force is zero but for some 1e-40 then, with far fewer operations than a mask has.
+        """
+        entry = self.reduced.contacts.compliance[r][c]
+        if r != c:
+            return entry
+        if self.contacts.softness[r] is not None:
+            entry = mul(entry, 1.0 + dense(self.contacts.softness[r]))
+        return add(entry, _YIELDS * (1.0 - self.contacts.active[r]))
+
     def _dragged(self, rows: Sequence[int], c: int) -> Vector:
         """Rates that friction of a sliding contact takes off the kept rows, by its force."""
         share = [
@@ -304,7 +317,7 @@ class Dynamics:
         ]
 
     def _pressed(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
-        """Normal forces, and friction of what sticks.
+        """Normal forces and friction.
 
         Sticking is eliminated first, which can be done always. Only then come the normal forces of
         what slides: their matrix S is not symmetric and may be singular.
@@ -337,27 +350,31 @@ class Dynamics:
             add(x, *(neg(mul(column[k], n)) for column, n in zip(each, N, strict=True)))
             for k, x in enumerate(free)
         ]
-        return N, backward(L, D, rest)
+        friction: Vector = [None] * m
+        for i, force in zip(self.contacts.frictional, backward(L, D, rest), strict=True):
+            slides = mul(self.flags.slips[i], mul(self.contacts.mu[i], N[i]))
+            friction[i] = add(force, neg(slides))
+        return N, friction
 
     def _pressed_by_contact(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
         """Forces of many contacts: one after the other, few of which share a link."""
-        m = len(self.gaps)
-        left = [
-            *right,
-            *(neg(mul(a, x)) for a, x in zip(self.contacts.active[m:], tangential, strict=True)),
-        ]
-        rows = [r for i in self._order() for r in (m + i, i) if r < m or i in self.contacts.mu]
-        kept = self._masked_compliance(rows, rows)
-        A = [list(row) for row in kept]
-        for k, c in enumerate(rows):
-            if c in self.contacts.mu:
-                for row, x in zip(A, self._dragged(rows, c), strict=True):
-                    row[k] = add(row[k], neg(x))
-        found, det = eliminate(A, [left[r] for r in rows])
+        m, contacts = len(self.gaps), self.contacts
+        rows = [r for i in self._order() for r in (m + i, i) if r < m or i in contacts.mu]
+        drags = {
+            k: mul(self.flags.slips[r], contacts.mu[r])
+            for k, r in enumerate(rows)
+            if r in contacts.mu
+        }
+        found, margin = solve_dragged(
+            [[self._yielding(r, c) for c in rows] for r in rows],
+            [right[r] if r < m else neg(tangential[r - m]) for r in rows],
+            drags,
+            [contacts.active[r] for r in rows],
+        )
         if self.jam_margin is None:
-            self.jam_margin = reduce(truediv, map(dense, factorise(kept)[1]), dense(det))
+            self.jam_margin = margin
         forces = dict(zip(rows, found, strict=True))
-        return [forces[i] for i in range(m)], [forces[m + i] for i in self.contacts.frictional]
+        return [forces[i] for i in range(m)], [forces.get(m + i) for i in range(m)]
 
     def _order(self) -> list[int]:
         """The contacts by how many others they are coupled to when those before are eliminated."""

@@ -30,12 +30,12 @@ from mechanism_sim.hybrid.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.hybrid.drive_laws import DriveLaws
 from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
 from mechanism_sim.hybrid.present_state import PresentState
+from mechanism_sim.hybrid.short_steps import ShortSteps
 from mechanism_sim.hybrid.singular import SingularPositions
 from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.hybrid.taylor_steps import PendingStep, TaylorSteps
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular
@@ -101,6 +101,14 @@ class EventLoop:
             _STEPS.defect * rtol * _STEPS.rate * fastest,
             _STEPS.stabilisation * fastest,
         )
+        if compact and len(system.gaps) > 1 and not (system.compliant or system.steep):
+            self._steps.short = ShortSteps(
+                system,
+                self._ta,
+                compact,
+                self._present.rounding,
+                _STEPS.low_error * rtol * _STEPS.rate * fastest,
+            )
         self._touches = Touches(system) if system.compliant else None
         self._pending: PendingStep | None = None
         self._last_event = float('-inf')

@@ -218,8 +218,8 @@ class Observer:
         ) = self._observe(inputs, self._with_parts(inputs, at.rows))  # fmt: skip
         if residual and np.abs(residual[0]).max(initial=0.0) > _JOINT_FRICTION.residual:
             raise RunError(
-                'friction in ideal joints does not follow from their forces: it nearly jams; '
-                'a smaller coefficient or radius runs'
+                'friction in ideal joints is not determined by their forces: it nearly jams; '
+                'reduce the coefficient of friction or the radius'
             )
         with np.errstate(over='ignore'):  # of numbers near the largest
             drive_power = (drive_torque * at.v[self.system.driven_index]).sum(axis=0)

@@ -92,7 +92,13 @@ class PresentFunctions:
 
     @cached_property
     def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
-        """Terms that `contact.rubbing.rubs_of` reads, of `watch`'s vector; sizes of all bounds.
+        """`rub_terms` of `watch`'s vector."""
+        terms, sizes = self.rub_terms
+        return self._run.compile_now(terms), sizes
+
+    @cached_property
+    def rub_terms(self) -> tuple[list[hy.expression], list[list[tuple[int, int]]]]:
+        """Terms that `contact.rubbing.rubs_of` reads; sizes of all bounds.
 
         The latter are how many components each term of each bound has, and its wall.
         """
@@ -113,7 +119,7 @@ class PresentFunctions:
         # flanks of teeth bear as they did before the impact
         terms = hy.subs([dense(x) for x in terms], dict.fromkeys(impulses, hy.expression(0.0)))
         sizes = [[(len(p.components), p.wall) for p in b] for b in bounds]
-        return self._run.compile_now(terms), sizes
+        return terms, sizes
 
     @cached_property
     def pressing(self) -> hy.cfunc_dbl:

@@ -28,7 +28,7 @@ from mechanism_sim.numerics.symbolic import (
     solve_symmetric,
 )
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Jet
 from mechanism_sim.planar.protocols import Relation
 
 
@@ -106,13 +106,13 @@ class Reduction:
         ]
         count = len(self.J)
         self.closings = kept[:count]
-        self.contacts, self.joints = (
-            UnitResponse(own, [[dot(row, w) for w in own] for row in along], on_drives)
-            for own, along, on_drives in (
-                (response[:count], self.J, drives[:count]),
-                (response[count:], J, drives[count:]),
-            )
-        )
+        own, rubbed = response[:count], response[count:]
+        # symmetric: to write each entry once halves what it costs in a step
+        half = [[dot(row, w) for w in own[: k + 1]] for k, row in enumerate(self.J)]
+        compliance = [[half[max(r, c)][min(r, c)] for c in range(count)] for r in range(count)]
+        self.contacts = UnitResponse(own, compliance, drives[:count])
+        along = [[dot(row, w) for w in rubbed] for row in J]
+        self.joints = UnitResponse(rubbed, along, drives[count:])
 
     def _mass(self) -> Matrix:
         """Mass matrix of the free coordinates, with what is lent to the closures."""

@@ -17,8 +17,7 @@ from mechanism_sim.hybrid.dynamics import Dynamics, Solved
 from mechanism_sim.hybrid.holding import Acting, acting
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.joint_friction import Pressed
-from mechanism_sim.planar.loads import Wrench, together
-from mechanism_sim.planar.protocols import JointForce
+from mechanism_sim.planar.protocols import JointForce, Wrench, together
 from mechanism_sim.planar.reactions import tree_reactions
 from mechanism_sim.planar.switches import Switch
 

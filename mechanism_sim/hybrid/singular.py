@@ -307,6 +307,6 @@ class SingularPositions:
         said = ', '.join(links) or 'its links'
         return RunError(
             f'at t = {self._present.time:.9g} s the mechanism is at a singular position, where '
-            f'{said} can go on in more than one way, and nothing decides which: change a length, '
-            'the start or the drive a little'
+            f'{said} can continue in more than one way, and it is undetermined which: change a '
+            'length, the start or the drive a little'
         )

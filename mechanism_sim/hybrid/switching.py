@@ -167,8 +167,8 @@ class Switching:
         joints = dict.fromkeys(rub.friction.name for rub in self._system.dynamics.rubs)
         return RunError(
             f'friction jams at t = {self._now.time:.9g} s{self._now.where}: in '
-            f'{", ".join(joints)} no finite forces let the motion go on; a smaller coefficient or '
-            'radius runs'
+            f'{", ".join(joints)} no finite forces can continue the motion; reduce the '
+            'coefficient of friction or the radius'
         )
 
     @property
@@ -280,7 +280,7 @@ class Switching:
             name = [*self._system.equations.frames.switches][switch]
             load = '.'.join(name.replace(':', '.', 1).split('.')[:2])
             raise RunError(
-                f'{load} turns over again and again at t = {self._now.time:.9g} s: a force that '
-                'steps against the motion (sign, or a condition on a rate) would hold it at rest; '
-                'write a steep function instead, such as tanh(vx/0.001)'
+                f'{load} switches again and again at t = {self._now.time:.9g} s: a force that '
+                'steps against the motion (sign, or a condition on a rate) would hold it at '
+                'rest; write a steep function instead, such as tanh(vx/0.001)'
             )

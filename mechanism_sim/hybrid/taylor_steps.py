@@ -13,6 +13,7 @@ from mechanism_sim.hybrid.clock import horner
 from mechanism_sim.hybrid.contacts import Contacts
 from mechanism_sim.hybrid.dense_output import DenseOutput, floats
 from mechanism_sim.hybrid.drive_laws import DriveLaws
+from mechanism_sim.hybrid.short_steps import ShortSteps
 from mechanism_sim.hybrid.singular import SingularPositions
 from mechanism_sim.hybrid.step_check import StepCheck
 from mechanism_sim.planar.elastic import Beam
@@ -53,6 +54,7 @@ class TaylorSteps:
     Attributes
     ----------
     longest : [s] step
+    short : takes those that are short, of machines whose equations are long
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class TaylorSteps:
         self._check: StepCheck | None = None
         if system.steep:
             self._check = StepCheck(system, system.steep, self._ta, defect)
+        self.short: ShortSteps | None = None
         self._quick = self._check is None and not system.compliant
         width, series = self._ta.order + 1, floats(self._ta.tc)
         watch = system.width + 1  # after the state and the constant
@@ -96,9 +99,7 @@ class TaylorSteps:
             self._laws.turn(tau)
         longest, horizon = self.longest, gaps.horizon
         if not self._quick or self._laws.coming or horizon < longest:
-            if self._system.timed:
-                ta.time = tau
-            h = step(min(longest, horizon), True)[1]
+            h = self._taken(tau, min(longest, horizon))
             return tau, h if self._check is None else self._checked(tau, h, self._check)
         coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
         slots, lengths, lone, timed = (
@@ -169,6 +170,14 @@ class TaylorSteps:
             gaps.horizon = math.inf
         return PendingStep(tau, h, guard, taken, crossing.origin if crossing else None)
 
+    def _taken(self, tau: float, most: float) -> float:
+        """Length of a step from `tau`, of a low order if that serves for `most` [s]."""
+        h = self.short.step(tau, most) if self.short and most < self.longest else None
+        if h is None:
+            self._ta.time = tau
+            h = float(self._step(most, True)[1])
+        return h
+
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
         """Length of a step, taken anew until no formula turned steep within it unseen.
 
@@ -197,7 +206,7 @@ class TaylorSteps:
         missed = self._missed(guard)
         while missed is not None and h > _STEPS.shortest * self.longest:
             self._singular.return_to(tau)
-            h = self._step(_STEPS.shorter * h, True)[1]
+            h = self._taken(tau, _STEPS.shorter * h)
             guard = self._system.fired(self._pars)
             missed = self._missed(guard)
         return h, guard if missed is None or guard is not None else missed

@@ -81,9 +81,9 @@ def import_machine(
         ending = path.suffix.lower()
         if ending not in READERS:
             raise InputError(
-                f"'{name}': {ending or 'no ending'} is no format that is imported"
-                f'{nearest(ending, READERS)}; those are {", ".join(READERS)}, and addresses of '
-                'PMKS+ in quotes'
+                f"'{name}': {ending or 'no ending'} is not a format that can be "
+                f'imported{nearest(ending, READERS)}; those are {", ".join(READERS)}, and '
+                'addresses of PMKS+ in quotes'
             )
         stem, made = path.stem, _read(READERS[ending], path, unit)
     outlines.weigh(made, thickness, density)
@@ -91,7 +91,7 @@ def import_machine(
         data = overridden(stem, made.scene(), overrides)
     notes = list(made.notes)
     if 'drive' not in data:
-        notes.append("the file says no drive: --set 'drive.speed=60 rpm' adds one to the crank")
+        notes.append("the file defines no drive: --set 'drive.speed=60 rpm' adds one to the crank")
     try:
         build(stem, check_scene(stem, data))
     except InputError as error:  # it is written all the same: people mend it there
@@ -116,7 +116,7 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise InputError(f"'{path}' cannot be read: {error.strerror}") from error
     if len(data) > LARGEST:
-        raise InputError(f"'{path}' has more than {LARGEST >> 20} MB: that is no machine")
+        raise InputError(f"'{path}' has more than {LARGEST >> 20} MB: too large for a machine")
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:

@@ -165,7 +165,7 @@ def read_address(address: str, unit: str | None) -> Blueprint:
         table = _listed(fields) if 'j' in fields else _packed(unquote(query))
     except (LookupError, ValueError) as error:
         raise InputError(
-            f'this is no address of a mechanism of PMKS+ ({reason(error)})'
+            f'this is not an address of a mechanism of PMKS+ ({reason(error)})'
         ) from error
     if unit:
         table.unit = unit

@@ -23,7 +23,7 @@ def parse(file: str, text: str, *roots: str) -> Element:
     try:
         root = fromstring(text.encode())  # noqa: S314 - without entities
     except (ParseError, ValueError) as error:
-        raise InputError(f'{file} is no XML ({reason(error)})') from error
+        raise InputError(f'{file} is not XML ({reason(error)})') from error
     for element in root.iter():
         element.tag = str(element.tag).rpartition('}')[2]  # without namespaces
     if root.tag not in roots:
@@ -38,7 +38,7 @@ def numbers(text: str | None, count: int, default: float = 0.0) -> Array:
     try:
         found = np.array([float(x) for x in text.replace(',', ' ').split()])
     except ValueError:
-        raise InputError(f"'{text.strip()}' are no numbers") from None
+        raise InputError(f"'{text.strip()}' are not numbers") from None
     if len(found) != count or not np.isfinite(found).all():
         raise InputError(f"'{text.strip()}' are not {count} finite numbers")
     return found

@@ -57,7 +57,7 @@ class _MjcfReader:
     def _bodies(self, element: Element, parent: str, depth: int) -> None:
         """Bodies below one, with what carries them."""
         if depth > _DEEPEST:
-            raise InputError(f'bodies within bodies, more than {_DEEPEST} deep')
+            raise InputError(f'bodies nested more than {_DEEPEST} deep')
         robot = self.robot
         for site in element.findall('site'):
             self._sites[str(site.get('name'))] = parent, numbers(site.get('pos'), 3)
@@ -146,7 +146,7 @@ class _MjcfReader:
             )
             i = np.array([across, across, along]) / volume
         else:
-            self.robot.notes.append(f'{body.name}: a shape of type {kind} is not weighed')
+            self.robot.notes.append(f'{body.name}: no mass is computed for type {kind}')
             return
         mass = number(geom.get('mass'), volume * number(geom.get('density'), 1000.0))
         add_mass(body, RobotBody('', mass=mass, inertia=mass * np.diag(i)), turn, at)
@@ -199,7 +199,7 @@ class _MjcfReader:
             name, length = str(tendon.get('name')), tendon.get('springlength')
             if len(ends) != 2 or not number(tendon.get('stiffness')) or length is None:
                 self.robot.notes.append(
-                    f'{name}: left out: a tendon that is no spring of two sites'
+                    f'{name}: left out: a tendon that is not a spring between two sites'
                 )
                 continue
             keys = {

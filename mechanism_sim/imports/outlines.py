@@ -56,7 +56,7 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
         drawn = [(e, _points(e, _FINE * size)) for e in parts]
     except ezdxf.DXFError as error:
-        raise InputError(f'{path.name} is no DXF that can be read ({reason(error)})') from error
+        raise InputError(f'{path.name} cannot be read as DXF ({reason(error)})') from error
     curves: list[DrawnCurve] = []
     open_: dict[str, list[Array]] = {}
     for entity, points in drawn:
@@ -128,7 +128,7 @@ def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
     """Give links the masses of their outlines, cut from plates."""
     if not made.outlines:
         if thickness:
-            raise InputError('--thickness is for drawings: this file says what links weigh')
+            raise InputError('--thickness is for drawings: this file gives the masses of links')
         return
     if thickness is None:
         made.notes.append('links have no mass: give --thickness')

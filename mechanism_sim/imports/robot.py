@@ -180,7 +180,7 @@ class _Plane:
         self._robot = robot
         hinges = [j for j in robot.joints if j.kind == 'revolute' and j.axis.any()]
         if not hinges:
-            raise InputError('there is no joint that turns: this is no planar machine')
+            raise InputError('there is no revolute joint: this is not a planar machine')
         ways = {j.name: robot.bodies[j.child].turn @ j.axis for j in robot.joints}
         normal = ways[hinges[0].name]
         across = int(np.abs(normal).argmax())
@@ -294,7 +294,7 @@ class _Plane:
             carrier = next((b for b in moving if b in parents), WORLD)
         pair = [b for b in moving if b != carrier]
         if len(pair) != 2:
-            made.notes.append(f'{name}: left out: it is no ratio of the angles of two links')
+            made.notes.append(f'{name}: left out: it is not a ratio of the angles of two links')
             return
         exact = -moving[pair[0]] / moving[pair[1]]
         ratio = Fraction(exact).limit_denominator(1000)
@@ -322,7 +322,7 @@ class _Plane:
             body, keys = guide.child, {'speed': f'{speed * factors[guide.name]!r} m/s'}
         else:
             made.notes.append(
-                f'the drive of {", ".join(factors)} is left out: it is of no one link'
+                f'the drive of {", ".join(factors)} is left out: it does not drive a single link'
             )
             return
         where = made.keys if 'drive' not in made.keys else made.keys.setdefault('drives', {})

@@ -34,7 +34,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     while waiting:
         ready = [link for link in waiting if _relative(link) in frames]
         if not ready:
-            raise InputError(f'{path.name}: the pose of {waiting[0].get("name")} is of no link')
+            raise InputError(f'{path.name}: the pose of {waiting[0].get("name")} has no link')
         for link in ready:
             waiting.remove(link)
             body = _body(link)
@@ -52,7 +52,7 @@ def join(robot: Robot, joint: Element) -> None:
     name, kind = str(joint.get('name')), str(joint.get('type'))
     parent, child = (robot.bodies.get(_text(joint, side)) for side in ('parent', 'child'))
     if parent is None or child is None:
-        raise InputError(f'{name}: its parent or its child is no link of the model')
+        raise InputError(f'{name}: its parent or its child is not a link of the model')
     if kind == 'gearbox':  # child = -ratio parent, both against the body of reference
         ratio = number(_text(joint, 'gearbox_ratio'), 1.0)
         carrier = _text(joint, 'gearbox_reference_body')

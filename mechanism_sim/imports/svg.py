@@ -44,7 +44,7 @@ def curves(file: str, text: str) -> tuple[str, list[Found]]:
 
 def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:
     if depth > _DEEPEST:
-        raise InputError(f'groups within groups, more than {_DEEPEST} deep')
+        raise InputError(f'groups nested more than {_DEEPEST} deep')
     for child in element:
         own = frame @ _transform(child.get('transform') or '')
         name = next((v for k, v in child.attrib.items() if k.endswith('label')), child.get('id'))
@@ -173,6 +173,6 @@ def _transform(text: str) -> Array:
             x, y = v[1:3] if len(v) > 2 else (0.0, 0.0)
             step = np.array([[c, -s, x - c * x + s * y], [s, c, y - s * x - c * y], [0, 0, 1]])
         else:
-            raise InputError(f"'{name}({given})' is no transformation that is read here")
+            raise InputError(f"'{name}({given})' is not a supported transformation")
         found = found @ step
     return found

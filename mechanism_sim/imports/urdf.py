@@ -40,7 +40,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     while waiting:
         ready = [joint for joint in waiting if _end(joint, 'parent') in known]
         if not ready:
-            raise InputError(f'{path.name}: {_name(waiting[0])} hangs on nothing')
+            raise InputError(f'{path.name}: {_name(waiting[0])} is connected to no link')
         for joint in ready:
             waiting.remove(joint)
             known.add(_end(joint, 'child'))

@@ -56,7 +56,7 @@ class MaterialPart(Part):
 
 
 class Contact(Part):
-    """A compliant contact: a law of force instead of a rigid one."""
+    """A compliant contact: a contact force law instead of a rigid contact."""
 
     law: Literal['hertz', 'hunt_crossley', 'lankarani_nikravesh', 'flores', 'film']
     """Hertz without loss, three laws with loss by impact, or an oil film."""
@@ -157,20 +157,20 @@ class Friction(Part):
 
 
 class Play(Part):
-    """How loose a joint is, and what its contacts are like."""
+    """Clearance of a joint, and the laws of its contacts."""
 
     radial: Displacement
-    """How far it can move from the middle; 0 for a contact that only lifts off."""
+    """Radial clearance; 0 for a contact that only lifts off."""
     restitution: Coefficient
-    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    """Coefficient of restitution: 0 without rebound, 1 without loss."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works; equal if smooth."""
+    """Hypothesis of restitution: ratio of velocities, impulses or energies; equal if smooth."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient, in impacts and in following."""
+    """Coefficient of Coulomb friction, in impacts and in following."""
     pin_radius: Radius = 0.0
     """The arm of friction; only with friction."""
     contact: Contact | None = None
-    """A law of force instead of a rigid contact, for all loose joints or for none; or oil."""
+    """A contact force law or an oil film instead of a rigid contact; for all joints or none."""
 
     @model_validator(mode='after')
     def _known_radii(self) -> Play:
@@ -231,7 +231,7 @@ def play_of(given: Any, radial: float) -> Play:
 
 
 class Inclination(Part):
-    """How an axis is inclined against the normal of the plane of motion."""
+    """Inclination of an axis against the normal of the plane of motion."""
 
     angle: Annotated[float, si('rad'), Field(ge=0.0, lt=0.1)]
     """Small: the equations are of the first order in it."""
@@ -245,7 +245,7 @@ class Inclination(Part):
 
 
 class Misalignment(Part):
-    """How far the axes of a bearing are out of line, by manufacture."""
+    """Misalignment of the axes of a bearing, by manufacture."""
 
     pin: Inclination | None = None
     """Of the pin, on the first-named link."""
@@ -254,10 +254,10 @@ class Misalignment(Part):
 
 
 class WornPart(Part):
-    """How deep a surface is worn, by the angle in the frame of its own link."""
+    """Depth of wear of a surface, over the angle in the frame of its own link."""
 
     points: Annotated[list[tuple[Angle, Position]], Field(min_length=4)]
-    """Angle and depth along the radius, such as [30 deg, 12 um], with rising angles within a turn,
+    """Angle and radial depth, such as [30 deg, 12 um], with increasing angles within a turn,
     through which a periodic cubic spline goes; what is built up is negative. Or `file` names a
     file of comma-separated values beside the scene, and `columns` two of its columns.
     """
@@ -295,12 +295,12 @@ class ProfilesPart(Part):
 
 
 class WearPart(Part):
-    """How much a bearing wears, for `life`: volume by force times path, after Archard."""
+    """Wear of a bearing, for `life`: volume by force times sliding distance, after Archard."""
 
     width: Length
     """Of the bearing along its axis."""
     bushing: Annotated[float, si('m^3/(N m)'), NOT_NEGATIVE] = 0.0
-    """Volume worn off it by normal force times path slid, such as 1e-7 mm^3/(N m)."""
+    """Volume worn off it over normal force times sliding distance, such as 1e-7 mm^3/(N m)."""
     pin: Annotated[float, si('m^3/(N m)'), NOT_NEGATIVE] = 0.0
     """Likewise."""
     law: Literal['archard', 'friction_work'] = 'archard'
@@ -308,12 +308,12 @@ class WearPart(Part):
 
 
 class AxialPlay(Part):
-    """How far a bearing lets its links move along its axis, between stops."""
+    """Axial play of a bearing, between stops."""
 
     play: Length
     """From the middle to either stop."""
     restitution: Coefficient | None = None
-    """Of the stops; without, that of the bearing."""
+    """Coefficient of restitution of the stops; that of the bearing if not given."""
     face_radius: Length | None = None
     """Of the faces that meet, for the moment of those out of line; without, they take none."""
     crown: Length | None = None

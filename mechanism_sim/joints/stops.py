@@ -23,13 +23,11 @@ from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, MotionBound
+from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
 from mechanism_sim.units import QuantityValue
@@ -39,7 +37,7 @@ Limit = Annotated[QuantityValue, si_of('rad', 'm')]
 
 
 class StopsPart(Part):
-    """Where a joint stops, and how it bounces there."""
+    """Limits of a joint, and the impact law at them."""
 
     lower: Limit | None = None
     """Least angle or displacement of the second link against the first; without it there is no
@@ -47,18 +45,18 @@ class StopsPart(Part):
     upper: Limit | None = None
     """Largest angle or displacement; one of the two is needed."""
     restitution: Coefficient = 0.0
-    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    """Coefficient of restitution: 0 without rebound, 1 without loss."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works; equal if smooth."""
+    """Hypothesis of restitution: ratio of velocities, impulses or energies; equal if smooth."""
     radius: Length | None = None
     """How far from the pin the stops of an angle are: gap, impulse and force are those there; 1 m
     without."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient at the ends of a slot, on which the pin turns."""
+    """Coefficient of Coulomb friction at the ends of a slot, on which the pin turns."""
     pin_radius: Radius = 0.0
     """Of this pin; required with friction."""
     contact: Contact | None = None
-    """A law of force instead of rigid stops."""
+    """A contact force law instead of rigid stops."""
 
     @model_validator(mode='after')
     def _somewhere(self) -> StopsPart:
@@ -80,7 +78,7 @@ class StopKeys(JointKeys):
     """Joints whose motion may have limits."""
 
     stops: StopsPart | None = None
-    """Limits of its angle or displacement, where it bounces or rests."""
+    """Limits of its angle or displacement, with impacts and contact there."""
 
     @classmethod
     def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:
@@ -91,7 +89,7 @@ class StopKeys(JointKeys):
             if line and link and link.elastic and names.scene.joints[joint.name].stops:
                 raise InputError(
                     f'joints.{joint.name}.stops: {line.link} is elastic, and stops along a link '
-                    'that bends are not known: give them to a joint of a rigid link'
+                    'that bends are not modelled: give them to a joint of a rigid link'
                 )
 
     def touches(self, name: str) -> Play | None:

@@ -89,7 +89,7 @@ class SectionPart(Part):
             raise ValueError("needs either 'width' and 'height', or 'diameter', or 'points'")
         places = [x for x, _ in self.points or ()]
         if places != sorted(places):
-            raise ValueError(f'has points whose x does not rise: {", ".join(map(str, places))} m')
+            raise ValueError(f'has points with x out of order: {", ".join(map(str, places))} m')
         if len({x.given for _, x in self.points or ()}) > 1:
             raise ValueError('has points given by different sizes: give the same at all of them')
         return self
@@ -136,9 +136,9 @@ class ElasticPart(Part):
     density: Annotated[float, si('kg/m^3'), POSITIVE] | None = None
     """Instead of a material's."""
     modes: Annotated[int, Field(ge=1, le=8)] = 2
-    """How many shapes it bends in."""
+    """Number of bending modes."""
     stretch: Annotated[int, Field(ge=0, le=4)] = 0
-    """How many shapes it stretches in; 0: it keeps its length."""
+    """Number of longitudinal modes; 0: it keeps its length."""
     ends: Literal['pinned', 'clamped'] = 'pinned'
     """Its angle is that of the line through start and end, or of the tangent at its start."""
     functions: Literal['modal', 'polynomial'] = 'modal'
@@ -148,7 +148,7 @@ class ElasticPart(Part):
     rayleigh: RayleighPart = RayleighPart()
     """Damping by mass and by stiffness, beside that."""
     foreshortening: bool = True
-    """True if the ends come nearer as it bends; without there is no stiffening by spin."""
+    """True if bending shortens the distance of the ends; needed for centrifugal stiffening."""
 
     @model_validator(mode='after')
     def _complete(self) -> ElasticPart:
@@ -156,7 +156,7 @@ class ElasticPart(Part):
         if (None in given) == (self.section is None) or (self.section and any(given)):
             raise ValueError("needs either 'section', or 'area' and 'second_moment'")
         if self.section and self.outer_fibre:
-            raise ValueError("has 'outer_fibre', which its section says already")
+            raise ValueError("has 'outer_fibre', which its section defines already")
         if self.material is None and self.youngs_modulus is None:
             raise ValueError("needs 'material' or 'youngs_modulus'")
         return self

@@ -112,7 +112,7 @@ class Names:
                 if joint.clearance:
                     raise InputError(
                         f'{where}: {link} turns in the loose joint {name}, so that its centre is '
-                        'nowhere fixed: it needs an ideal one'
+                        'not fixed: it needs an ideal one'
                     )
                 return name, ends[on], ends[link]
         other = 'the ground' if on == GROUND else on
@@ -123,8 +123,8 @@ class Names:
         link, _, axis = name.partition('.')
         if link in self.links and axis in ('x', 'y'):
             raise InputError(
-                f"{where}: '{name}' is the place of a link between loose joints, which only "
-                f"'initial' gives: write '{link}'"
+                f"{where}: '{name}' is the position of a link between loose joints, which is for "
+                f"'initial' only: write '{link}'"
             )
         if name not in self.links:
             raise InputError(

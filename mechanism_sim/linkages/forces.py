@@ -8,14 +8,13 @@ from dataclasses import dataclass
 
 import heyoka as hy
 
-from mechanism_sim.linkages.elements import SceneElement
 from mechanism_sim.linkages.formulas import FormulaScope
+from mechanism_sim.linkages.springs import SceneElement
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load
+from mechanism_sim.planar.frames import Frames, Jet, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import LinkPoint
+from mechanism_sim.planar.protocols import Load
 from mechanism_sim.planar.virtual_work import located
 
 _WIDE = 0.25 * math.pi  # parts of a turn that no piece of a motion steps over

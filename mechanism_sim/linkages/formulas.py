@@ -13,10 +13,9 @@ from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Curve
 from mechanism_sim.numerics.symbolic import Term, add, dense
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.protocols import Load
 
 
 class MeasuredSpring(Protocol):

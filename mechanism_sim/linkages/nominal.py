@@ -24,8 +24,7 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, ModeChange
 from mechanism_sim.hybrid.physics import each_instant, outside, rows
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.linkages.ideal import IdealMotion
-from mechanism_sim.linkages.passage import Passage, with_limits
+from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
 from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, NominalPiece
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
@@ -36,8 +35,7 @@ from mechanism_sim.numerics.polynomials import (
     fit_powers,
 )
 from mechanism_sim.planar.branch import SAMPLES
-from mechanism_sim.planar.drive import DriveLaw, Law
-from mechanism_sim.planar.endless_laws import LawSource
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.planar.inverse_dynamics import Account, InverseDynamics, NoLimit, Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.steep_loads import SteepLoads
@@ -276,8 +274,8 @@ class NominalRun:
         self._short = self._short + 1 if self._share < _SHORT else 0
         if self._short > _MOST_SHORT:
             raise RunError(
-                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: '
-                'its closures hardly determine it there'
+                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
+                'are nearly singular there'
             )
         self._pieces.append((self._time, h, self._turns.copy(), coefficients))
         # terms decay geometrically: those in the middle foretell the last ones of twice the length
@@ -613,8 +611,8 @@ class NominalPhysics:
             t = float((curve.start[segment[bad]] + since[bad]).min())
             names = ', '.join(sorted(forces.formulas))
             raise RunError(
-                f'a formula is out of its range at t = {t:.9g} s: what it gives is not finite; '
-                f'see {names}'
+                f'a formula leaves its range at t = {t:.9g} s: its value is not finite; see '
+                f'{names}'
             )
 
     def _sampled(

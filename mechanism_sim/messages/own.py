@@ -82,7 +82,7 @@ def _about_motion(message: Any) -> str | None:
 def _beyond(message: Any, *fields: str) -> str | None:
     for field in fields:
         if not 0.0 <= getattr(message, field) < LATEST:
-            return f'{field} = {getattr(message, field):g} s is no time of a run'
+            return f'{field} = {getattr(message, field):g} s is not a time of a run'
     return None
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import CamState, GearState, GenevaState
 from mechanism_sim.planar.mechanism import HigherPair
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import View
 from mechanism_sim.scene import Machine
 
 

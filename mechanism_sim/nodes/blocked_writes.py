@@ -39,7 +39,7 @@ while os.getppid() == parent:
     if number % 2 and now - since > {LONG} and now - (named or -1e9) > {AGAIN}:
         named = now
         print(f"mechanism-sim: topic '{{topic.decode()}}' has waited {{now - since:.0f}} s for a "
-              'subscriber that does not read; the run goes on when it reads, or is found gone',
+              'subscriber that does not read; the run continues when it reads, or has left',
               file=sys.stderr, flush=True)
     if signalled and now - signalled > {LONG}:
         print('mechanism-sim: interrupted in a write that blocks', file=sys.stderr, flush=True)

@@ -34,7 +34,7 @@ class DriveCommands:
     def __init__(self, drive: Drive) -> None:
         self._drive, law = drive, drive.law
         self._period = drive.declare(
-            'command_period', 0.0, 'One command for each such time [s]; 0: at any time',
+            'command_period', 0.0, 'Interval of commands [s]; 0: at any time',
             (0.0, 1e6), read_only=True,
         )  # fmt: skip
         self._taken = 0

@@ -6,17 +6,17 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, stamp
+from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, service_class, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.nodes.commands import DriveCommands
-from mechanism_sim.nodes.content_propagation import ContentPropagation
-from mechanism_sim.nodes.control import SimulationControl
+from mechanism_sim.nodes.control import SimulationControl, Worlds
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
-from mechanism_sim.nodes.middleware import Future, Parameter
+from mechanism_sim.nodes.middleware import Client, Future, Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.pace import AHEAD, Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
-from mechanism_sim.nodes.worlds import Worlds
+from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content
+from mechanism_sim.nodes.simulation_node import SimulationNode
 
 BEHIND = 0.95
 """Share of the real-time factor asked for below which the diagnostics warn."""
@@ -39,7 +39,7 @@ class CrankDrive(Drive):
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('crank_drive', parameters)
         for name, default, about, within in (
-            ('lead', 3.0, 'How far the law is announced ahead [s]', (1e-6, 1e6)),
+            ('lead', 3.0, 'How far ahead the law is announced [s]', (1e-6, 1e6)),
             ('realtime_factor', 0.0, 'Simulated seconds per second; 0: no limit', (0.0, 1e6)),
             ('step_size', 1e-3, 'Length of a step of the paused simulation [s]', (1e-9, 1e3)),
         ):
@@ -80,13 +80,6 @@ class CrankDrive(Drive):
         """Begin with the laws of the scene."""
         self._laws, self._law = list(self.machine.drive.laws), 0
         self._source = self.machine.drive.source
-
-    def _later(self) -> list[Any]:
-        """The laws behind the present one, as far as they are known; one at least if any comes."""
-        if self._source and self._law + 1 == len(self._laws):
-            following = self._source.after(self.law)
-            self._laws += [following] if following else []
-        return self._laws[self._law + 1 :]
 
     def take_over(self, laws: Sequence[Any]) -> None:
         """Let other laws take over, the first at `announced`."""
@@ -225,7 +218,11 @@ class CrankDrive(Drive):
             return
         self.final = final
         while True:
-            later = self._later()
+            # the laws behind the present one, as far as they are known; one at least if any comes
+            if self._source and self._law + 1 == len(self._laws):
+                following = self._source.after(self.law)
+                self._laws += [following] if following else []
+            later = self._laws[self._law + 1 :]
             change = later[0].valid_from if later else math.inf
             last = final and horizon <= change
             if last or min(horizon, change) > max(self.announced, self.law.valid_from):
@@ -271,3 +268,49 @@ class CrankDrive(Drive):
                 found.level = DiagnosticStatus.WARN
                 found.message = f'{achieved:.3g} times real time instead of {asked:g}'
         return found
+
+
+class ContentPropagation:
+    """Hands the drive's scene to its partners, before a run that has another than the last."""
+
+    def __init__(self, drive: SimulationNode) -> None:
+        self._drive, self._run_with = drive, Content.of(drive)
+        self._kind = service_class('rcl_interfaces/srv/SetParametersAtomically')
+        group = ReentrantCallbackGroup()  # who asks for a reset is in a callback that waits
+        self._clients: dict[str, Client] = {
+            name: drive.create_client(
+                self._kind, f'{name}/set_parameters_atomically', callback_group=group
+            )
+            for name in drive.partners.names
+        }
+        drive.add_post_set_parameters_callback(self._announce)
+
+    async def propagate(self) -> str:
+        """Give all partners the values for the next run; why it cannot be, empty if it is done.
+
+        If one refuses, all have those of the present run again.
+        """
+        asked = Content.of(self._drive)
+        if asked == self._run_with:
+            return ''
+        for n, (name, client) in enumerate(self._clients.items()):
+            if reason := await self._set(client, asked):
+                for _, earlier in list(self._clients.items())[:n]:
+                    await self._set(earlier, self._run_with)
+                return f"'{name}' cannot begin a run with other values of the scene: {reason}"
+        self._run_with = asked
+        return ''
+
+    async def _set(self, client: Client, content: Content) -> str:
+        if not client.service_is_ready():
+            return f'the service {client.service_name} is not available'
+        values = zip((SCENE, OVERRIDES), content, strict=True)
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values]
+        answer: Any = await client.call_async(self._kind.Request(parameters=parameters))
+        return '' if answer.result.successful else str(answer.result.reason)
+
+    def _announce(self, parameters: list[Parameter]) -> None:
+        if {SCENE, OVERRIDES} & {parameter.name for parameter in parameters}:
+            asked = Content.of(self._drive)
+            values = ', '.join(asked.lines) or 'no overrides'
+            self._drive.get_logger().info(f'{asked.scene} ({values}) holds from the next reset on')

@@ -157,7 +157,7 @@ class DescribedNode(Node):
 
     def ignore(self, topic: str, reason: str) -> None:
         """Warn that a message was not taken, though it is one; seldom, however many there are."""
-        self.get_logger().warning(f'ignored what came on {topic}: {reason}',
+        self.get_logger().warning(f'ignored a message on {topic}: {reason}',
                                   throttle_duration_sec=10.0)  # fmt: skip
 
     def create_timer(self, *given: Any, **how: Any) -> Any:

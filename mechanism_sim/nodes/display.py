@@ -9,17 +9,15 @@ from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
-from mechanism_sim.nodes import markers
-from mechanism_sim.nodes.following import MotionFollower
-from mechanism_sim.nodes.force_markers import ForceMarkers
+from mechanism_sim.nodes.following import MotionFollower, Schedule
+from mechanism_sim.nodes.force_markers import ForceMarkers, shapes
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
-from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 SCALES = {
     'force_scale': 'Length of arrows per force [m/N]; 0: the largest fits half the machine',
-    'clearance_magnification': 'How much larger clearances are shown; 0: well visible',
+    'clearance_magnification': 'Magnification of clearances; 0: chosen so that they are visible',
 }
 """Parameters that choose sizes, and what they are about."""
 
@@ -44,7 +42,7 @@ class Display(SimulationNode):
             Impact, 'impacts', self.once_ready(self._take_impact), RESULTS
         )
         self._topic = impacts.topic_name
-        self._following = _Following(self, self._take, self._rest, self._start_over)
+        _Following(self, self._take, self._rest, self._start_over)
         self.join()
 
     def _take_machine(self) -> None:
@@ -67,11 +65,7 @@ class Display(SimulationNode):
     def _begin(self) -> None:
         self._schedule = Schedule(self.machine.scene.outputs.markers)
         self._swaying = Swaying(self.machine)
-        self.send(self._shapes, markers.shapes(self._preview.skeleton, self._prefix))
-
-    def on_progress(self, message: Any) -> None:
-        """End if all motion has come."""
-        self._following.look()
+        self.send(self._shapes, shapes(self._preview.skeleton, self._prefix))
 
     def has_all_impacts(self) -> bool:
         """True if all impacts that were announced have come."""
@@ -89,7 +83,7 @@ class Display(SimulationNode):
             return
         self._impacts += 1
         self.send(self._forces, flash)
-        self._following.look()
+        self.after_report()
 
     def _take(self, motion: Motion) -> None:
         t = self._schedule.due(motion.curve.end)

@@ -1,10 +1,13 @@
-"""Following a motion that another node publishes."""
+"""Following a motion that another node publishes; when samples of it are due."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
 from mechanism_sim.messages import Motion
@@ -37,6 +40,7 @@ class MotionFollower:
         self._time, self._ended = 0.0, False
         node.create_subscription(Motion, 'motion', node.once_ready(self._on_motion), RESULTS)
         self._topic = node.resolve_topic_name('motion')
+        node.after_report = self.look
 
     def begin(self) -> None:
         """All partners are there: the motion will come by itself."""
@@ -85,3 +89,19 @@ class MotionFollower:
         self._ended, again = True, node.partners.another_follows
         node.report(end, finished=True, again=again)
         node.done = not again
+
+
+class Schedule:
+    """Multiples of a period, handed out once each; `rate` [Hz]."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._next = 0
+
+    def due(self, end: float) -> NDArray[np.float64]:
+        """Times [s] before `end` that were not handed out yet."""
+        last = max(self._next, int(np.ceil(end * self._rate)))
+        t = np.arange(self._next, last + 1) / self._rate
+        t = t[t < end]
+        self._next += len(t)
+        return t

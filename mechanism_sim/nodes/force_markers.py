@@ -1,14 +1,16 @@
-"""Markers of what changes from instant to instant: forces, contacts, plays, springs.
+"""Markers: what viewers draw of a machine, and of what changes from instant to instant.
 
-And the shapes of elastic links, which bend, and of frames on springs, which sway, as figures show.
+Shapes of links stand still in their frames. Forces, contacts, plays, springs, elastic links, which
+bend, and frames on springs, which sway, are drawn anew, as figures show.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +19,44 @@ from mechanism_sim.analysis.preview import Preview
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import frame_of
-from mechanism_sim.export.shapes import coil
-from mechanism_sim.export.skeleton import strung
+from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, rgb, tint
+from mechanism_sim.export.shapes import OPEN, Shape, Style, coil
+from mechanism_sim.export.skeleton import Skeleton, strung
 from mechanism_sim.export.stage import StageFrames
+from mechanism_sim.export.triangles import triangles
 from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.messages import Marker, MarkerArray, Point, message_class, stamp
-from mechanism_sim.nodes.markers import STEEL, Colour, marker, painted, sways
+from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Joint
 from mechanism_sim.planar.play import gaps_of
-from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.view import Kind
 
+Colour = tuple[float, float, float, float]
+"""Red, green, blue, and how opaque, 0 to 1 each."""
+
+STEEL: Colour = (0.55, 0.60, 0.66, 1.0)
+
+NAMESPACES: dict[Kind, str] = {
+    'frame': 'frames',
+    'belt': 'belts',
+    'wheel': 'wheels',
+    'cam': 'cams',
+    'rail': 'guides',
+    'support': 'supports',
+    'link': 'links',
+    'slot': 'slots',
+    'slider': 'sliders',
+    'bushing': 'bushings',
+    'pin': 'pins',
+    'cog': 'centres_of_gravity',
+    'point': 'points',
+    'drive': 'drives',
+}
+"""Of the kinds of shapes."""
+
+_LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
+_EDGE = 0.12  # width of lines, likewise
 FORCE: Colour = (0.80, 0.10, 0.10, 1.0)
 TOUCHING: Colour = (0.90, 0.45, 0.05, 1.0)
 FLYING: Colour = (0.20, 0.55, 0.85, 1.0)
@@ -41,6 +70,99 @@ _LENS = 0.12  # radius of a lens, of the machine's size
 _PLAY = 1.0 / 3.0  # of that radius, the clearance as it is shown
 _FLASH = 100_000_000  # [ns] how long an impact is shown
 _HEIGHT = 5.0  # of forces and lenses above the plane of motion, in units of symbols
+
+
+def marker(
+    namespace: str,
+    number: int,
+    frame: str,
+    kind: int,
+    colour: Colour,
+    scale: tuple[float, float, float],
+    points: Iterable[Vector2] | Array = (),
+    height: float = 0.0,
+) -> Any:
+    """A Marker that stays until another of its namespace and number takes its place.
+
+    Parameters
+    ----------
+    kind : one of the constants of Marker
+    scale : [m] what it means depends on the kind
+    points : in its frame [m]
+    height : of the points above the plane of motion [m]
+    """  # fmt: skip
+    message = Marker(ns=namespace, id=number, type=kind, action=Marker.ADD)
+    message.header.frame_id = frame
+    message.pose.orientation.w = 1.0
+    message.scale.x, message.scale.y, message.scale.z = map(float, scale)
+    message.color = ColorRGBA(r=colour[0], g=colour[1], b=colour[2], a=colour[3])
+    message.points = [Point(x=float(x), y=float(y), z=float(height)) for x, y in points]
+    return message
+
+
+def shapes(skeleton: Skeleton, prefix: str) -> Any:
+    """MarkerArray of all that stands still in the frames of the links, and keeps its shape."""
+    made = [
+        each
+        for shape, each, _ in painted(skeleton, prefix)
+        if not (shape.link in skeleton.bendings or sways(skeleton, shape))
+    ]
+    return MarkerArray(markers=made)
+
+
+def sways(skeleton: Skeleton, shape: Shape) -> bool:
+    """True if a shape is a frame on springs that is known to sway."""
+    return shape.kind == 'frame' and shape.label in skeleton.sways
+
+
+def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
+    """Markers of the shapes, locked to the frames of links: shape, marker, its points (k, 2) [m].
+
+    A namespace is a kind of shapes, see `NAMESPACES`: what is filled as triangles, then edges.
+    """
+    made: list[tuple[Shape, Any, Array]] = []
+    count: Counter[str] = Counter()
+    kinds, s = get_args(Kind), skeleton.symbol
+    for shape in skeleton.shapes:
+        name, frame = NAMESPACES[shape.kind], frame_of(shape.link, prefix)
+        for path in shape.paths:
+            # links lie on each other
+            height = _LAYER * s * (kinds.index(shape.kind) + 0.02 * count[name])
+            fill, edge = _colours(path.style, shape.number)
+            if fill is not None:
+                corners = triangles(path.curves).reshape(-1, 2)
+                filled = marker(
+                    name, count[name], frame, Marker.TRIANGLE_LIST, fill, (1.0, 1.0, 1.0),
+                    corners, height,
+                )  # fmt: skip
+                made.append((shape, filled, corners))
+                count[name] += 1
+            if edge is not None:
+                lines = (np.stack([c, np.roll(c, -1, axis=0)], axis=1) for c in path.curves)
+                if path.style in OPEN:
+                    lines = (np.stack([c[:-1], c[1:]], axis=1) for c in path.curves)
+                ends = np.concatenate(list(lines)).reshape(-1, 2)
+                drawn = marker(
+                    name, count[name], frame, Marker.LINE_LIST, edge,
+                    (_EDGE * s, 0.0, 0.0), ends, height + 0.1 * _LAYER * s,
+                )  # fmt: skip
+                made.append((shape, drawn, ends))
+                count[name] += 1
+    for _, each, _ in made:
+        each.frame_locked = True
+    return made
+
+
+def _colours(style: Style, number: int) -> tuple[Colour | None, Colour | None]:
+    """Of what is filled, and of its edge."""
+    own, ink = (*rgb(colour(number)), 1.0), (*rgb(INK), 1.0)
+    if style in OPEN:
+        return None, ink
+    if style in ('body', 'plate'):
+        return (*rgb(tint(colour(number))), 1.0 if style == 'body' else 0.75), own
+    if style == 'paper':
+        return (*rgb(PAPER), 1.0), ink
+    return (*rgb(INK if style == 'ink' else ACCENT), 1.0), None
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,13 @@ from mechanism_sim.messages import (
 )
 from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.nodes import publications
-from mechanism_sim.nodes.entities import Entities
+from mechanism_sim.nodes.control import Entities
+from mechanism_sim.nodes.middleware import Parameter
+from mechanism_sim.nodes.publications import SampleTopics
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
-from mechanism_sim.nodes.restitutions import Restitutions
-from mechanism_sim.nodes.sample_topics import SampleTopics
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.results.run import Batch, Runner, prepare
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Batch, Piece, Runner, prepare
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 
@@ -105,9 +104,6 @@ class Integration:
         """A run begins: describe the scene and the machine."""
         self._description.publish(self._machine)
 
-    def look(self) -> None:
-        """Do nothing: the law of the drive limits the integration, not reports of partners."""
-
     def diagnose(self) -> dict[str, object]:
         """Statistics of the solver."""
         run = self._runner
@@ -119,9 +115,9 @@ class Integration:
             'largest closure error [m]': run.audit.max_closure_error if run else 0.0,
         }
         if run and (energy := run.audit.energy):
-            balance['missing in the energy balance [J]'] = energy.residual
+            balance['residual of the energy balance [J]'] = energy.residual
             balance['energy exchanged [J]'] = energy.exchanged
-            balance['works may be off by [J]'] = energy.error
+            balance['error of the work [J]'] = energy.error
         return balance
 
     @property
@@ -178,7 +174,7 @@ class Integration:
         machine = self._machine
         law = events.law_of(message, machine.mechanism.displacements)
         if law.coordinate != machine.plan.main or type(law) is not type(machine.drive.law):
-            self._node.ignore(self._drive, 'it is no law of the drive of this machine')
+            self._node.ignore(self._drive, 'it is not a law of the drive of this machine')
             return
         if self._runner is None:
             self._runner = Runner(self._machine, self._machine.start(law))
@@ -229,3 +225,57 @@ class Integration:
             self._also(motion)
         self._node.send_all(self._impacts, self._events.impacts(piece.impacts, self._impact_count))
         self._impact_count += len(piece.impacts)
+
+
+class Restitutions:
+    """A parameter ``joints.NAME.clearance.restitution`` for every rigid contact of the scene.
+
+    Parameters
+    ----------
+    change : changes one, by its path
+
+    Attributes
+    ----------
+    changed : those that differ from the scene, by their paths
+    """
+
+    def __init__(self, node: SimulationNode, change: Callable[[str, float], None]) -> None:
+        self.changed: dict[str, float] = {}
+        self._change = change
+        self._node = node
+        self._scene = self._of_scene()
+        about = 'Coefficient of restitution, of all impacts from the time of the change on'
+        self._launched = {
+            path: node.declare(path, value, about, (0.0, 1.0))
+            for path, value in self._scene.items()
+        }
+        self.start_over()
+        if self._scene:
+            node.add_post_set_parameters_callback(self._take)
+
+    def start_over(self) -> None:
+        """A run begins anew: with the values it was launched with, or others of the scene."""
+        before, self._scene = self._scene, self._of_scene()
+        for path, value in self._scene.items():
+            if value != before[path]:
+                self._launched[path] = value
+        moved = [p for p, value in self._launched.items() if self._node.value(p) != value]
+        self.changed = {p: x for p, x in self._launched.items() if x != self._scene[p]}
+        self._node.set_parameters([Parameter(p, value=self._launched[p]) for p in moved])
+
+    def _of_scene(self) -> dict[str, float]:
+        return {
+            f'joints.{name}.clearance.restitution': play.restitution
+            for name, play in self._node.machine.plan.rigid.items()
+            if play.wall == 'rigid'
+        }
+
+    def _take(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name in self._scene:
+                value = float(parameter.value)
+                if value != self._scene[parameter.name]:
+                    self.changed[parameter.name] = value
+                else:
+                    self.changed.pop(parameter.name, None)
+                self._change(parameter.name, value)

@@ -19,7 +19,7 @@ from mechanism_sim.nodes.middleware import Parameter, publish_all
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from ros_interfaces.stamps import NANOSECONDS
 
 DRIVERS = 'driver_states'
@@ -52,8 +52,8 @@ class LoopRelay(DescribedNode):
         if at.freedom + len(plan.prescribed) != len(self._driven):
             raise InputError(
                 f'{machine.name}: {len(self._driven)} coordinates are driven, and '
-                f'{at.freedom + len(plan.prescribed)} motions are to be told: give each free '
-                "motion a drive of its own in 'drives'"
+                f'{at.freedom + len(plan.prescribed)} motions are free: give each free motion a '
+                "drive of its own in 'drives'"
             )
         kinematics = plan.kinematics(self._driven)
         self._tracker = Tracker(kinematics, at.q, at.slope)

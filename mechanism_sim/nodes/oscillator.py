@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
 from mechanism_sim.messages.topics import OSCILLATOR_STATE
-from mechanism_sim.nodes.following import MotionFollower
+from mechanism_sim.nodes.following import MotionFollower, Schedule
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.schedule import Schedule
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.vibration.shaken_frame import FrameStates
 
@@ -47,17 +45,13 @@ class OscillatorNode(SimulationNode):
             )
         self._states = self.create_publisher(OscillatorState, OSCILLATOR_STATE, RESULTS)
         self._start_over()
-        self._following = MotionFollower(self, self._take, reset=self._start_over)
+        MotionFollower(self, self._take, reset=self._start_over)
         self.join()
 
     def _start_over(self) -> None:
         scene = self.machine.scene
         self._frames = {name: self.machine.oscillator(name) for name in scene.oscillators}
         self._schedule = Schedule(scene.outputs.part_states)
-
-    def on_progress(self, message: Any) -> None:
-        """End if all motion has come."""
-        self._following.look()
 
     def _take(self, motion: Motion) -> None:
         t = self._schedule.due(motion.curve.end)

@@ -126,14 +126,11 @@ class Partners:
         said = f'{name}: waited {self._node.value("partner_timeout"):g} s for'
         if missing:
             raise RunError(
-                f"{said} '{missing[0]}', which never came; start it "
-                f"('mechanism-sim node {missing[0]} --scene {self._node.value('scene')}') "
-                'or take it off the partners'
+                f"{said} '{missing[0]}', which did not appear; start it ('mechanism-sim node "
+                f"{missing[0]} --scene {self._node.value('scene')}') or leave it out"
             )
         listener, topic = unheard or ('', '')
-        raise RunError(
-            f"{said} '{listener}' to subscribe to {topic}; start it, or take it off the listeners"
-        )
+        raise RunError(f"{said} '{listener}' to subscribe to {topic}; start it, or leave it out")
 
     def check_presence(self) -> None:
         """Raise RunError if one has left before it had finished."""
@@ -144,15 +141,15 @@ class Partners:
                 self._missing_since.pop(partner, None)
             elif now - self._missing_since.setdefault(partner, now) > GONE_AFTER:
                 raise RunError(
-                    f"{self._node.get_name()}: '{partner}' left before the run was finished; what "
-                    'came until then is kept'
+                    f"{self._node.get_name()}: '{partner}' left before the run was finished; "
+                    'what was received until then is kept'
                 )
 
     def name_silent_topics(self) -> None:
         """Say on which topics nobody publishes."""
         node = self._node
         if silent := [t for t in node.heard if not node.get_publishers_info_by_topic(t)]:
-            self._say_waiting(f'somebody who publishes {", ".join(silent)}')
+            self._say_waiting(f'a publisher of {", ".join(silent)}')
 
     def _say_waiting(self, for_whom: str) -> None:
         if time.monotonic() > self._settled + SAY_AFTER:

@@ -21,7 +21,7 @@ from mechanism_sim.nodes.middleware import (
     init,
     leave,
 )
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from ros_interfaces.names import InvalidNameError
 
 _LOOK = 0.05  # [s] between two looks at the subscriptions
@@ -78,7 +78,7 @@ class BagPlayer:
         Parameters
         ----------
         topics : those wanted, all without any
-        rate : recorded seconds in a second; 0 as fast as possible
+        rate : recorded seconds per second; 0 as fast as possible
         start : [s] after the first message
         clock : Hz of messages on ``/clock`` with the time of the bag, if it has none
         """

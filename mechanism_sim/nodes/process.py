@@ -205,9 +205,7 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--hold', action='store_true', help='crank_drive: pause at the end')
     parser.add_argument('--force-scale', type=float, help='display: length of arrows [m/N]')
     parser.add_argument(
-        '--clearance-magnification',
-        type=float,
-        help='display: of clearances shown',
+        '--clearance-magnification', type=float, help='display: magnification of clearances'
     )
     parser.add_argument('--port', type=int, help='view: of its page on this machine; 0: any')
     parser.add_argument('--open', action='store_true', help='view: open a browser')

@@ -1,4 +1,4 @@
-"""Messages of samples, serialised from samples of the engine; events have `messages.events`.
+"""Messages of samples, when each is due, from samples of the engine; events: `messages.events`.
 
 Each function gives what writes the messages of one topic: from samples of the machine at N
 instants N serialised messages.
@@ -7,13 +7,15 @@ instants N serialised messages.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.ideal import WORLD
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.messages import (
     BearingLoads,
@@ -26,6 +28,11 @@ from mechanism_sim.messages import (
     float64_array,
     uint8_array,
 )
+from mechanism_sim.messages.topics import WRENCH, loaded_shafts, wrench_joints
+from mechanism_sim.nodes.following import Schedule
+from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
@@ -34,7 +41,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantities.forces import known_reactions
 from mechanism_sim.results.quantities.shafts import bearing_loads as loads_of_bearings
 from mechanism_sim.results.quantities.shafts import shafts_of
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import View
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout
 
@@ -257,3 +264,82 @@ def transforms(
         return layout.write(t, columns)
 
     return write
+
+
+class SampleTopic(NamedTuple):
+    """A topic of samples: when they are due, and what writes them."""
+
+    publisher: Any
+    schedule: Schedule
+    write: Callable[[View], list[bytes]]
+
+
+class SampleTopics:
+    """Publishes states, forces and frames at the instants at which they are due.
+
+    Its topics are those of the node's first machine; later runs are of machines of its structure.
+    """
+
+    def __init__(self, node: SimulationNode) -> None:
+        machine, self._node = node.machine, node
+        kinds = {
+            'joint_states': JointState,
+            'linkage_state': LinkageState,
+            'joint_reactions': JointReactions,
+            '/tf': TFMessage,
+        }
+        if loaded_shafts(machine):
+            kinds['bearing_loads'] = BearingLoads
+        self.wrenches = wrench_joints(machine)
+        kinds |= {f'{WRENCH}/{joint}': WrenchStamped for joint in self.wrenches}
+        self._publishers = {
+            topic: node.create_publisher(kind, topic, RESULTS) for topic, kind in kinds.items()
+        }
+        self.start_over()
+
+    def start_over(self) -> None:
+        """A run begins, or begins anew, of the machine that the node has now."""
+        self._machine, frame, publisher = self._node.machine, self._node.frame, self._publishers
+        machine, world, outputs = self._machine, frame(WORLD), self._machine.scene.outputs
+        writers = [
+            ('linkage_state', outputs.linkage_state, linkage_states(machine, world)),
+            ('joint_states', outputs.joint_states, joint_states(machine.physics)),
+        ]
+        if machine.physics.has_forces and outputs.forces:
+            write = reactions(machine, world)
+            writers.append(('joint_reactions', outputs.joint_reactions, write))
+        if outputs.wrenches:
+            writers += [
+                (f'{WRENCH}/{joint}', outputs.wrenches, write)
+                for joint, write in wrenches(machine, frame, self.wrenches).items()
+            ]
+        if 'bearing_loads' in publisher:
+            write = bearing_loads(machine, world)
+            writers.append(('bearing_loads', outputs.joint_reactions, write))
+        self._topics = [
+            SampleTopic(publisher[topic], Schedule(rate), write) for topic, rate, write in writers
+        ]
+        self._frames_due = Schedule(outputs.transforms)
+        self._write_frames = transforms(machine.mechanism, frame)
+
+    def publish(self, motion: Motion, balance: EnergyTerms) -> None:
+        """Publish the samples that are due before the end of a motion that follows the last."""
+        curve, views = motion.curve, dict[bytes, View]()
+
+        def view(t: Array) -> View:
+            """Topics that are due at the same instants share what is computed."""
+            key = t.tobytes()
+            if key not in views:
+                views[key] = View.at(self._machine, motion, t, balance)
+            return views[key]
+
+        for topic in self._topics:
+            t = topic.schedule.due(curve.end)
+            if t.size:
+                self._node.send_all(topic.publisher, topic.write(view(t)))
+        t = self._frames_due.due(curve.end)
+        if t.size:
+            k, dt = curve.find(t)
+            # quaternions repeat after two turns: these keep their signs
+            angles = curve.local(k, dt) + TWO_PI * (curve.turns_at(k, dt) % 2)
+            self._node.send_all(self._publishers['/tf'], self._write_frames(t, angles))

@@ -187,7 +187,7 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                         return  # the network is left
                     if time.monotonic() > end:
                         raise MiddlewareError(
-                            f'{topic}: a subscriber has taken nothing for {PATIENCE:g} s, and the '
+                            f'{topic}: a subscriber has read nothing for {PATIENCE:g} s, and the '
                             f'queue is full: {error}'
                         ) from error
                     self.get_logger().warning(
@@ -298,6 +298,6 @@ def leave(nodes: Iterable[Any] = (), patience: float = 60.0) -> None:
         _writes = None
     if not all(taken):
         raise MiddlewareError(
-            f'After {patience} s other processes had not taken in what was published here:'
-            ' part of it is lost'
+            f'After {patience} s other processes had not received all that was published: part '
+            'is lost'
         )

@@ -16,9 +16,9 @@ from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
 from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.runs import next_bag
-from mechanism_sim.recording.writer import FLUSH_PERIOD
+from mechanism_sim.recording.writer import FLUSH_PERIOD, BagWriter
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _STAMP = struct.Struct('<iI')
@@ -97,16 +97,13 @@ class Recorder(SimulationNode):
 
     def _add_topics(self) -> None:
         for topic, (kind, qos) in self._topics.items():
-            self._add_topic(topic, kind, qos)
-
-    def _add_topic(self, topic: str, kind: Any, qos: QoSProfile) -> None:
-        policies = Qos(
-            qos.reliability.name.lower(),
-            qos.durability.name.lower(),
-            qos.history.name.lower(),
-            qos.depth,
-        )
-        self.writer.add_topic(topic, type_name(kind), policies)
+            policies = Qos(
+                qos.reliability.name.lower(),
+                qos.durability.name.lower(),
+                qos.history.name.lower(),
+                qos.depth,
+            )
+            self.writer.add_topic(topic, type_name(kind), policies)
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)
@@ -209,7 +206,7 @@ class Recorder(SimulationNode):
             self._ended, self.done = True, not again
         elif missing and late:
             topic, count = next(iter(missing.items()))
-            raise RunError(f'recorder: {count} messages of {topic} were announced and never came')
+            raise RunError(f'recorder: {count} messages of {topic} were announced, not received')
 
     @property
     def _announced(self) -> int:

@@ -1,4 +1,4 @@
-"""A whole run: which nodes a scene needs, all in this process or each in its own."""
+"""A whole run: nodes a scene needs, in this process or each in its own, and their monitor."""
 
 from __future__ import annotations
 
@@ -15,11 +15,9 @@ from mechanism_sim.messages.part_states import integrator_of, kinds_of
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.display import Display
-from mechanism_sim.nodes.linkage import LinkageNode
+from mechanism_sim.nodes.lifecycle import CamNode, GearTrain, GenevaNode, LinkageNode
 from mechanism_sim.nodes.middleware import Parameter, backend
-from mechanism_sim.nodes.monitor import Monitor, Show
 from mechanism_sim.nodes.oscillator import OscillatorNode
-from mechanism_sim.nodes.part import CamNode, GearTrain, GenevaNode
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.sensors import Sensors
@@ -29,6 +27,12 @@ from mechanism_sim.scene import Machine
 
 if TYPE_CHECKING:
     import subprocess
+
+
+from typing import Any
+
+Show = Callable[[float, float, int], None]
+"""Called with simulated time [s], real-time factor and number of impacts so far."""
 
 
 def _recorder(parameters: list[Parameter]) -> SimulationNode:
@@ -169,7 +173,7 @@ class Outcome:
         lines = [
             f'{self.scene} ({self.level}): {self.duration:.6g} s simulated in '
             f'{self.run_time:.3g} s, {self.realtime_factor:.3g} x real time '
-            f'({self.wall_time:.3g} s with starting and ending)',
+            f'({self.wall_time:.3g} s including start-up and shutdown)',
             f'  {self.impacts} impacts, {sum(self.sent.values())} messages',
         ]
         if self.bag:
@@ -210,7 +214,7 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         bags.append(next_bag(bags[0], number, taken.__contains__))
         taken.add(bags[-1])
     if bags and code == 0:
-        from mechanism_sim.recording import read_bag  # noqa: PLC0415 - a run may have no bag
+        from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415 - a run may have no bag
 
         took = read_bag(bags[-1]).wall_time or took
     return Outcome(
@@ -299,3 +303,44 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
         started.wait()
         code = code or started.code
     return code
+
+
+class Monitor(SimulationNode):
+    """Follows the progress of all partners; no node waits for it.
+
+    Attributes
+    ----------
+    time : [s] up to which every partner has come
+    impacts : published so far
+    run_time : [s] since the first progress of the run
+    """
+
+    def __init__(self, parameters: Sequence[Parameter] = (), show: Show | None = None) -> None:
+        super().__init__('monitor', parameters)
+        self.time = 0.0
+        self.impacts = 0
+        self.run_time = 0.0
+        self._show = show
+        self._shown = 0.0
+        self._heard = time.monotonic()
+        self.join()
+
+    def on_progress(self, message: Any) -> None:
+        """Show the progress of a partner."""
+        if message.run > self.run:
+            self.begin_run(message.run)
+        self._heard = now = time.monotonic()
+        self.run_time = now - (self.first_heard or now)
+        self.time = min(self.partners.time, self.duration)
+        counts = dict(zip(message.topics, message.counts, strict=True))
+        impacts = self.resolve_topic_name('impacts')
+        self.impacts = int(counts.get(impacts, self.impacts))
+        self.done = self.partners.finished and not self.partners.another_follows
+        if self._show and (self.done or now - self._shown > 0.1):
+            self._shown = now
+            factor = realtime_factor(self.time, self.run_time) or 0.0
+            self._show(self.time, factor, self.impacts)
+
+    def idle(self) -> bool:
+        """True if nothing more is to be expected: all reports are in, or none came for 1 s."""
+        return self.done or time.monotonic() - self._heard > 1.0

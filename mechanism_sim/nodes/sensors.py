@@ -102,7 +102,7 @@ class Sensors(SimulationNode):
             imu = self.create_publisher(Imu, f'imu/{name}', RESULTS) if scene.imu else None
             self._outlets[name] = blocks, imu
         self._start_over()
-        self._following = MotionFollower(self, self._take, self._rest, self._start_over)
+        MotionFollower(self, self._take, self._rest, self._start_over)
         self.join()
 
     def _start_over(self) -> None:
@@ -112,10 +112,6 @@ class Sensors(SimulationNode):
             self._sensors.append((_Sensor(self.machine, name, frame), blocks))
             if imu:
                 self._sensors.append((_Unit(self.machine, name, frame), imu))
-
-    def on_progress(self, message: Any) -> None:
-        """End if all motion has come."""
-        self._following.look()
 
     def _take(self, motion: Motion) -> None:
         for sensor, _ in self._sensors:

@@ -45,6 +45,7 @@ class SimulationNode(DescribedNode):
     Attributes
     ----------
     partners : the other nodes of the run
+    after_report : called when a partner has reported how far it has come
     first_heard : when the first message of the run came, by ``time.monotonic`` [s]
 
     Raises
@@ -72,6 +73,7 @@ class SimulationNode(DescribedNode):
         self._early: list[tuple[Callable[[Any], None], Any]] = []
         self._reported, self._finished = 0.0, False
         self.first_heard: float | None = None
+        self.after_report: Callable[[], None] = lambda: None
 
     @property
     def run(self) -> int:
@@ -148,6 +150,7 @@ class SimulationNode(DescribedNode):
 
     def on_progress(self, message: Any) -> None:
         """A partner reports how far it has come."""
+        self.after_report()
 
     def _look(self) -> None:
         """Begin when all partners are there; then see that none leaves."""

@@ -55,8 +55,8 @@ def folder() -> Path | None:
     except (OSError, RuntimeError):
         return None
     print_notice(
-        f"compiled code is not kept: others own '{found}' or a folder above it, or may write to "
-        'it; keep it in one of your own, by XDG_CACHE_HOME'
+        f"compiled code is not cached: others own '{found}' or a folder above it, or may write "
+        'to it; choose a folder of your own by XDG_CACHE_HOME'
     )
     return None
 

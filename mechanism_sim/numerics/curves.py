@@ -91,7 +91,7 @@ def through(
     """
     x, y = (np.array(column, float) for column in zip(*points, strict=True))
     if len(x) < 2 or (np.diff(x) < 0.0).any() or ((x[2:] == x[:-2]) & (x[1:-1] == x[2:])).any():
-        raise ValueError('needs two points or more, with rising x; two of the same x are a step')
+        raise ValueError('needs two points or more of increasing x; two of the same x are a step')
     scale = TWO_PI / period if cyclic else 1.0
     x = x * scale
     steps = np.flatnonzero(np.diff(x) == 0.0) + 1

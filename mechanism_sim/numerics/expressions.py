@@ -401,7 +401,7 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
             if not alike(given[0], other):
                 a, b = (u or 'a plain number' for u in (given[0], other))
                 done = f'{a} and {b} are {_ALIKE[name]} in {quoted(text)}'
-                raise InputError(f'{done}: they are no like units')
+                raise InputError(f'{done}: the units differ in kind')
         return '' if name == 'compare' else given[0] if given else None
     if name in ('*', '/'):
         power = 1 if name == '*' else -1

@@ -141,8 +141,8 @@ class _Builder:
             case 'call':
                 return self._call(node)
         raise InputError(
-            f"the condition '{node.text}' in {quoted(self._text)} is no value: write 'A if X > Y "
-            "else B'"
+            f"the condition '{node.text}' in {quoted(self._text)} is not a value: write 'A if X "
+            "> Y else B'"
         )
 
     def _call(self, node: ExpressionNode) -> Any:

@@ -33,7 +33,7 @@ LOADING, COMPILING = 0.4, 6.0
 make it, for that is done once on a machine."""
 
 
-_INSTEAD = 'the run goes on without it, with the same results, slower where much touches'
+_INSTEAD = 'the run continues without it, with the same results, but slower with many contacts'
 
 
 class Kernel:

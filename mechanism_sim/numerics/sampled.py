@@ -185,7 +185,7 @@ def _smoothing(
     least, most = -30.0, math.log10(_SMOOTHEST)
     if excess(most) <= 0.0:
         raise InputError(
-            f'an error of {error:g} of the points is as large as all that they say: no spline is '
+            f'an error of {error:g} of the points is as large as their variation: no spline is '
             'smoother than their mean'
         )
     weight = (

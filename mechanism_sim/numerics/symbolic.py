@@ -6,7 +6,8 @@ Structural zeros are ``None``, so that what a scene does not have is not compile
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
+from functools import cached_property
+from itertools import combinations, product
 from math import perm
 from typing import Any, TypeAlias
 
@@ -152,22 +153,74 @@ def cramer(A: Matrix, b: Vector) -> tuple[Vector, Term]:
     return x, det
 
 
-def eliminate(A: Matrix, b: Vector) -> tuple[Vector, Term]:
-    """Result of `cramer`, by LU without pivoting; leading minors of A must not vanish."""
-    n = len(A)
-    L: Matrix = [[None] * n for _ in range(n)]
-    U: Matrix = [[None] * n for _ in range(n)]
-    for i in range(n):
-        for j in range(n):
-            left = add(A[i][j], *(neg(mul(L[i][k], U[k][j])) for k in range(min(i, j))))
-            if i > j:
-                L[i][j] = div(left, U[j][j])
-            else:
-                U[i][j] = left
-    x = forward(L, b)
-    for i in reversed(range(n)):
-        x[i] = div(add(x[i], *(neg(mul(U[i][k], x[k])) for k in range(i + 1, n))), U[i][i])
-    det: Term = hy.expression(1.0)
-    for i in range(n):
-        det = mul(det, U[i][i])
-    return x, det
+class _Entry:
+    """A number less products, which are summed up when it is asked for: few sums cost least."""
+
+    def __init__(self, start: Term, products: tuple[Term, ...] = ()) -> None:
+        self._start, self._products = start, products
+
+    def less(self, a: Term, b: Term) -> _Entry:
+        """Less ``a b``."""
+        x = mul(a, b)
+        return self if x is None else _Entry(self._start, (*self._products, x))
+
+    @cached_property
+    def value(self) -> Term:
+        """The number."""
+        total = add(*self._products)
+        if total is None or self._start is None:
+            return self._start if total is None else -total
+        return self._start - total
+
+
+def solve_dragged(
+    K: Matrix, b: Vector, drags: dict[int, Term], active: Vector
+) -> tuple[Vector, Term]:
+    """Solve ``A x = b`` by LU without pivoting; leading minors must not vanish.
+
+    A is symmetric K, but for some columns k: from each, its drag times column k - 1 is taken off.
+    Where there is such a drag, row k - 1 must not be active. Entries that are equal are one
+    expression: of A and K those that no drag has reached, of either those across its diagonal.
+
+    Parameters
+    ----------
+    K : (n, n) of which the lower triangle is read; large on the diagonal of what is not active
+    drags : by column
+    active : (n,) 1 or 0
+
+    Returns
+    -------
+    x (n,), 0 where not active, where a drag is minus that times the next; det A over det K
+    """
+    n = len(K)
+    half = [[_Entry(K[r][c]) for c in range(r + 1)] for r in range(n)]
+    A = [[half[max(r, c)][min(r, c)] for c in range(n)] for r in range(n)]
+    undragged, right = [list(row) for row in A], [_Entry(x) for x in b]
+    share: Term = hy.expression(1.0)
+    before: Vector = []
+    for k in range(n):
+        if k in drags:
+            for r in range(k, n):
+                A[r][k] = A[r][k].less(drags[k], before[r])
+        before = [row[k].value for row in A]
+        if A[k][k] is not undragged[k][k]:
+            share = share * (A[k][k].value / undragged[k][k].value)
+        made: dict[tuple[int, ...], _Entry] = {}
+        for M in (A, undragged):
+            old, pivot = [list(row) for row in M], M[k][k]
+            for r, c in product(range(k + 1, n), repeat=2):
+                entry, left, above = old[r][c], old[r][k], old[k][c]
+                key = (id(entry), id(pivot), *sorted((id(left), id(above))))
+                if key not in made:
+                    made[key] = entry.less(div(left.value, pivot.value), above.value)
+                M[r][c] = made[key]
+        for r in range(k + 1, n):
+            right[r] = right[r].less(div(A[r][k].value, A[k][k].value), right[k].value)
+    x: Vector = [None] * n
+    for k in reversed(range(n)):
+        for c in range(k + 1, n):
+            right[k] = right[k].less(A[k][c].value, x[c])
+        x[k] = mul(active[k], div(right[k].value, A[k][k].value))
+        if k + 1 in drags:
+            x[k] = add(x[k], neg(mul(drags[k + 1], x[k + 1])))
+    return x, share

@@ -25,7 +25,7 @@ from mechanism_sim.pages.ideal_equations import PURPOSE
 from mechanism_sim.pages.ideal_sliders import SliderReader, curves_of, four_bar_sides, shapes_of
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.scene import Machine, span
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 
 MODULES = (
     'svg', 'stage', 'player', 'curves', 'keys', 'sliders', 'zoom', 'ideal_motion', 'ideal',
@@ -88,7 +88,7 @@ def page(
     without = [f'{name}: it has no clearance here' for name in machine.plan.clearances]
     if reader.refused:
         refused = ', '.join(reader.refused)
-        without.append(f"{refused}: no slider; '--slider PATH=LOW:HIGH' of one says why")
+        without.append(f"{refused}: no slider; '--slider PATH=LOW:HIGH' gives the reason for one")
     return text, without
 
 
@@ -115,7 +115,7 @@ def _check(machine: Machine, drive: PageDrive, reader: SliderReader) -> None:
     """Refuse what does not follow from the drives by smooth closures."""
     if switched := reader.equations.switched:
         which = ', '.join(sorted(switched))
-        raise _refusal(machine, f'{which} follows another law in each part of a turn')
+        raise _refusal(machine, f'{which} follows a different law in each part of a turn')
     rows, sought = len(drive.kinematics.rows), drive.kinematics.sought
     if rows < len(sought) or machine.assembly.freedom > len(machine.plan.powered):
         free = ', '.join(drive.kinematics.coordinates[i] for i in sought)

@@ -14,8 +14,7 @@ import heyoka as hy
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul
 from mechanism_sim.packages import needed
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet, Parameters
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 

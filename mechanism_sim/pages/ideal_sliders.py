@@ -226,7 +226,7 @@ class SliderReader:
         if not isinstance(value, float):
             usual = self._usual()
             raise InputError(
-                f"--slider '{path}': it is no number of the scene that may have any "
+                f"--slider '{path}': it is not a number of the scene that may have any "
                 f'value{nearest(path, usual)}; such are: {", ".join(usual)}'
             )
         return value
@@ -247,7 +247,7 @@ class SliderReader:
         if not low <= value <= high:
             shown, scale = for_people(unit)
             own = f'{scale * value:.6g} {shown}'.rstrip()
-            raise InputError(f'{where} leaves out the value of the scene, {own}')
+            raise InputError(f'{where} does not contain the value of the scene, {own}')
         return low, high, unit
 
     def at(self, values: Mapping[str, float]) -> Machine:
@@ -287,7 +287,7 @@ class SliderReader:
         for name in dict.fromkeys([*self.base, *one[0], *every[0]]):
             base, first, last = (x.get(name, zero) for x in (self.base, one[0], every[0]))
             if not base.shape == first.shape == last.shape:
-                return 'the machine would be drawn of other parts'
+                return 'the drawing would consist of other parts'
             moved = base + sum(far * of.get(name, 0.0) for far, of in parts)
             slope = (first - moved) / step
             told = moved - 2.0 * step * slope

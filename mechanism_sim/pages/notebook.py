@@ -18,12 +18,12 @@ from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import brief, places, sections
 from mechanism_sim.pages.recorded import recorded, together
 from mechanism_sim.pages.writing import record_of
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.report.charts.thinning import SampledLine, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.units import argument, for_people, typeset
 
@@ -118,7 +118,7 @@ def explore(
     height : of the frame [pixels]
     """
     if not len(values):
-        raise InputError(f'explore: {path}: there are no values to go through')
+        raise InputError(f'explore: {path}: no values are given')
     runs, lines = [], []
     for value in values:
         machine = load_scene(scene, {**(overrides or {}), path: value})

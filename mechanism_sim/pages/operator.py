@@ -68,7 +68,7 @@ class Operator:
         """Change a value of the scene for the next run; all others stay as they are."""
         present = await self.values(DRIVE, [OVERRIDES])
         if not present:
-            return f"'{DRIVE}' does not say with which values of the scene it runs"
+            return f"'{DRIVE}' does not report the values of the scene with which it runs"
         others = [
             x
             for x in Content('', lines_of(present[0])).lines

@@ -100,7 +100,7 @@ class ViewNode(DescribedNode):
         try:
             self._live = Live(message.data)
         except (InputError, RunError) as error:
-            self._send_message(f'the machine that runs cannot be shown: {error}', 'error')
+            self._send_message(f'the running machine cannot be shown: {error}', 'error')
             return
         found, before = controls(self._live.machine), self._controls
         for path, control in found.items():
@@ -155,15 +155,15 @@ class ViewNode(DescribedNode):
             return
         if live.missed:
             self._send_message(
-                f'{live.missed:.3g} s of the motion did not come: the view goes on at '
+                f'{live.missed:.3g} s of the motion were not received: the view continues at '
                 f'{live.time:.6g} s'
             )
             live.missed = 0.0
         rests = live.swaying is None and bool(live.machine.scene.oscillators)
         if rests and not self._rests:
             self._send_message(
-                'frames on springs are shown at rest: how they sway follows from all motion since '
-                'the start of the run, which did not come'
+                'frames on springs are shown at rest: their motion depends on the whole run '
+                'since its start, which was not received'
             )
         self._rests = rests
         self._state = await self._operator.state()

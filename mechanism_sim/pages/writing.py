@@ -14,15 +14,15 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.pages import report as pages
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.recorded import recorded, together
-from mechanism_sim.recording import Bag
+from mechanism_sim.recording.reader import Bag
 from mechanism_sim.report import measured
 from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene, span
 from mechanism_sim.units import argument
 
@@ -56,7 +56,7 @@ def report(
     revolutions, duration : length; without either all of a run, or that of the scene
     """
     if other is not None and measures:
-        raise InputError('measures are of one run: leave them out of a comparison')
+        raise InputError('measures apply to a single run: leave them out of a comparison')
     beside = [] if other is None else [*other] if isinstance(other, list | tuple) else [other]
     length = argument('start', start, 's'), revolutions, duration
     sources = [source, *beside]
@@ -132,7 +132,7 @@ def write_comparison(
     sources : names of the runs where their scenes do not tell them apart
     """
     if len(records) > _MOST:
-        raise InputError(f'{len(records)} runs are more than the {_MOST} that can be told apart')
+        raise InputError(f'{len(records)} runs: at most {_MOST} can be distinguished')
     found = comparison.compare(*records)
     scenes = comparison.scene_differences([record.machine.scene for record in records])
     names = comparison.run_names(scenes, sources)

@@ -12,11 +12,9 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Weld
-from mechanism_sim.planar.protocols import Relation
+from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 
 _RANK = 1e-9

@@ -21,10 +21,9 @@ import numpy as np
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
 from mechanism_sim.planar.frames import Frames, Parameters, rotate_quarter
-from mechanism_sim.planar.loads import Wrench
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Spread, factors
-from mechanism_sim.planar.protocols import Gap, Relation
+from mechanism_sim.planar.protocols import Gap, Relation, Wrench
 from mechanism_sim.tolerances import TOLERANCES
 
 _ROUNDING = TOLERANCES.rounding

@@ -16,9 +16,8 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.loads import Wrench, together
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.protocols import Gap, Relation
+from mechanism_sim.planar.protocols import Gap, Relation, Wrench, together
 from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 

@@ -346,7 +346,7 @@ class InverseDynamics:
             )
             raise RunError(
                 f'friction locks the machine, {name} at {place}: in {joints} no finite forces '
-                'keep up the motion; less friction, or a drive elsewhere, moves it'
+                'can maintain the motion; reduce the friction, or drive another link'
             )
         every = np.full((m, count), np.nan)
         every[:, known] = T

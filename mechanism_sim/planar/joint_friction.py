@@ -22,11 +22,10 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.protocols import Load, Wrench, moment_of, together
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.touch import Touch

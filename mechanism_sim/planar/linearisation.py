@@ -19,11 +19,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, mul, neg
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.points import LinkPoint
-from mechanism_sim.planar.protocols import ForceElement, Relation
+from mechanism_sim.planar.protocols import ForceElement, Load, Relation
 from mechanism_sim.planar.reactions import generalized_forces, tree_reactions
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import SwitchedFunction

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.planar.bodies import Arms, Body, LinkExtension
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.points import (
     GROUND,
     LinkPoint,
@@ -130,7 +129,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def without_forces(self) -> str:
-        """Why its motion takes forces without limit, as a sentence; empty if it does not."""
+        """Why its motion needs infinite forces, as a sentence; empty if it does not."""
         return ''
 
     @property

@@ -9,9 +9,7 @@ import heyoka as hy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, together
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
@@ -21,7 +19,7 @@ from mechanism_sim.planar.mechanism import (
     Revolute,
 )
 from mechanism_sim.planar.points import LinkPoint
-from mechanism_sim.planar.protocols import ForceLaw, Rubbing
+from mechanism_sim.planar.protocols import ForceLaw, Rubbing, Wrench, together
 from mechanism_sim.planar.view import Side
 
 

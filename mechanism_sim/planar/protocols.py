@@ -7,15 +7,15 @@ their derivatives along, so that Jacobian rows and curvature terms follow by the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import heyoka as hy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.symbolic import Term
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench
+from mechanism_sim.numerics.symbolic import Term, add, mul, neg
+from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.points import Vector2
 from mechanism_sim.planar.view import Draft
 
 
@@ -236,3 +236,56 @@ class EndGap(Gap, Protocol):
         q : (n, N) of the coordinates
         N, T : (N,) normal and friction force [N]
         """
+
+
+@dataclass(frozen=True)
+class Load:
+    """A force at a point of a link, and a moment."""
+
+    name: str  #: of the parameters of its point
+    link: str
+    at: Vector2  #: [m] in the link's frame
+    force: tuple[Term, Term] = (None, None)  #: [N] in the world
+    moment: Term = None  #: [N m]
+
+
+class Wrench(NamedTuple):
+    """Force and moment of the first-named on the second-named link of a joint.
+
+    The moment is about the joint's point on the second-named link. `others` are the loads on all
+    links but the second-named, where they are not just its opposite on the first-named.
+    """
+
+    x: Term  #: [N]
+    y: Term  #: [N]
+    moment: Term = None  #: [N m]
+    others: tuple[Load, ...] | None = None
+
+
+def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) -> Wrench:
+    """Wrench of a contact on the second-named link.
+
+    Parameters
+    ----------
+    normal : unit vector along which the first-named link presses
+    N, T : normal force, and friction on the first-named link along the normal turned by +90
+        degrees [N]
+    arm : from the joint's point on the second-named link to the contact, along the normal [m]
+    """
+    x, y = normal
+    return Wrench(
+        add(mul(N, x.value), mul(T, y.value)),
+        add(mul(N, y.value), neg(mul(T, x.value))),
+        neg(mul(arm, T)),
+    )
+
+
+def together(a: Wrench, b: Wrench) -> Wrench:
+    """The sum of two wrenches about the same point."""
+    others = None if a.others is None and b.others is None else (a.others or ()) + (b.others or ())
+    return Wrench(add(a.x, b.x), add(a.y, b.y), add(a.moment, b.moment), others)
+
+
+def moment_of(arm: tuple[Term, Term], force: tuple[Term, Term]) -> Term:
+    """``arm x force``."""
+    return add(mul(arm[0], force[1]), neg(mul(arm[1], force[0])))

@@ -25,8 +25,7 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, StraightLine
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.tolerances import TOLERANCES

@@ -13,9 +13,9 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, Vector, add, dot, mul, neg
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.loads import Load, Wrench, moment_of, together
 from mechanism_sim.planar.mechanism import Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.planar.protocols import Load, Wrench, moment_of, together
 
 
 def tree_reactions(
@@ -65,19 +65,16 @@ def tree_reactions(
         found[carrier.name] = Wrench(sign(force[0]), sign(force[1]), moment)
     for joint in mechanism.tree_joints.values():
         if isinstance(joint, Prismatic):
-            across = _across(equations, joint, found[joint.name])
+            # wrench of a guide by itself: along its line there is but the force of a drive
+            total = found[joint.name]
+            frames = equations.frames
+            normal = equations.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
+            x, y = frames.position(normal, f'{joint.name}.normal')
+            size = add(mul(total.x, x.value), mul(total.y, y.value))
+            across = Wrench(mul(size, x.value), mul(size, y.value), total.moment)
             stopped = cut.get(joint.name)
             found[joint.name] = together(across, stopped) if stopped else across
     return {joint.name: found[joint.name] for joint in mechanism.joints}
-
-
-def _across(equations: Equations, joint: Prismatic, total: Wrench) -> Wrench:
-    """Wrench of a guide by itself: along its line there is but the force of a drive."""
-    frames = equations.frames
-    normal = equations.mechanism.direction(joint.first, joint.axis + 0.5 * math.pi)
-    x, y = frames.position(normal, f'{joint.name}.normal')
-    size = add(mul(total.x, x.value), mul(total.y, y.value))
-    return Wrench(mul(size, x.value), mul(size, y.value), total.moment)
 
 
 def _inertia_force(

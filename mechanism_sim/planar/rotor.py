@@ -1,4 +1,4 @@
-"""Rotors: a link on a shaft or in supports that give way, whose axis moves and tilts a little.
+"""Rotors: a link on a shaft or in compliant supports, whose axis moves and tilts a little.
 
 The axis is that of a shaft without mass, square to the plane of the machine. Its coordinates
 come in pairs, along x and y: the centre of each disk, the slope of the axis there (out of the

@@ -18,10 +18,9 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.loads import moment_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Point
-from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.protocols import ForceElement, moment_of
 from mechanism_sim.planar.switched_functions import Edges, SwitchedFunction
 from mechanism_sim.planar.virtual_work import located
 

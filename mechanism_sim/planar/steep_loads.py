@@ -51,7 +51,12 @@ class SteepLoads:
         elements: Iterable[ForceElement],
         torques: Sequence[Term] = (),
     ) -> None:
-        light, slow = _least_inertia(mechanism)
+        # the least that a force moves [kg m], and a torque [kg m^2], of all links by themselves
+        bodies = mechanism.bodies
+        mass = min((b.mass for b in bodies if b.mass > 0.0), default=1.0)
+        turned = [b.inertia for b in bodies if b.inertia > 0.0]
+        light = mass * mechanism.size
+        slow = min(turned, default=mass * mechanism.size**2)
         loads, scales = [*torques], [slow] * len(torques)
         for element in elements:
             if element.name not in frames.formulas:
@@ -196,11 +201,3 @@ def _is_of_formula(name: str, loads: set[str]) -> bool:
     while parts and load not in loads:
         load = f'{load}.{parts.pop(0)}'
     return bool({'flag', 'table'}.intersection(parts))
-
-
-def _least_inertia(mechanism: Mechanism) -> tuple[float, float]:
-    """The least that a force moves [kg m], and a torque [kg m^2], of all links by themselves."""
-    bodies = mechanism.bodies
-    mass = min((b.mass for b in bodies if b.mass > 0.0), default=1.0)
-    turned = [b.inertia for b in bodies if b.inertia > 0.0]
-    return mass * mechanism.size, min(turned, default=mass * mechanism.size**2)

@@ -85,8 +85,16 @@ class _Switches:
 
     def __init__(self, frames: Frames, variables: Sequence[hy.expression]) -> None:
         every = [*frames.switches.values()]
-        places = _with_all_turns(frames, [s.place for s in every], variables)
+        # the expressions of angles that count all their turns, unless the turns are given apart
+        places = [s.place for s in every]
         given = {str(x) for x in variables}
+        turns = {
+            x: hy.expression(0.0)
+            for name, x in frames.outside.items()
+            if name.endswith('.turns') and str(x) not in given
+        }
+        if turns:
+            places = list(hy.subs(places, turns))
         own: list[int] = []
         for k, place in enumerate(places):
             if given.issuperset(hy.get_variables(place)):
@@ -285,16 +293,3 @@ class Edges:
         known = np.repeat(present, states.shape[1], axis=1)
         found: Array = self._guards(np.concatenate([states, known]))[0] + self._slack
         return found
-
-
-def _with_all_turns(
-    frames: Frames, expressions: Sequence[hy.expression], given: Sequence[hy.expression]
-) -> list[hy.expression]:
-    """The expressions of angles that count all their turns, unless the turns are given apart."""
-    known = {str(x) for x in given}
-    turns = {
-        x: hy.expression(0.0)
-        for name, x in frames.outside.items()
-        if name.endswith('.turns') and str(x) not in known
-    }
-    return list(hy.subs(list(expressions), turns)) if turns else list(expressions)

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import PairClosure
+from mechanism_sim.planar.protocols import Load, Wrench, moment_of
 
 Point = tuple[Term, Term]
 

@@ -18,8 +18,8 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, mul
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.loads import Load
 from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.protocols import Load
 from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.tolerances import TOLERANCES
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from mechanism_sim.numerics.symbolic import Term, add, mul
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.protocols import Load
 
 
 def located(load: Load, frames: Frames, mechanism: Mechanism) -> tuple[Jet, Jet]:

@@ -43,7 +43,7 @@ def decoder(descriptors: bytes, name: str) -> Callable[[bytes], dict[str, Any]]:
 
     def read(kind: str, data: bytes, depth: int) -> dict[str, Any]:
         if depth > _DEEPEST:
-            raise ValueError(f'messages within messages, more than {_DEEPEST} deep')
+            raise ValueError(f'messages nested more than {_DEEPEST} deep')
         fields = types.get(kind, {})
         found: dict[str, Any] = {
             f.name: [] if f.repeated else _ZERO.get(f.type, 0)
@@ -113,7 +113,7 @@ def _wire(data: bytes) -> Wire:
         else:
             raise ValueError(f'wire type {wire}')
         if place + size > len(data):
-            raise ValueError('a field goes on beyond its message')
+            raise ValueError('a field extends beyond its message')
         yield number, wire, data[place : place + size]
         place += size
 
@@ -126,7 +126,7 @@ def _varint(data: bytes, place: int) -> tuple[int, int]:
         found |= (data[place + k] & 0x7F) << 7 * k
         if data[place + k] < 0x80:
             return found, place + k + 1
-    raise ValueError('a number does not end')
+    raise ValueError('a number is incomplete')
 
 
 def _unpacked(kind: int, raw: bytes) -> Iterator[Any]:

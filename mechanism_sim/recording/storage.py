@@ -1,37 +1,318 @@
-"""Files of a bag: MCAP or SQLite, one or several, compressed or not, each a source of messages."""
+"""Files of a bag: MCAP or SQLite, one or several, compressed or not, each a source of messages.
+
+An MCAP file that was cut has no index, and its last record may be a piece. Every record says its
+length beforehand, so what is complete can be told from what is not without reading it.
+Source: MCAP file format specification, version 0 (mcap.dev/spec).
+"""
 
 from __future__ import annotations
 
 import sqlite3
+import struct
 from collections import Counter
 from collections.abc import Callable, Container, Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, BinaryIO
 from urllib.parse import quote
 
-from mcap.records import Channel, Schema
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError, UnsupportedCompressionError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from zstandard import ZstdDecompressor, ZstdError
 
 from mechanism_sim import documents
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.packages import reason
 from mechanism_sim.recording.runs import BAG_ENDINGS
-from mechanism_sim.recording.scan import (
-    DamagedBagError,
-    FileLayout,
-    blocks,
-    messages,
-    sound,
-    survey,
-)
 
+MAGIC = b'\x89MCAP0\r\n'
+RECORD = struct.Struct('<BQ')  # opcode, length of what follows
+MESSAGE = struct.Struct('<HIQQ')  # channel, sequence, log time, publish time
+
+
+LARGEST_CHUNK = 1 << 28
+"""Bytes of a chunk in memory; writers make chunks of some megabytes."""
+
+_DAMAGE = (
+    CRCValidationError, McapError, ZstdError, RuntimeError, struct.error, ValueError,
+    OverflowError, MemoryError,
+)  # fmt: skip
+"""Errors that reading a damaged file raises, in mcap, zstandard and Python."""
 _LISTING = 'metadata.yaml'  # by which ros2 bag says which files belong together, and their order
 
 Payload = tuple[int, bytes, int]
 """Channel, message, log time [ns]."""
+
+
+class DamagedBagError(InputError):
+    """A part of the file is there but wrong."""
+
+
+@contextmanager
+def sound(path: Path, what: str) -> Iterator[None]:
+    """Turn errors of a damaged file into one sentence.
+
+    Raises:
+        DamagedBagError: Text that is no UTF-8, lengths and sizes that cannot be, checksums.
+
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except UnsupportedCompressionError as error:
+        raise InputError(f'{path}: {error}.') from error
+    except _DAMAGE as error:
+        why = 'text that is not UTF-8' if isinstance(error, UnicodeDecodeError) else quoted(error)
+        raise DamagedBagError(f'{path}: {what} is damaged ({why}).') from error
+
+
+@dataclass
+class FileLayout:
+    """Contents of a file and where its readable part ends.
+
+    `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so;
+    `rest` is what can be read of a chunk that was cut: whole records, decompressed.
+    """
+
+    complete: bool = False
+    readable: int = len(MAGIC)
+    library: str = ''
+    profile: str = ''
+    start: int = 0
+    end: int = 0
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    compression: set[str] = field(default_factory=set)
+    chunk_channels: dict[int, frozenset[int]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    rest: bytes = b''
+
+
+def survey(path: Path) -> FileLayout:
+    """Return the layout of a file: from its index, or by reading all of it where that is missing.
+
+    Raises:
+        InputError: No such file, or not an MCAP.
+
+    """
+    try:
+        with path.open('rb') as stream:
+            if not MAGIC.startswith(stream.read(len(MAGIC))):  # its writer may have got no further
+                raise InputError(f'{path} is not an MCAP file.')
+            return _from_index(path, stream) or _from_records(path, stream)
+    except FileNotFoundError:
+        raise InputError(f'{path} does not exist.') from None
+    except OSError as error:
+        raise InputError(f'{path} cannot be read: {error.strerror or error}.') from error
+
+
+def blocks(
+    path: Path, stream: BinaryIO, layout: FileLayout, wanted: Container[int] | None = None
+) -> Iterator[bytes]:
+    """Yield the readable part of a file as runs of records, chunk by chunk, decompressed.
+
+    Args:
+        path: The file, for messages to people.
+        stream: The file, open for reading.
+        layout: Says where to stop and what can be skipped.
+        wanted: Channels asked for; chunks known to hold none of them are skipped.
+
+    Raises:
+        DamagedBagError: A chunk does not agree with its checksum, or cannot be read.
+
+    """
+    for opcode, offset, length in _records(stream, layout.readable):
+        if opcode == Opcode.CHUNK:
+            inside = layout.chunk_channels.get(offset)
+            if wanted is not None and inside is not None and not any(c in wanted for c in inside):
+                continue
+            stream.seek(offset + RECORD.size)
+            yield _decompress(path, offset, stream.read(length))[1]
+        elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
+            stream.seek(offset)
+            yield stream.read(RECORD.size + length)
+    if layout.rest:
+        yield layout.rest
+
+
+def messages(block: bytes) -> Iterator[tuple[int, int, int, int]]:
+    """Yield (channel, log time [ns], start, stop) of every message: it is block[start:stop]."""
+    position = 0
+    while position < len(block):
+        opcode, length = RECORD.unpack_from(block, position)
+        body = position + RECORD.size
+        position = body + length
+        if position > len(block):
+            raise ValueError('a record extends beyond its chunk')
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_time, _ = MESSAGE.unpack_from(block, body)
+            yield channel, log_time, body + MESSAGE.size, position
+
+
+def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
+    """Yield (opcode, offset, length) of the records that end before `limit`, up to the footer."""
+    offset = len(MAGIC)
+    while offset + RECORD.size <= limit:
+        stream.seek(offset)
+        opcode, length = RECORD.unpack(stream.read(RECORD.size))
+        # Opcode 0 is none: a file system that lost power may leave zeros behind.
+        if opcode == 0 or offset + RECORD.size + length > limit:
+            return
+        yield opcode, offset, length
+        if opcode == Opcode.FOOTER:
+            return
+        offset += RECORD.size + length
+
+
+def attachments(stream: BinaryIO, layout: FileLayout) -> Iterator[Attachment]:
+    """Yield the attachments in the readable part of a file."""
+    for opcode, offset, length in _records(stream, layout.readable):
+        if opcode == Opcode.ATTACHMENT:
+            stream.seek(offset + RECORD.size)
+            yield Attachment.read(ReadDataStream(BytesIO(stream.read(length))))
+
+
+def _rest(piece: bytes) -> bytes:
+    """Return the whole records of a chunk of which only the first bytes are there."""
+    with suppress(*_DAMAGE):
+        opcode, length = RECORD.unpack_from(piece)
+        # A chunk begins with two times, a size, a checksum, the compression, the records' length.
+        (named,) = struct.unpack_from('<I', piece, RECORD.size + 28)
+        start = RECORD.size + 32 + named
+        compression, held = piece[start - named : start], piece[start + 8 :]
+        if opcode != Opcode.CHUNK or len(piece) >= RECORD.size + length:
+            return b''
+        if compression == b'zstd':
+            held = ZstdDecompressor().decompressobj().decompress(held)
+        elif compression:
+            return b''
+        end = 0
+        while end + RECORD.size <= len(held):
+            following = end + RECORD.size + RECORD.unpack_from(held, end)[1]
+            if following > len(held):
+                break
+            end = following
+        return held[:end]
+    return b''
+
+
+def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
+    with sound(path, f'the chunk at byte {offset}'):
+        chunk = Chunk.read(ReadDataStream(BytesIO(body)))
+        if chunk.uncompressed_size > LARGEST_CHUNK:
+            raise ValueError(f'it would take {chunk.uncompressed_size} bytes')
+        stream, length = get_chunk_data_stream(chunk, validate_crc=True)
+        block = stream.read(length)
+    return chunk, block
+
+
+def _from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
+    """Return the layout by the summary of a file that was closed; None where there is none."""
+    size = stream.seek(0, 2)
+    stream.seek(max(0, size - len(MAGIC)))
+    if size < 2 * len(MAGIC) or stream.read(len(MAGIC)) != MAGIC:
+        return None
+    stream.seek(0)
+    with sound(path, 'its index'):
+        reader = SeekingReader(stream)
+        summary, header = reader.get_summary(), reader.get_header()
+        metadata = {found.name: found.metadata for found in reader.iter_metadata()}
+    if summary is None or summary.statistics is None or not summary.chunk_indexes:
+        return None
+    return FileLayout(
+        complete=True,
+        readable=size,
+        library=header.library,
+        profile=header.profile,
+        start=summary.statistics.message_start_time,
+        end=summary.statistics.message_end_time,
+        schemas=summary.schemas,
+        channels=summary.channels,
+        counts=Counter(summary.statistics.channel_message_counts),
+        compression={index.compression for index in summary.chunk_indexes},
+        chunk_channels={
+            index.chunk_start_offset: frozenset(index.message_index_offsets)
+            for index in summary.chunk_indexes
+            if index.message_index_offsets
+        },
+        metadata=metadata,
+    )
+
+
+def _from_records(path: Path, stream: BinaryIO) -> FileLayout:
+    """Return the layout by reading records as far as they are sound."""
+    layout = FileLayout()
+    times: list[int] = []
+    size = stream.seek(0, 2)
+    for opcode, offset, length in _records(stream, size):
+        stream.seek(offset)
+        block = stream.read(RECORD.size + length)
+        try:
+            with sound(path, f'the record at byte {offset}'):
+                _note(path, layout, opcode, offset, block, times)
+        except DamagedBagError:
+            break  # readable up to here, and `complete` says that this is not all
+        layout.readable = offset + RECORD.size + length
+        layout.complete = opcode == Opcode.FOOTER and layout.readable + len(MAGIC) <= size
+    if not layout.complete:
+        stream.seek(layout.readable)
+        rest = _rest(stream.read(LARGEST_CHUNK))
+        with suppress(DamagedBagError), sound(path, 'a chunk that was cut'):
+            _count(layout, rest, times)
+            layout.rest = rest
+    layout.start, layout.end = times or (0, 0)
+    return layout
+
+
+def _note(
+    path: Path, layout: FileLayout, opcode: int, offset: int, block: bytes, times: list[int]
+) -> None:
+    """Note what a record holds, and the first and the last of the `times` so far."""
+    if opcode == Opcode.CHUNK:
+        chunk, block = _decompress(path, offset, block[RECORD.size :])
+        layout.compression.add(chunk.compression)
+    if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
+        _count(layout, block, times)
+    elif opcode == Opcode.HEADER:
+        header = Header.read(ReadDataStream(BytesIO(block[RECORD.size :])))
+        layout.library, layout.profile = header.library, header.profile
+    elif opcode == Opcode.METADATA:
+        found = Metadata.read(ReadDataStream(BytesIO(block[RECORD.size :])))
+        layout.metadata[found.name] = found.metadata
+
+
+def _count(layout: FileLayout, block: bytes, times: list[int]) -> None:
+    """Note what a run of records holds, and the first and the last of the `times` so far."""
+    held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
+    _register(layout, block)
+    if held:
+        layout.counts.update(channel for channel, _ in held)
+        ends = [log_time for _, log_time in held]
+        times[:] = [min(times[:1] + ends), max(times[1:] + ends)]
+
+
+def _register(layout: FileLayout, block: bytes) -> None:
+    """Note the schemas and channels that a run of records introduces."""
+    position = 0
+    while position < len(block):
+        opcode, length = RECORD.unpack_from(block, position)
+        body = position + RECORD.size
+        position = body + length
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(ReadDataStream(BytesIO(block[body:position])))
+            layout.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(ReadDataStream(BytesIO(block[body:position])))
+            layout.channels[channel.id] = channel
 
 
 @dataclass(frozen=True)
@@ -92,7 +373,7 @@ def file_of(path: Path | str) -> Path:
             raise InputError(f'{path} is a folder of several files: name one of {names}.')
         (path,) = found
     if path.name.endswith(BAG_ENDINGS[1:]):
-        raise InputError(f'{path} is no MCAP file: ros2 bag itself closes such a bag')
+        raise InputError(f'{path} is not an MCAP file: ros2 bag itself closes such a bag')
     return path
 
 
@@ -150,7 +431,7 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
         with closing(sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)) as base:
             yield base
     except (sqlite3.Error, AttributeError, TypeError, ValueError) as error:  # also wrong rows
-        raise DamagedBagError(f'{path} is no SQLite bag, or damaged ({reason(error)}).') from error
+        raise DamagedBagError(f'{path} is not SQLite, or damaged ({reason(error)}).') from error
 
 
 def _survey_rows(path: Path) -> FileLayout:

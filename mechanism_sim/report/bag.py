@@ -5,20 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from mechanism_sim.analysis.delivery_audit import Ledger
+from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
-from mechanism_sim.analysis.fields import FieldRange
-from mechanism_sim.analysis.impacts import ImpactSummary
-from mechanism_sim.analysis.loads import LoadSummary
-from mechanism_sim.analysis.modes import JointModes
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
-from mechanism_sim.analysis.summary import Summary
-from mechanism_sim.analysis.vibration import SensorSummary
-from mechanism_sim.analysis.wear import WearMap
-from mechanism_sim.report.loads import load_rows
+from mechanism_sim.analysis.roses import WearMap
+from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
 from mechanism_sim.report.sections import Section, SummaryRow, text
-from mechanism_sim.report.summary import energy_rows, impact_rows
-from mechanism_sim.results.means import Mean
+from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
+from mechanism_sim.results.turns import Mean
 from mechanism_sim.text_table import Cell
 
 _ROWS = 12  # of a table of revolutions, before its middle is left out
@@ -95,8 +89,8 @@ def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[Section]:
         head = 'joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'
         table.insert(0, head)
     hardest = [
-        f'hardest in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} s'
-        f'{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
+        f'hardest impact in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} '
+        f's{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
         for j in impacts.joints
         for d in j.dominant
     ]
@@ -229,7 +223,7 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
         f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean'
     )
-    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the whole'), *rows])
+    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the total'), *rows])
 
 
 def _envelope(name: str, line: SignalSpectrum) -> Section:

@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from mechanism_sim.analysis.details import Average, Beside, Details, Struck
-from mechanism_sim.analysis.roses import Rose
-from mechanism_sim.analysis.wear import WearMap
+from mechanism_sim.analysis.roses import Rose, WearMap
 from mechanism_sim.export.palette import GROUND
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, ChartCurve, Panel, joined, whole
 from mechanism_sim.report.charts.impacts import rose_chart, wear_chart
 from mechanism_sim.report.charts.lines import turn_of
-from mechanism_sim.report.charts.sensors import density, envelope, orders
+from mechanism_sim.report.charts.subjects import density, envelope, orders
 from mechanism_sim.units import for_people
 
 _SUMS = {

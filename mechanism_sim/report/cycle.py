@@ -64,11 +64,12 @@ def _range(cycle: Cycle) -> Iterator[str]:
     if not cycle.ranges:
         return
     yield (
-        f'{cycle.drive} goes from one of its limits to the other; it starts and stops there within'
-        f' {100.0 * RAMP:g} % of the way: at constant speed links would be infinitely fast at them'
+        f'{cycle.drive} goes from one of its limits to the other; it accelerates and brakes '
+        f'there within {100.0 * RAMP:g} % of the way: at constant speed the speeds of links '
+        'would be infinite there'
     )
     if cycle.unbounded:
-        yield f'at a limit these grow beyond all bounds: {", ".join(sorted(cycle.unbounded))}'
+        yield f'tend to infinity at a limit: {", ".join(sorted(cycle.unbounded))}'
 
 
 def extremes(cycle: Cycle) -> Section:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,7 +17,9 @@ from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.find import Finding
 from mechanism_sim.studies.goal import GREATEST
 from mechanism_sim.studies.optimum import Optimum
+from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.synthesis import PathFourBar
+from mechanism_sim.studies.trials import EXACT, NONE
 from mechanism_sim.units import for_people
 
 _SHOWN = 5  # failures
@@ -57,23 +60,25 @@ def four_bars_json(found: Sequence[PathFourBar]) -> dict[str, Any]:
 
 def _finding_text(finding: Finding) -> str:
     unit, scale = for_people(finding.unit)
-    path, lines = finding.parameter.path, []
+    key, path, lines = finding.parameter, finding.parameter.path, []
     wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
     for one in finding.found:
-        note = ' (it steps across the wanted value there)' if one.jump else ''
+        note = ' (it jumps across the wanted value there)' if one.jump else ''
         if finding.wanted is None and one.value in (finding.curve[0][0], finding.curve[-1][0]):
             less = 'more' if finding.goal.kind == GREATEST else 'less'
             note = f' (the end of the range: it may be {less} beyond)'
         shown = f'{finding.goal.name} = {scale * one.figure:.9g} {unit}'
-        lines.append(f'{path} = {one.value:.12g}: {shown}{note}')
+        lines.append(f'{path} = {_shown(key, one.value)}: {shown}{note}')
     if not lines:
         figures = [scale * y for _, y in finding.curve if math.isfinite(y)]
         lines.append(
-            f'{finding.goal.name}{wanted} for no {path} between {finding.parameter.low:.6g} and '
-            f'{finding.parameter.high:.6g}: of the values tried it goes from '
+            f'{finding.goal.name}{wanted} for no {path} between {_shown(key, key.low, 6)} and '
+            f'{_shown(key, key.high, 6)}: of the values tried it goes from '
             f'{min(figures):.6g} to {max(figures):.6g} {unit}'
         )
-    lines += [f'  not at {path} = {value:.6g}: {reason}' for value, reason in finding.failed]
+    lines += [
+        f'  not at {path} = {_shown(key, value, 6)}: {reason}' for value, reason in finding.failed
+    ]
     return '\n'.join(lines)
 
 
@@ -89,14 +94,16 @@ def _finding_json(finding: Finding) -> dict[str, Any]:
         'values': finding.values,
         'measures': finding.measures,
         'evaluations': finding.evaluations,
+        'gradients': NONE,
     }
 
 
 def _optimum_text(found: Optimum) -> str:
-    ends = found.ends
+    ends, keys = found.ends, {p.path: p for p in found.parameters}
     lines = _front_lines(found) if found.front else []
     lines += [
-        f'{path} = {_given(value)}' + (' (the end of its range)' if path in ends else '')
+        f'{path} = {_shown(keys[path], value)}'
+        + (' (the end of its range)' if path in ends else '')
         for path, value in found.values.items()
     ]
     for name, figure in found.measures.items():
@@ -118,18 +125,24 @@ def _optimum_text(found: Optimum) -> str:
                      'nearest are above')  # fmt: skip
     elif len(found.values) > len(found.measures) and None not in found.wanted.values():
         lines.append(
-            f'one of many: {len(found.values)} keys are varied for {len(found.measures)} '
-            f'measure{"s" * (len(found.measures) > 1)}'
+            f'one of many solutions: {len(found.values)} keys are varied for '
+            f'{len(found.measures)} measure{"s" * (len(found.measures) > 1)}'
         )
-    lines.append(f'{found.evaluations} cycles computed, {len(found.failed)} failed at first')
+    how = {EXACT: '; exact gradients', NONE: ''}.get(found.gradients, '; gradients by differences')
+    lines.append(f'{found.evaluations} cycles computed, {len(found.failed)} failed at first{how}')
     for values, reason in found.failed[:_SHOWN]:
-        where = ', '.join(f'{path} = {_given(value, 6)}' for path, value in values.items())
+        where = ', '.join(
+            f'{path} = {_shown(keys[path], value, 6)}' for path, value in values.items()
+        )
         lines.append(f'  not at {where}: {reason}')
     return '\n'.join(lines)
 
 
-def _given(value: Any, digits: int = 12) -> str:
-    return f'{value:.{digits}g}' if isinstance(value, float) else str(value)
+def _shown(key: Parameter, value: Any, digits: int = 12) -> str:
+    """A value in the unit in which its limits are written."""
+    if not isinstance(value, float):
+        return str(value)
+    return f'{key.scale * value:.{digits}g} {key.unit}'.rstrip()
 
 
 def _front_lines(found: Optimum) -> list[str]:
@@ -138,17 +151,24 @@ def _front_lines(found: Optimum) -> list[str]:
     chosen = np.unique(np.linspace(0, len(front) - 1, _MOST).round().astype(int))
     largest = {n: max(abs(d.measures[n]) for d in front) for n in names}
     shown = {n: for_people(found.units[n], largest[n]) for n in names}
-    rows = [[*found.values, *(f'{n} [{u}]' if u else n for n, (u, _) in shown.items())]]
+    keys = {f'{p.path} [{p.unit}]' if p.unit else p.path: p for p in found.parameters}
+    rows = [[*keys, *(f'{n} [{u}]' if u else n for n, (u, _) in shown.items())]]
     for k in chosen:
         figures = [f'{scale * front[k].measures[n]:.6g}' for n, (_, scale) in shown.items()]
-        rows.append([*(_given(x, 6) for x in front[k].values.values()), *figures])
+        values = [front[k].values[p.path] for p in found.parameters]
+        numbers = [
+            _shown(replace(p, unit=''), x, 6) for p, x in zip(keys.values(), values, strict=True)
+        ]
+        rows.append([*numbers, *figures])
     some = f', {len(chosen)} of them are' if len(chosen) < len(front) else ''
     lines = [f'front of {len(front)} designs{some}', *text_table.lines(rows, 0)]
     return [*lines, 'nearest to the best of all:']
 
 
 def _optimum_json(found: Optimum) -> dict[str, Any]:
-    keys = 'values', 'measures', 'units', 'wanted', 'reached', 'evaluations'
+    keys = (
+        'values', 'measures', 'units', 'wanted', 'reached', 'evaluations', 'gradients', 'refused',
+    )  # fmt: skip
     failed = [{'values': values, 'reason': reason} for values, reason in found.failed]
     more = {'constraints': [plain(c._asdict()) for c in found.constraints], 'failed': failed}
     front = {'front': [plain(d._asdict()) for d in found.front]} if found.front else {}
@@ -183,16 +203,18 @@ def _front(found: Optimum, title: str) -> Chart:
 def _finding_chart(finding: Finding, title: str) -> Chart:
     """The figure over the parameter, with what was wanted and found."""
     unit, scale = for_people(finding.unit)
-    x, y = np.array(finding.curve).T
+    key, (x, y) = finding.parameter, np.array(finding.curve).T
+    x = key.scale * x
     curves = [ChartCurve(x, scale * y, finding.goal.name, marker='circle')]
     if found := finding.found:
         at, figures = (np.array([getattr(f, k) for f in found]) for k in ('value', 'figure'))
+        at = key.scale * at
         curves.append(
             ChartCurve(at, scale * figures, 'found', '', INK, form='dots', marker='circle-open',
                   texts=[f'{value:.4g}' for value in at])
         )  # fmt: skip
     wanted = finding.wanted
     marks = () if wanted is None else (Mark(scale * wanted, 'wanted', level=True),)
-    axis = Axis(finding.parameter.path, 'SI', log=finding.parameter.logarithmic)
+    axis = Axis(key.path, key.unit or 'SI', log=key.logarithmic)
     panel = Panel(axis, Axis(finding.goal.name, unit), tuple(curves), marks=marks)
     return Chart('find', title, (panel,))

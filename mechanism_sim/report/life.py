@@ -9,8 +9,8 @@ import numpy as np
 
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.scene.facts import yaml_text
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.studies.life import PLACES, Life, LifeStage
 from mechanism_sim.units import for_people
 
@@ -44,7 +44,7 @@ def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
 def _said(found: Life) -> str:
     runs = f'{found.runs} runs of {found.plan.revolutions} turns'
     if found.note:
-        return f'it cannot be followed: {found.note}'
+        return f'it cannot be computed: {found.note}'
     if math.isnan(found.cycles):
         reached = f', and {found.until} is not reached' if found.until else ''
         return f'{found.plan.cycles:.6g} cycles are over{reached}; {runs}'

@@ -17,7 +17,7 @@ from mechanism_sim.report.charts.lines import chart
 from mechanism_sim.report.figures import paint
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 
 _MOST = 100  # lines that axes and legend have room for
 
@@ -28,7 +28,7 @@ def draw(chart: Chart) -> Picture:
     if len(names) > _MOST:
         raise InputError(
             f'{len(names)} lines, {names[0]} to {names[-1]}, are more than the {_MOST} that can '
-            'be told apart: ask for some of them'
+            'be distinguished: choose some of them'
         )
     return paint(chart)
 
@@ -59,8 +59,8 @@ def plot(
     begin, finish = (first if start is None else start), (last if end is None else end)
     if not first <= begin < finish <= last * (1.0 + 1e-12):
         raise InputError(
-            f'from {begin:g} s to {finish:g} s is no part of the run, which goes from {first:g} s '
-            f'to {last:g} s'
+            f'from {begin:g} s to {finish:g} s is not within the run, which goes from {first:g} '
+            f's to {last:g} s'
         )
     abscissa = over(run, against or 'time')
     series = drawn(run, names or [*_usual(piece)], float(begin), min(finish, last))

@@ -66,7 +66,10 @@ def paint(chart: Chart) -> Picture:
             below = rows[i + 1][j] if i + 1 < len(rows) and j < len(rows[i + 1]) else None
             _paint(axes, panel, f'{chart.key or "chart"}-{k}', _shared(panel, below))
     for axes, panel in zip(figure.axes, chart.panels, strict=True):
-        _limit(axes, panel)
+        # ends of the axes, once all is drawn that has the same scale
+        for name, axis in (('x', panel.x), ('y', panel.y)):
+            if (axis.low, axis.high) != (None, None):
+                getattr(axes, f'set_{name}lim')(axis.low, axis.high)
     named = [bool(p.y.names) for p in chart.panels]
     figure.align_ylabels([a for a, n in zip(figure.axes, named, strict=True) if not n])
     return figure
@@ -173,13 +176,6 @@ def _paint(axes: Any, panel: Panel, key: str, bare: bool) -> None:
 def _filled(title: str, letters: float) -> str:
     """A title in lines of so many letters, broken between words only."""
     return textwrap.fill(title, int(letters), break_long_words=False, break_on_hyphens=False)
-
-
-def _limit(axes: Any, panel: Panel) -> None:
-    """Ends of the axes, once all is drawn that has the same scale."""
-    for name, axis in (('x', panel.x), ('y', panel.y)):
-        if (axis.low, axis.high) != (None, None):
-            getattr(axes, f'set_{name}lim')(axis.low, axis.high)
 
 
 def _stroke(curve: ChartCurve) -> dict[str, Any]:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from mechanism_sim import output
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.export.dxf import to_dxf
+from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.export.outlines import (
     Outline,
     cam_outline,
@@ -18,26 +22,30 @@ from mechanism_sim.export.outlines import (
     pair_outline,
     rack_outline,
 )
-from mechanism_sim.export.svg import to_svg
 from mechanism_sim.joints.bevel.constraint import BevelPair, SpatialPair
 from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
-from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
-from mechanism_sim.joints.mesh.involute import Gear
-from mechanism_sim.joints.mesh.joint import GearMesh
-from mechanism_sim.joints.mesh.pair import Pair
-from mechanism_sim.joints.worm.constraint import WormDrive
-from mechanism_sim.report.parts import (
-    PartFigure,
-    Sheet,
-    bevel_sheet,
-    cam_sheet,
-    cam_table,
-    gear_figures,
-    pair_figures,
-    worm_sheet,
+from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
+from mechanism_sim.joints.cam.interference import find_cut_away
+from mechanism_sim.joints.cam.laws import DERIVATIVES, check_smoothness, spelled
+from mechanism_sim.joints.cam.profiles import (
+    Cam,
+    drawing_angles,
+    extent,
+    find_flaws,
+    greatest,
+    smallest_base_radius,
 )
+from mechanism_sim.joints.mesh.constraint import GearMesh
+from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
+from mechanism_sim.joints.mesh.involute import Gear, least_teeth
+from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.worm.constraint import WormDrive, WormPair
+from mechanism_sim.report.sections import Section, text
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.units import for_people
 
+#: for which a base radius is proposed [rad]
+PRESSURE_ANGLE = math.radians(30.0)
 #: teeth of a rack that is drawn by itself
 RACK_TEETH = 10
 
@@ -228,3 +236,218 @@ def _alone(wheel: Wheel) -> Outline:
     if wheel.part.rack:
         return rack_outline(RACK_TEETH, wheel.module, wheel.system)
     return gear_outline(wheel.gear)
+
+
+class PartFigure(NamedTuple):
+    """One line of a table."""
+
+    name: str
+    value: float
+    unit: str = ''  #: SI; empty for a number
+    at: float | None = None  #: angle [rad] of the cam, or its displacement [m]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Facts of a part.
+
+    Parameters
+    ----------
+    title : a line
+    figures : the table
+    remarks : sentences
+    reciprocating : a cam that slides, so that places on it are in metres
+    """
+
+    title: str
+    figures: tuple[PartFigure, ...]
+    remarks: tuple[str, ...] = ()
+    reciprocating: bool = False
+
+    def render(self) -> str:
+        """For people: degrees and millimetres, and a column for each gear."""
+        common = [_cells(f, self._place(f)) for f in self.figures if '.' not in f.name]
+        own: dict[str, dict[str, PartFigure]] = {}
+        for figure in self.figures:
+            gear, dot, name = figure.name.partition('.')
+            if dot:
+                own.setdefault(name, {})[gear] = figure
+        gears = list(dict.fromkeys(gear for row in own.values() for gear in row))
+        columns = [('', *gears, '')] if gears else []
+        for name, row in own.items():
+            cells = [_cells(row[gear]) if gear in row else ('',) * 3 for gear in gears]
+            unit = next(iter(cell[2] for cell in cells if cell[2]), '')
+            columns.append((name.replace('_', ' '), *(cell[1] for cell in cells), unit))
+        sections = Section(self.title, **_table(common)), Section(**_table(columns))
+        return text([*sections, Section(notes=self.remarks)])
+
+    def _place(self, figure: PartFigure) -> str:
+        if figure.at is None:
+            return ''
+        # extremes at breaks of a law are found a hair beside them
+        at = round(figure.at, 9) + 0.0
+        return f'at {spelled(at, reciprocating=self.reciprocating)}'
+
+    def to_json(self) -> dict[str, object]:
+        """In SI units."""
+        return {
+            'figures': {
+                f.name: {'value': f.value, 'unit': f.unit} | ({} if f.at is None else {'at': f.at})
+                for f in self.figures
+            },
+            'remarks': list(self.remarks),
+        }
+
+
+def _cells(figure: PartFigure, *more: str) -> tuple[str, ...]:
+    unit, scale = for_people(figure.unit)
+    return figure.name.replace('_', ' '), f'{scale * figure.value:.6g}', unit, *more
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> dict[str, Any]:
+    """A table with numbers to the right; units and what follows them to the left."""
+    columns = enumerate(zip(*rows, strict=True))
+    texts = [i for i, cells in columns if not any(cell[:1].isdecimal() for cell in cells)]
+    return {'table': rows, 'left': texts}
+
+
+def cam_sheet(
+    title: str, cam: Cam, clearance: float | None = None, speed: float | None = None
+) -> Sheet:
+    """Sizes and limits of a cam, and what is wrong with it.
+
+    Parameters
+    ----------
+    clearance : of the roller in a groove [m]; None: no groove
+    speed : of the cam [rad/s] or [m/s]; without it sliding, or the rolling of a roller, is by
+        radians or metres of the cam
+    """
+    remarks = [str(flaw) for flaw in (*find_flaws(cam, clearance), *find_cut_away(cam))]
+    jumps = [str(jump) for jump in check_smoothness(cam.law, 3)]
+    figures = list(_cam_figures(cam, speed))
+    if isinstance(cam.follower, Translating | Oscillating) and not cam.law.reciprocating:
+        try:
+            radius = smallest_base_radius(cam.law, cam.follower, PRESSURE_ANGLE)
+            figures.append(PartFigure('base_radius_for_30_deg', radius, 'm'))
+        except InputError as told:
+            remarks.append(f'{told}')
+    return Sheet(title, tuple(figures), (*remarks, *jumps), cam.law.reciprocating)
+
+
+def _cam_figures(cam: Cam, speed: float | None) -> Iterator[PartFigure]:
+    law, follower = cam.law, cam.follower
+    swings = isinstance(follower, Oscillating | OscillatingFlat)
+    yield PartFigure('base_radius', cam.base_radius, 'm')
+    top, highest = greatest(law, law)
+    lowest = -greatest(law, lambda x: -law(x))[1]
+    yield PartFigure('lift', highest - lowest, 'rad' if swings else 'm', top)
+    at, value = greatest(law, lambda x: np.abs(cam.at(x).pressure_angle))
+    yield PartFigure('largest_pressure_angle', value, 'rad', at)
+    yield from _radii(cam)
+    at, value = greatest(law, lambda x: np.abs(cam.at(x).sliding))
+    by = 'm' if law.reciprocating else 'rad'
+    motion = 'rolling' if getattr(follower, 'roller', 0.0) else 'sliding'
+    if speed:
+        yield PartFigure('cam_speed', speed, f'{by}/s')
+        yield PartFigure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
+        at, value = greatest(law, lambda x: np.abs(cam.at(x).rate))
+        yield PartFigure('largest_contact_velocity', value * abs(speed), 'm/s', at)
+    else:
+        yield PartFigure(f'largest_{motion}', value, f'm/{by}', at)
+
+
+def cam_table(cam: Cam) -> dict[str, Array]:
+    """A cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
+
+    Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam, or
+    by metres if it slides; the profile is in the frame of `mechanism_sim.joints.cam.touch`.
+    """
+    law = cam.law
+    x = drawing_angles(law, extent(law) / 360)
+    touch = cam.at(x)
+    return {
+        'cam': x,
+        **{name: law(x, order) for order, name in enumerate(DERIVATIVES)},
+        'pressure_angle': touch.pressure_angle,
+        'contact.x': touch.profile[0],
+        'contact.y': touch.profile[1],
+        'contact_speed': touch.rate,
+        'sliding_speed': touch.sliding,
+    }
+
+
+def _radii(cam: Cam) -> Iterator[PartFigure]:
+    """Of curvature: where the profile bulges most, and where it is most hollow."""
+    roller = getattr(cam.follower, 'roller', None)
+    if roller is None:
+        at, least = greatest(cam.law, lambda x: -cam.at(x).curvature_radius)
+        yield PartFigure('smallest_radius_of_curvature', -least, 'm', at)
+        return
+    at, bulge = greatest(cam.law, lambda x: cam.at(x).curvature)
+    if bulge > 0.0:
+        yield PartFigure('smallest_radius_of_curvature', 1.0 / bulge - roller, 'm', at)
+    at, hollow = greatest(cam.law, lambda x: -cam.at(x).curvature)
+    if hollow > 0.0:
+        yield PartFigure('smallest_hollow_radius', 1.0 / hollow + roller, 'm', at)
+
+
+def gear_figures(name: str, gear: Gear) -> Iterator[PartFigure]:
+    """Sizes of a gear in its plane of rotation, and the limits of undercut if it has any."""
+    yield PartFigure(f'{name}.teeth', gear.teeth)
+    for circle in ('pitch', 'base', 'tip', 'root'):
+        yield PartFigure(f'{name}.{circle}_radius', getattr(gear, f'{circle}_radius'), 'm')
+    yield PartFigure(f'{name}.tooth_thickness', gear.thickness(gear.pitch_radius), 'm')
+    yield PartFigure(f'{name}.tip_thickness', gear.tip_thickness, 'm')
+    yield PartFigure(f'{name}.profile_shift', gear.shift, 'modules')
+    if not gear.internal:
+        yield PartFigure(f'{name}.least_profile_shift', gear.least_shift, 'modules')
+        yield PartFigure(f'{name}.least_teeth', least_teeth(gear.system))
+        yield PartFigure(f'{name}.form_radius', gear.form_radius, 'm')
+
+
+def pair_figures(pair: Pair, friction: float) -> Iterator[PartFigure]:
+    """Facts of both gears of a pair; the efficiency for a coefficient of friction."""
+    yield PartFigure('centre_distance', pair.centre_distance, 'm')
+    yield PartFigure('ratio', pair.ratio)
+    yield PartFigure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')
+    yield PartFigure('working_pressure_angle', pair.pressure_angle, 'rad')
+    yield PartFigure('contact_ratio', pair.contact_ratio)
+    play = pair.backlash
+    yield PartFigure('backlash', play if play > 1e-12 * pair.pinion.module else 0.0, 'm')
+    yield PartFigure('tip_clearance', min(pair.clearances), 'm')
+    yield PartFigure('efficiency', pair.efficiency(friction))
+
+
+def bevel_sheet(title: str, pair: BevelPair) -> Sheet:
+    """Sizes of bevel gears; what is of each has the name of its link."""
+    figures = [
+        PartFigure('ratio', 1.0 / float(pair.ratio)),
+        PartFigure('shaft_angle', sum(pair.cones), 'rad'),
+        PartFigure('pressure_angle', pair.pressure_angle, 'rad'),
+    ]
+    for link, radius, cone in zip(
+        (pair.first, pair.second), pair.mean_radii, pair.cones, strict=True
+    ):
+        figures.append(PartFigure(f'{link}.pitch_angle', cone, 'rad'))
+        figures.append(PartFigure(f'{link}.mean_radius', radius, 'm'))
+    return Sheet(title, tuple(figures))
+
+
+def worm_sheet(title: str, pair: WormPair, friction: float) -> Sheet:
+    """Sizes of a worm and its wheel, and their efficiency for a coefficient of friction."""
+    figures = [
+        PartFigure('ratio', pair.teeth / pair.threads),
+        PartFigure('lead', pair.lead, 'm'),
+        PartFigure('lead_angle', pair.lead_angle, 'rad'),
+        PartFigure('wheel_helix_angle', pair.lead_angle, 'rad'),
+        PartFigure('worm_diameter', pair.diameter, 'm'),
+        PartFigure('wheel_diameter', pair.wheel_diameter, 'm'),
+        PartFigure('centre_distance', pair.centre_distance, 'm'),
+        PartFigure('efficiency', pair.forces(1.0, friction).efficiency),
+        PartFigure('self_locking_friction', pair.locking_friction),
+    ]
+    if pair.self_locking(friction):
+        remark = f'at a friction of {friction:g} it is self-locking: its wheel cannot drive it'
+        return Sheet(title, tuple(figures), (remark,))
+    driven = pair.forces(1.0, friction, wheel_drives=True).efficiency
+    return Sheet(title, (*figures, PartFigure('efficiency_wheel_drives', driven)))

@@ -66,8 +66,10 @@ class _Log:
         self._last = now
         left = (self._total - finished) / finished * (now - self._began)
         note = f', {failed} failed' if failed else ''
-        print(f'{self._label}: {finished} of {self._total}{note}, about {left:.0f} s left',
-              file=sys.stderr, flush=True)  # fmt: skip
+        told = f' of {self._total}{note}, about {left:.0f} s left'
+        if finished > self._total:  # of a search nobody knows how many follow the first
+            told = note
+        print(f'{self._label}: {finished}{told}', file=sys.stderr, flush=True)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from mechanism_sim.report import cycle, sections
 from mechanism_sim.report.sections import Section, SummaryRow
 from mechanism_sim.report.summary import facts
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.check import check
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from mechanism_sim.analysis.open_run import is_run, open_run
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.recording import Bag
-from mechanism_sim.report import animation, drawing, figures, lines
+from mechanism_sim.recording.reader import Bag
+from mechanism_sim.report import drawing, figures, lines
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts
-from mechanism_sim.report.video import Target
+from mechanism_sim.report.video import Target, film
 from mechanism_sim.results.cycle import Cycle, instant
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.units import argument
 
@@ -89,7 +89,7 @@ def animate(
     scene : all that `load_scene` takes
     file : .mp4, .gif, .svg to be numbered, or a folder for SVG frames
     run : what it does, such as a solution; the scene's own run if not
-    start, end, fps, speed : as `mechanism_sim.report.animation.film` has them
+    start, end, fps, speed : as `mechanism_sim.report.video.film` has them
     size : longer side, or width and height [pixels]
     shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`
     """
@@ -97,5 +97,5 @@ def animate(
     start, end = argument('start', start, 's'), argument('end', end, 's')
     fps = argument('fps', fps, 'Hz')
     record = Record(machine, run or simulate(machine), {})
-    film = animation.film(record, target, start, end, fps, speed)
-    return film.write(FilmParts(**shown), size)[0]
+    chosen = film(record, target, start, end, fps, speed)
+    return chosen.write(FilmParts(**shown), size)[0]

@@ -57,7 +57,7 @@ def write(
     p = pressure(train, rate, end + TAIL * realtime_factor, listener, pulse)
     peak = float(np.abs(p).max())
     if peak == 0.0:
-        raise InputError('there is nothing to hear: the run has no impacts')
+        raise InputError('there is no sound: the run has no impacts')
     with output.beside(file) as part:
         wavfile.write(part, RATE, np.round(p * (32767.0 / peak)).astype(np.int16))
     mean = float(np.sqrt(np.mean(p**2)))

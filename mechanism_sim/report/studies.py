@@ -18,11 +18,10 @@ if TYPE_CHECKING:  # each is slow to load, and a command needs but one
     from mechanism_sim.studies.statistics import Statistics
 
 _MEAN = 'mean', 'half_width', 'unit'
-_UNLIKE = 0.01  # of the simulations
 _STABLE = {
     True: 'stable',
     False: 'unstable',
-    None: 'stable or not is not known: a multiplier has the size 1 but for its error',
+    None: 'stability not determined: a multiplier has the size 1 within its error',
 }
 
 
@@ -37,7 +36,7 @@ def periodic(response: PeriodicResponse) -> str:
             f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
             f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})'
             if sizes
-            else '  no Floquet multipliers: closed contacts leave nothing free once a period',
+            else '  no Floquet multipliers: closed contacts leave no freedom once a period',
         ]
     )
 
@@ -105,16 +104,14 @@ def _degrees(angle: float) -> str:
     return f'{math.degrees(angle) % 360.0:.6g} deg'
 
 
-def unlike(found: Result) -> bool:
-    """True if hardly any simulation is as far from what is expected as the signal is."""
-    return found.likeness < _UNLIKE
-
-
 def fit_text(found: Result) -> str:
     """For people; in SI units."""
-    lines = [f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:']
+    lines = [f'{found.method}' + (f': {found.reason}' if found.reason else '')]
+    lines.append(
+        f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:'
+    )
     for e in found.estimates:
-        note = '' if e.identified else '   the signal does not tell'
+        note = '' if e.identified else '   not determined by the signal'
         if e.identified and not (e.parameter.low < e.low and e.high < e.parameter.high):
             note = '   at the limit of its range: widen it'
         interval = f'{e.low:.5g} to {e.high:.5g}'
@@ -127,14 +124,14 @@ def fit_text(found: Result) -> str:
             names = [found.estimates[k].parameter.name for k in (j, i)]
             lines.append(f'  errors of {" and ".join(names)}: correlation '
                          f'{found.correlation[i, j]:.2f}')  # fmt: skip
-    lines.append(
-        f'misfit {found.misfit:.2f} standard deviations, as much as that of '
-        f'{100.0 * found.likeness:.0f} % of the simulations'
-    )
-    if unlike(found):
+    misfit = f'misfit {found.misfit:.2f} standard deviations'
+    if found.method == 'regression':
+        misfit += f', as much as that of {100.0 * found.likeness:.0f} % of the simulations'
+    lines.append(misfit)
+    if not found.plausible:
         lines.append(
-            'no simulation is like this signal: the machine, its chain or its noise is not that '
-            'of the scene, and the values above are not to be trusted'
+            'no simulation reproduces this signal: the machine, its chain or its noise differs '
+            'from the scene, and the values above are not reliable'
         )
     return '\n'.join(lines)
 
@@ -155,7 +152,7 @@ def fit_json(found: Result) -> dict[str, object]:
         },
         'correlation': plain(found.correlation.tolist()),
         **{k: getattr(found, k) for k in ('simulations', 'failed', 'misfit', 'likeness')},
-        'plausible': not unlike(found),
+        **{k: plain(getattr(found, k)) for k in ('plausible', 'method', 'reason', 'window')},
     }
 
 

@@ -4,28 +4,33 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit
-from mechanism_sim.recording import realtime_factor
+from mechanism_sim.recording.runs import realtime_factor
 from mechanism_sim.report.sections import Section, SummaryRow, amount
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.means import ImpactTally, Mean
 from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.run import Solution, Stats
 from mechanism_sim.results.simulate import Stream
-from mechanism_sim.results.solution import Solution, Stats
+from mechanism_sim.results.turns import ImpactTally, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
-from mechanism_sim.units import for_people
+from mechanism_sim.units import for_people, number, written
 
+SHARE = 0.999
+"""Of the time: the load that is not exceeded meanwhile stands beside the largest one."""
+
+_BRIEF = 1.5  # times the load of that share: what is larger is a peak
 _SENTENCES = 4  # of what repeats
 _COMPLIANCE = 'deflection', 'stress', 'bearing_moment', 'axial_force'
 
@@ -123,7 +128,7 @@ def describe_no_limits(machine: Machine, found: list[NoLimit]) -> Iterator[str]:
         slides = machine.plan.main in machine.mechanism.displacements
         angle = round(math.degrees(x.drive), 6) % 360.0
         place = f'{1e3 * x.drive:.6g} mm' if slides else f'{angle:.6g} deg'
-        why = 'have no limit: they grow beyond all bounds'
+        why = 'tend to infinity'
         if x.rests:
             why = 'are not determined while the drive rests'
         if x.loads:
@@ -216,7 +221,7 @@ def energy_rows(
     yield SummaryRow('energy', f'{initial:.6g} J to {final:.6g}', 'J')
     yield amount('work of drives', work, 'J')
     yield amount('dissipated', dissipated, 'J')
-    yield SummaryRow('energy missing at the end', f'{missing:.3g}', 'J')
+    yield SummaryRow('energy error at the end', f'{missing:.3g}', 'J')
     yield SummaryRow('energy exchanged', f'{exchanged:.3g}', 'J')
 
 
@@ -241,7 +246,7 @@ def _figures(
     if e and math.isfinite(e.residual):
         balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual, e.exchanged
         yield from energy_rows(*balance)
-        yield SummaryRow('error of works, estimated', f'{e.error:.2g}', 'J')
+        yield SummaryRow('estimated error of the work', f'{e.error:.2g}', 'J')
 
 
 def _costs(stats: Stats) -> Iterator[SummaryRow]:
@@ -369,3 +374,50 @@ def _end(run: Stream) -> Iterator[Section]:
         SummaryRow(name, 'not determined' if size is None else f'{size:.9g}', unit)
         for name, size, unit in sizes
     ])  # fmt: skip
+
+
+def load_rows(
+    drive: str, loads: LoadSummary, levels: Mapping[str, float] | None = None
+) -> list[tuple[str, ...]]:
+    """Table of the largest loads, the head first.
+
+    Parameters
+    ----------
+    drive : the coordinate whose angle is told
+    levels : loads not exceeded in `SHARE` of the time [N, N m] by the names in `loads`
+    """
+    units = [(peak, 'N') for peak in loads.joints]
+    units += [(peak, 'N m') for peak in (loads.drive_torque, *loads.moments)]
+    rows = [(*_row(peak, unit), *_level(peak, unit, levels)) for peak, unit in units]
+    columns = 6 if any(row[4] for row in rows) else 4
+    held = [f'{100.0 * SHARE:g} % of the time at most'] if levels is not None else []
+    head = 'joint', 'largest', 'at [s]', drive, 'above half for', 'impulse', *held
+    return [row[:columns] + row[6:] for row in (head, *rows)]
+
+
+def _row(peak: LoadPeak, unit: str) -> tuple[str, ...]:
+    angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
+    first = peak.name, written(peak.value, unit), number(peak.time, 6), angle
+    if peak.duration is None or peak.impulse is None:
+        return *first, '', ''
+    least = '' if peak.whole else '>= '
+    lasts, impulse = written(peak.duration, 's'), written(peak.impulse, f'{unit} s')
+    return *first, f'{least}{lasts}', f'{least}{impulse}'
+
+
+def _level(peak: LoadPeak, unit: str, levels: Mapping[str, float] | None) -> tuple[str, ...]:
+    if levels is None:
+        return ()
+    return (written(levels[peak.name], unit) if peak.name in levels else '',)
+
+
+def peaks_of(loads: LoadSummary, levels: Mapping[str, float]) -> Iterator[str]:
+    """A clause for each largest load that is but a peak: how long it lasts, what it carries."""
+    for peak, unit in [(x, 'N') for x in loads.joints] + [(loads.drive_torque, 'N m')]:
+        level = levels.get(peak.name, math.inf)
+        if abs(peak.value) > _BRIEF * level and peak.whole and peak.duration and peak.impulse:
+            yield (
+                f'{peak.name}: a peak of {written(peak.duration, "s")} with '
+                f'{written(peak.impulse, f"{unit} s")}, {written(abs(peak.value), unit)} high; '
+                f'for {100.0 * SHARE:g} % of the time at most {written(level, unit)}'
+            )

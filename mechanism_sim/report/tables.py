@@ -13,7 +13,7 @@ import numpy as np
 from mechanism_sim import output, tables
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -111,7 +111,7 @@ def modes_text(table: ModeTable) -> str:
         if speed := table.stations[0].speed:
             lines.append(f'its torque keeps {table.main} turning at {speed:.9g} rad/s')
         if faded := table.stations[0].faded:
-            lines.append(f'{faded} more die out within a turn')
+            lines.append(f'{faded} more decay within a turn')
         return '\n'.join(lines)
     unit = 'rad/s' if table.over == 'speed' else 'rad'
     most = max(len(s.oscillating) for s in table.stations)

@@ -19,7 +19,7 @@ from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.play import joint_of_gap
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 

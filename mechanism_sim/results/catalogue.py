@@ -6,20 +6,25 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.results.quantities.compliance import (
+from mechanism_sim.results.quantities.contacts import (
+    of_contacts,
+    of_force_elements,
+    of_readings,
+    of_states,
+)
+from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
+from mechanism_sim.results.quantities.motion import (
+    of_coordinates,
     of_elastic_links,
+    of_frame,
+    of_mass_centre,
+    of_points,
     of_points_of_elastic_links,
     of_tilting_joints,
 )
-from mechanism_sim.results.quantities.contacts import of_contacts
-from mechanism_sim.results.quantities.force_elements import of_force_elements, of_states
-from mechanism_sim.results.quantities.forces import of_drives, of_energy, of_joints, of_links
-from mechanism_sim.results.quantities.motion import of_coordinates, of_mass_centre, of_points
-from mechanism_sim.results.quantities.readings import of_readings
 from mechanism_sim.results.quantities.shafts import of_shafts
-from mechanism_sim.results.quantities.shaking import of_frame
-from mechanism_sim.results.quantity import Quantity, Shown
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantities.transmission import of_transmission
+from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
@@ -27,6 +32,7 @@ SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
     of_coordinates, of_states, of_elastic_links, of_tilting_joints, of_contacts, of_joints,
     of_drives, of_energy, of_points_of_elastic_links, of_readings, of_shafts, of_mass_centre,
     of_frame, of_points, of_links, of_force_elements,
+    of_transmission,
 )  # fmt: skip
 """In the order of tables; where two tell a quantity of the same name, the first does."""
 
@@ -94,11 +100,11 @@ class Catalogue(Mapping[str, Quantity]):
         return found
 
     def unknown(self, name: str) -> InputError:
-        """Error: there is no quantity of this name."""
+        """Error: there is not a quantity of this name."""
         machine = self._machine
         if name.startswith('motor.') and 'motor.torque' not in self._known:
             return InputError(
-                f"{machine.name}: '{name}': the drive is no motor; drive_torque and "
+                f"{machine.name}: '{name}': the drive is not a motor; drive_torque and "
                 f'velocity.{machine.plan.main} are those of any drive'
             )
         kinds = dict.fromkeys(q.kind for q in self._known.values())

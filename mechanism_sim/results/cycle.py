@@ -28,15 +28,14 @@ from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
-from mechanism_sim.results.quantity import Shown
+from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.results.ranges import Extreme, Extremes, search
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.results.strokes import Swing, find_swings
-from mechanism_sim.results.view import View
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.scene.gate import between_limits
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
@@ -144,8 +143,8 @@ class Cycle(plotting.Rich):
         names = self.names if names is None else names
         if self.static and (of_motion := [name for name in names if name in _OF_MOTION]):
             raise InputError(
-                f"{self.machine.name}: '{of_motion[0]}' is of the motion, which static forces "
-                'leave out: ask a cycle that is not static'
+                f"{self.machine.name}: '{of_motion[0]}' is a quantity of the motion, which "
+                'static forces leave out: use a cycle that is not static'
             )
         columns = self._columns(t, names)
         if self.ranges:
@@ -373,11 +372,25 @@ def cycle(
             f'{machine.name}: static forces need masses, prescribed drives and no clearance; this '
             f'scene is one of {machine.level.value}'
         )
-    chosen = choose_points(machine, points)
+    chosen, whole = choose_points(machine, points), machine
+    machine, begin, end = cycle_window(machine, start, periods, duration)
+    steady = is_steady(machine)
+    solution = simulate(machine, duration=end)
+    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
+    repeats = steady and duration is None
+    return Cycle(machine, solution, t, repeats, chosen, local, static, machine is not whole)
+
+
+def cycle_window(
+    machine: Machine,
+    start: float | None = None,
+    periods: int = 1,
+    duration: float | str | None = None,
+) -> tuple[Machine, float, float]:
+    """The machine that runs in a cycle, and the instants [s] between which the cycle is."""
     ranged = over_range(machine) if duration is None and not machine.scene.duration else None
     machine = ranged or machine
-    steady = is_steady(machine)
-    begin = 0.0
+    steady, begin = is_steady(machine), 0.0
     if start is not None and ranged is None:
         if not steady:
             raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
@@ -385,13 +398,8 @@ def cycle(
         begin = math.remainder(start - angle, 2.0 * math.pi) / speed
         begin += machine.drive.period if begin < 0.0 else 0.0
     if steady and duration is None:
-        end = begin + periods * machine.drive.period
-    else:
-        end = begin + span(machine, periods if periods != 1 else None, duration)
-    solution = simulate(machine, duration=end)
-    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
-    repeats = steady and duration is None
-    return Cycle(machine, solution, t, repeats, chosen, local, static, ranged is not None)
+        return machine, begin, begin + periods * machine.drive.period
+    return machine, begin, begin + span(machine, periods if periods != 1 else None, duration)
 
 
 def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:
@@ -464,7 +472,7 @@ def _time_at(cycle: Cycle, value: float) -> float:
 
     if not ends[0] < value < ends[1]:
         raise InputError(
-            f'{cycle.machine.name}: {cycle.drive} does not come there: it stays between its limits'
+            f'{cycle.machine.name}: {cycle.drive} does not reach this position within its limits'
         )
     return float(scipy.optimize.brentq(off, cycle.t[0], cycle.t[-1]))
 

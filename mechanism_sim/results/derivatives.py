@@ -30,8 +30,7 @@ from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import IMPACT_UNITS, Piece
+from mechanism_sim.results.run import IMPACT_UNITS, Piece, Runner
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
@@ -142,6 +141,13 @@ class RunDerivative:
         slopes = self._of_whole(taken)
         return dict(zip(names, slopes.tolist(), strict=True))
 
+    def of(self, taken: Callable[[Piece], Array]) -> Array:
+        """Derivatives of numbers taken of the whole motion, to some 1e-6 of them.
+
+        Not of works and other sums over the motion, for which `sample` and `measures` are.
+        """
+        raise NotImplementedError
+
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         """Derivatives of what is taken at times (N,): (..., N)."""
         raise NotImplementedError
@@ -199,6 +205,13 @@ class _Integrated(RunDerivative):
         fast = faster.max(axis=1) / max(speed, 1e-300)
         return np.asarray(np.maximum(np.maximum(far, fast), 1e-300))
 
+    @property
+    def _step(self) -> float:
+        """Of displacements of the whole motion with its events."""
+        step = _SMALL / float(self._growth.max())
+        shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
+        return min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
+
     def _partial(self, taken: _Taken) -> Array:
         """By the machine alone, its motion being as it is."""
         piece, found = self._piece, np.zeros(())
@@ -222,15 +235,25 @@ class _Integrated(RunDerivative):
         """Derivatives of what is taken of the whole motion, with the shifts of its events."""
         if self.end:
             return np.full_like(taken(self._piece), np.nan)
-        step = _SMALL / float(self._growth.max())
-        shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
-        step = min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
+        step = self._step
         base, found = taken(self._rebalanced(self._piece)), np.zeros(())
         for offset, weight in _AROUND:
             scale = np.full(len(self._shift), offset * step)
             moved = self._rebalanced(self._displaced(scale, shifted=True))
             found = found + weight * (taken(moved) - base)
         return np.asarray(found / step) + self._partial(lambda x: taken(self._rebalanced(x)))
+
+    def of(self, taken: Callable[[Piece], Array]) -> Array:
+        """Central differences along the derivatives of the motion, and of the machine."""
+        if self.end:
+            return np.full_like(taken(self._piece), np.nan)
+        step = self._step
+        some, other = (
+            taken(self._displaced(np.full(len(self._shift), x), shifted=True))
+            for x in (step, -step)
+        )
+        more, less = (taken(_with_machine(self._piece, m)) for m in self._key.beside[:2])
+        return np.asarray((some - other) / (2.0 * step) + (more - less) / (2.0 * self._key.step))
 
     def _rebalanced(self, piece: Piece) -> Piece:
         """The piece with works of its own motion."""
@@ -283,6 +306,10 @@ class _Ideal(RunDerivative):
     def _others(self) -> list[Piece]:
         end = self._piece.motion.curve.end
         return [_whole(machine, end) for machine in self._key.beside]
+
+    def of(self, taken: Callable[[Piece], Array]) -> Array:
+        """Of runs with other values."""
+        return self._of_whole(taken)
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         return self._of_whole(taken)
@@ -338,7 +365,7 @@ class AskedDerivatives:
     ) -> None:
         if resume is not None:
             raise InputError(
-                f'{machine.name}: a run that goes on from a snapshot has no derivatives: run it '
+                f'{machine.name}: a run that continues a snapshot has no derivatives: run it '
                 'from its start'
             )
         self._machine, self._end = machine, end

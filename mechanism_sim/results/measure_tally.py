@@ -4,27 +4,38 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.audit import recovers
+from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.expressions import ExpressionNode, numbers
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.quadrature import Parts, Values, parts_of, where_steep
+from mechanism_sim.numerics.quadrature import (
+    Assumptions,
+    Parts,
+    Values,
+    integrate,
+    parts_of,
+    where_steep,
+)
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.path_distance import PathDistances
-from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.solution import Piece
-from mechanism_sim.results.time_integrals import EXACT, Estimate, TimeIntegrals
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, View
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import product
 
+_AUDIT = TOLERANCES.audit
+
+EXACT = 'of the motion'
 R = TypeVar('R', str, tuple[str, str])
 
 _FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
@@ -265,7 +276,7 @@ class FigureTally:
             ]
             if self._unbounded.get(name):
                 x = math.inf if kind in ('largest', 'range') else math.nan
-                note = 'it grows beyond all bounds at a singular position'
+                note = 'it tends to infinity at a singular position'
             return x, note
         if kind in ('change', 'initial', 'final'):
             if self._first is None or self._last is None:
@@ -307,3 +318,65 @@ class FigureTally:
         if part.lost:
             return x, f'of the time but {part.lost:.3g} s, when it is not finite'
         return x, Estimate(x, part.error, size).note(unit)
+
+
+class Estimate(NamedTuple):
+    """A figure, and what it may be off."""
+
+    value: float
+    error: float
+    size: float  #: by which the error is to be measured
+
+    def note(self, unit: str) -> str:
+        """`EXACT`, or what is to be said of the figure."""
+        if not math.isfinite(self.value):
+            return 'it is not finite for a part of the time'
+        if self.error <= _AUDIT.promised * self.size:
+            return EXACT
+        return f'its error may be {self.error:.1g} {unit}'.rstrip()
+
+
+class TimeIntegrals:
+    """Integrals of C functions over time, entered piece by piece.
+
+    Every mean, root mean square, integral and work that is told of a motion is taken here, so that
+    the same figure is the same number wherever it is asked for.
+    """
+
+    def __init__(self, count: int, corners: bool = False) -> None:
+        self.time, self._corners = 0.0, corners
+        self._sums = np.zeros((3, count))  # value, error, size
+        self._largest = np.zeros(count)
+
+    def add(self, values: Values, motion: Motion, parts: Parts) -> None:
+        """Enter parts of a motion, in the order of time.
+
+        Parameters
+        ----------
+        values : (C, K n) as for `mechanism_sim.numerics.quadrature.integrate`
+        """
+        if not len(parts.segment) or not len(self._largest):
+            return
+        flags, kind = recovers(motion, parts.segment), Assumptions(corners=self._corners)
+        found = integrate(values, parts, flags, self._largest, assumed=kind)
+        self._largest = found.largest
+        self._sums += [x.sum(axis=1) for x in (found.value, found.error, found.size)]
+        self.time += float((parts.end - parts.begin).sum())
+
+    def integral(self, i: int) -> Estimate:
+        """Of function i."""
+        return Estimate(*self._sums[:, i].tolist())
+
+    def mean(self, i: int) -> Estimate:
+        """Of function i; not a number without any time."""
+        return Estimate(*(self._sums[:, i] / (self.time or math.nan)).tolist())
+
+    def root(self, i: int) -> Estimate:
+        """The root of the mean of function i, which is a square."""
+        square = self.mean(i)
+        if not math.isfinite(square.value):
+            return square
+        value = math.sqrt(max(square.value, 0.0))
+        # the root of a square that is nothing but error is off by the root of that error
+        least = math.sqrt(square.error)
+        return Estimate(value, square.error / max(value, least) if least else 0.0, value)

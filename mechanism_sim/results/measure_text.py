@@ -153,9 +153,9 @@ def read(text: str, name: str = '') -> Measure:
                 expressions.unit_hint(node.name) or f": write for example 'largest({node.name})'"
             )
             known = f'functions: {", ".join(FUNCTIONS)}'
-            raise InputError(f"'{node.name}' in {quoted(text)} is no figure{hint}; {known}")
+            raise InputError(f"'{node.name}' in {quoted(text)} is not a measure{hint}; {known}")
     if not figures:
-        raise InputError(f'{quoted(text)} has no figure; functions: {", ".join(FUNCTIONS)}')
+        raise InputError(f'{quoted(text)} has no measure; functions: {", ".join(FUNCTIONS)}')
     for part in (tree, *(x for figure in figures for x in figure.args)):
         expressions.unit_of(part, defaultdict(lambda: None), text)  # what cannot be evaluated
     short = ' '.join(text.split())

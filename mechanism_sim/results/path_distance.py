@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.table_keys import allowed_file
 from mechanism_sim.units import read_common
@@ -30,6 +30,7 @@ _CANDIDATES = 3
 _REFINED = 8
 """Steps of Newton's method from there; each doubles the digits."""
 _TIMED = {'angle': 'rad', 't': 's'}
+_ANGLES = {**_TIMED, 'orientation': 'rad'}
 
 Values = Callable[[Array], dict[str, Array]]
 """Quantities (N,) by name at instants (N,)."""
@@ -40,7 +41,7 @@ class TargetPath(NamedTuple):
 
     Attributes
     ----------
-    points : (n, 2), or (n, 1) of a coordinate
+    points : (n, 2), (n, 3) with an orientation, or (n, 1) of a coordinate
     by : ``angle`` or ``t`` of each point, at `at` (n,); empty where there is none
     """
 
@@ -55,6 +56,7 @@ def read_path(name: str) -> TargetPath:
     timed = [c for c in table.cells if c in _TIMED][:1]
     others = [c for c in table.cells if c not in _TIMED]
     columns = ['x', 'y'] if 'x' in others or len(others) > 1 else others
+    columns += [c for c in others if c == 'orientation' and c not in columns]
     found = []
     for column in [*columns, *timed]:
         unit = table.units.get(column, '') if table.column(column) else ''
@@ -64,7 +66,7 @@ def read_path(name: str) -> TargetPath:
                 factor, si = read_common('1', unit)
             except ValueError as error:
                 raise InputError(f"{table.where}: column '{column}' {error}") from error
-        wanted = _TIMED.get(column) or ('m' if column in 'xy' else si)
+        wanted = _ANGLES.get(column) or ('m' if column in 'xy' else si)
         if si != wanted:
             raise InputError(
                 f"{table.where}: column '{column}' needs a unit of {wanted} in its heading, as in "
@@ -82,7 +84,7 @@ def names_of(text: str, path: TargetPath) -> tuple[str, ...]:
     kind, _, rest = text.partition('.')
     if kind != 'position' or not rest:
         raise InputError(f'distance is of a position, as position.LINK.POINT, not {quoted(text)}')
-    axes = ('.x', '.y') if len(path.points[0]) == 2 else ('',)
+    axes = ('.x', '.y') if len(path.points[0]) > 1 else ('',)
     return tuple(f'{k}.{rest}{a}' for k in ('position', 'velocity', 'acceleration') for a in axes)
 
 
@@ -96,7 +98,7 @@ class PathDistances:
 
     def __init__(self, machine: Machine, path: TargetPath, names: tuple[str, ...]) -> None:
         self._path, self._names = path, names
-        self._points: Array = np.array(path.points)
+        self._points: Array = np.array(path.points)[:, :2]
         self._least = np.full(len(self._points), np.inf)
         self._at, self._turn = np.array(path.at), 0.0
         if path.by == 'angle':

@@ -1,17 +1,151 @@
-"""A quantity that can be asked of a machine in motion by its name."""
+"""Quantities asked of a machine in motion by name; the view of it that evaluates them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.results.view import View
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.energy_terms import EnergyTerms, energy_so_far
+from mechanism_sim.hybrid.physics import each_instant
+from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.planar.frames import STATE
+from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import HigherPair, Joint
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.joint_view import JointView
 
+T = TypeVar('T')
 PARTS = 'x', 'y', 'size', 'direction', 'moment', 'along', 'across', 'axial'
 """Of a vector, as the last word of a name."""
+
+
+class View:
+    """A machine at N instants; what several quantities need is computed once, when first needed.
+
+    All that is said of an instant belongs to one segment of the motion: where something changes,
+    to that which begins there, and at the end of the motion to the last.
+
+    Parameters
+    ----------
+    segments, dt : the instants, as those of ``motion.curve.at(segments, dt)``
+    balance : of the motion, for what was done so far
+    t : the same instants (N,) [s], if they are known
+    static : whether forces are without those of inertia
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        motion: Motion,
+        segments: NDArray[np.intp],
+        dt: Array | Nodes,
+        balance: EnergyTerms | None = None,
+        t: Array | None = None,
+        static: bool = False,
+    ) -> None:
+        self.machine, self._motion, self._balance = machine, motion, balance
+        self._segments, self._dt = segments, dt
+        self._physics = machine.nominal.statics if static else machine.physics
+        self._known: dict[Hashable, Any] = {}
+        if t is not None:
+            self.t = t
+
+    @classmethod
+    def at(
+        cls,
+        machine: Machine,
+        motion: Motion,
+        t: Array,
+        balance: EnergyTerms | None = None,
+        static: bool = False,
+    ) -> Self:
+        """The view at times (N,) [s]."""
+        return cls(machine, motion, *motion.curve.find(t), balance, t, static)
+
+    @cached_property
+    def _instants(self) -> tuple[NDArray[np.intp], Array]:
+        """The segment of each instant, and the time since its start [s]."""
+        return each_instant(self._motion.curve, self._segments, self._dt)
+
+    @cached_property
+    def t(self) -> Array:
+        """(N,) [s]."""
+        curve, (each, since) = self._motion.curve, self._instants
+        t: Array = curve.start[each] + (curve.start_low[each] + since)
+        return t
+
+    @cached_property
+    def observed(self) -> Observation:
+        """Accelerations, forces and energies."""
+        return self._physics.observe(self._motion, self._segments, self._dt)
+
+    def states(self, derivative: int = 0) -> Array:
+        """The states of first order (k, N), or their rates."""
+        curve = self._motion.state_curve
+        if not curve.turns.shape[1]:
+            return np.zeros((0, len(self.t)))
+        return np.asarray(curve.local(self._segments, self._dt, derivative).T)
+
+    def outside(self, names: Sequence[str]) -> Array:
+        """Rows (k, N) of what loads ask for beside the coordinates, see `Frames.outside`."""
+        turns = zip(self._physics.coordinates, self.observed.turns, strict=True)
+        known = {'time': self.t, **{f'{c}.turns': n for c, n in turns}}
+        known |= {f'{STATE}{k}': x for k, x in enumerate(self.states())}
+        return np.reshape([known[name] for name in names], (len(names), len(self.t)))
+
+    @cached_property
+    def modes(self) -> NDArray[np.uint8]:
+        """States (m, N) of the gaps, see `mechanism_sim.hybrid.events.Mode`."""
+        return self._motion.modes_at(self._segments, self._dt)
+
+    @property
+    def drive_work(self) -> Array:
+        """Work (N,) [J] of the drives since the start of the run."""
+        return self._so_far[0]
+
+    @property
+    def dissipated(self) -> Array:
+        """Losses (N,) [J] since the start of the run."""
+        return self._so_far[1]
+
+    @cached_property
+    def _so_far(self) -> tuple[Array, Array]:
+        if self._balance is None:
+            raise ValueError('the work up to this time is not known for this motion')
+        return energy_so_far(self._physics, self._motion, self._balance, *self._instants)
+
+    def joint(self, joint: Joint) -> JointView:
+        """One of its joints."""
+        return self.once(
+            ('joint', joint.name),
+            lambda: JointView(
+                self.machine.mechanism, joint, self.machine.physics, self.observed, self.modes
+            ),
+        )
+
+    def readings(self, pair: HigherPair) -> dict[str, NDArray[Any]]:
+        """The readings (N,) of a cam, gears or a Geneva wheel, by field."""
+        return self.once(('readings', pair.name), lambda: pair.reading(self.joint(pair))._asdict())
+
+    def reading(self, pair: HigherPair, field: str) -> Array:
+        """A field (N,) of them."""
+        return np.asarray(self.readings(pair)[field], float)
+
+    def once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Result of `make`, made once for all quantities that ask for this key."""
+        if key not in self._known:
+            self._known[key] = make()
+        found: T = self._known[key]
+        return found
 
 
 class Shown(IntEnum):

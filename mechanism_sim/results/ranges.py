@@ -20,8 +20,7 @@ from mechanism_sim.hybrid.peak_shapes import PeakOutlines, PeakShape
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, View
 from mechanism_sim.scene import Machine
 
 

@@ -1,4 +1,4 @@
-"""The one loop: a machine is integrated, its motion audited, and handed on piece by piece.
+"""Runs: pieces of motion as polynomials, events, energy; the one loop that makes and audits them.
 
 Whoever needs a run reads its pieces or observes them: solutions, streams, nodes, sweeps, studies.
 Nobody sees a piece that has not been audited, so that a run that fails does so everywhere alike.
@@ -8,20 +8,185 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.hybrid.audit import Audit, Work
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid import plotting
+from mechanism_sim.hybrid.audit import Audit, Energy, Work
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
+from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.catalogue import Catalogue, catalogue
+from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
+from mechanism_sim.tables import Table
+from mechanism_sim.units import argument
 
-Observer = Callable[[Piece], object]
-"""Is handed every piece of a run in order, such as ``digest.add``."""
+IMPACT_UNITS = {
+    't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
+    'rebound_speed': 'm/s', 'normal_angle': 'rad', 'energy_loss': 'J', 'drive_impulse': 'N m s',
+    'drive_work': 'J', 'chatter_time': 's', 'duration': 's', 'peak_force': 'N',
+}  # fmt: skip
+"""Units of the fields of an impact."""
+
+
+@dataclass(frozen=True)
+class Stats:
+    """Cost of a run."""
+
+    wall_time: float  #: [s] with the start of the run, without compilation
+    cpu_time: float  #: [s] of this process, likewise
+    compile_time: float  #: [s] in which code was made; 0 where the process had all of it
+    steps: int
+    switches: int  #: events: impacts and losses of contact
+
+
+@dataclass(frozen=True)
+class Piece(Rich):
+    """A part of a run.
+
+    Attributes
+    ----------
+    machine : that moves
+    motion : polynomials of all coordinates and the state of the gaps
+    balance : work and losses of its segments, and what they were before
+    impacts, modes : events in the order of time
+    """
+
+    machine: Machine
+    motion: Motion
+    balance: EnergyTerms
+    impacts: list[Impact]
+    modes: list[ModeChange]
+
+    def __repr__(self) -> str:
+        curve = self.motion.curve
+        span = f'{curve.start[0]:.6g} s to {curve.end:.6g} s' if len(curve) else 'no motion'
+        return f'<Piece of a run: {span}, {len(curve)} steps, {len(self.impacts)} impacts>'
+
+    def impact_table(self) -> Table:
+        """The impacts as columns (n,), SI units."""
+        names = [n for n in Impact._fields if n != 'joint']
+        columns = {n: np.array([float(getattr(i, n)) for i in self.impacts]) for n in names}
+        joints = {'joint': np.array([i.joint for i in self.impacts], dtype=str)}
+        return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
+
+    @property
+    def physics(self) -> Physics:
+        """Equations of the machine."""
+        return self.machine.physics
+
+    @property
+    def catalogue(self) -> Catalogue:
+        """The quantities that can be asked for by name."""
+        return catalogue(self.machine)
+
+    def view(self, t: Array | float) -> View:
+        """The machine at times `t` (N,) [s]."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        return View.at(self.machine, self.motion, times, self.balance)
+
+    def sample(self, t: Array | float, *names: str) -> Table:
+        """Quantities at times `t` [s], as arrays (N,) by name.
+
+        Parameters
+        ----------
+        names : of the catalogue (``mechanism-sim quantities SCENE`` lists them), or all that begin
+            so, as ``position``; without any: positions, velocities and accelerations of
+            coordinates, gaps and contact forces, and where the scene has forces reactions of
+            joints, efforts of drives and energies
+
+        Raises
+        ------
+        ValueError
+            For a time outside of the motion.
+        """
+        known = self.catalogue
+        chosen = known.choose(names) if names else known.shown(Shown.RUN)
+        return known.table(chosen, self.view(t))
+
+    def to_frame(self, *names: str, rate: float | str | None = None) -> Any:
+        """A data frame of `sample`, evenly over the motion: of pandas, else of polars.
+
+        >>> import mechanism_sim as ms
+        >>> solution = ms.simulate('slider_crank', duration='0.1 s')
+        >>> frame = solution.to_frame('position', rate='20 Hz')
+        >>> list(frame.columns), len(frame)
+        (['t', 'position.crank', 'position.rod', 'position.piston'], 3)
+
+        Parameters
+        ----------
+        names : as for `sample`
+        rate : samples a second; 1000 in all if not given
+        """
+        first, last = float(self.motion.curve.start[0]), self.motion.curve.end
+        rate, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
+        if rate is not None:
+            if not 0.0 < rate < math.inf:
+                raise InputError(f'rate = {rate:g} Hz: samples need a positive rate')
+            count = int((last - first) * rate * (1.0 + 1e-12)) + 1
+            t = np.minimum(first + np.arange(count) / rate, last)
+        found = self.sample(t, *names)
+        return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame()
+
+    def plot(self, *names: str, **how: Any) -> Any:
+        """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.
+
+        The keywords are those of `mechanism_sim.report.lines.plot`: ``against='angle'``, and
+        ``start`` and ``end`` [s].
+        """
+        return plotting.plot(self, *names, **how)
+
+
+@dataclass(frozen=True)
+class Solution(Piece):
+    """A finished run, kept whole.
+
+    Attributes
+    ----------
+    scene, level : names
+    energy : the energy balance; ``None`` where masses are not part of the scene
+    max_penetration, max_closure_error : [m]
+    snapshot : from where a longer run goes on, not later than the end
+    derivatives : a `RunDerivative` by the path of each number of the scene that was asked for
+    """
+
+    scene: str
+    level: str
+    stats: Stats
+    energy: Energy | None
+    max_penetration: float
+    max_closure_error: float
+    stop_reason: StopReason
+    snapshot: Snapshot
+    derivatives: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f'<Solution of {self.scene} ({self.level}): {self.duration:.6g} s in '
+            f'{len(self.motion)} steps, {len(self.impacts)} impacts>'
+        )
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return self.motion.curve.end
+
+    def digest(self) -> str:
+        """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
+        digest = MotionDigest()
+        digest.add(self.motion, self.impacts)
+        return digest.hexdigest()
 
 
 class Batch(NamedTuple):
@@ -34,6 +199,10 @@ class Batch(NamedTuple):
 
 BATCH = Batch(8192, 8192)
 """The memory of a run is that of so many steps."""
+
+
+Observer = Callable[[Piece], object]
+"""Is handed every piece of a run in order, such as ``digest.add``."""
 
 
 class Runner:
@@ -151,3 +320,31 @@ def run(
 def prepare(machine: Machine) -> None:
     """Compile all that a run will need, so that it does not wait later."""
     next(Runner(machine).to(1e-6 * min(machine.drive.period, 1.0), batch=Batch(1, 1)))
+
+
+def instants(
+    piece: Piece, start: float, end: float, density: Array | float, fewest: int, most: int,
+    events: int | None = None, steps: bool = False,
+) -> Array:  # fmt: skip
+    """Times (N,) [s] from `start` to `end`, both included; none twice.
+
+    Parameters
+    ----------
+    density : of instants [1/s], everywhere or (S + 1,) where steps of the motion meet
+    fewest, most : instants beside those at events
+    events : of these at most so many, the hardest impacts first, and then changes of mode
+    steps : whether the instants are among them where steps of the motion meet
+    """
+    curve = piece.motion.curve
+    if isinstance(density, float):
+        marks, dense = np.array([start, end]), np.full(2, density or 1.0)
+    else:
+        marks, dense = np.append(curve.start, curve.end), density
+    passed = np.append(0.0, np.cumsum(0.5 * (dense[1:] + dense[:-1]) * np.diff(marks)))
+    count = int(np.clip(int(passed[-1]) + 1, fewest, most))
+    even = np.interp(np.linspace(0.0, passed[-1], count), passed, marks)
+    hardest = sorted(piece.impacts, key=lambda i: -i.normal_impulse)
+    at = np.array([*(i.t for i in hardest), *(c.t for c in piece.modes)][:events], np.float64)
+    marked = np.concatenate([np.nextafter(at, -np.inf), at, *([curve.start] if steps else [])])
+    t = np.union1d(even, marked[(marked > start) & (marked <= end)])
+    return np.unique(np.clip(t, curve.start[0], curve.end))

@@ -25,9 +25,8 @@ from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.derivatives import AskedDerivatives
-from mechanism_sim.results.run import Observer, Runner
-from mechanism_sim.results.solution import Piece, Solution, Stats
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import View
+from mechanism_sim.results.run import Observer, Piece, Runner, Solution, Stats
 from mechanism_sim.scene import Machine, Source, load_scene, span
 from mechanism_sim.scene.gate import admit_turning
 
@@ -64,9 +63,7 @@ class Stream(Runner):
         with self._timed():
             super().__init__(machine, resume=resume)
         if self.known >= end:
-            raise InputError(
-                f'the snapshot is at {self.known:g} s already: ask for more than that'
-            )
+            raise InputError(f'the snapshot is at {self.known:g} s already: choose a longer run')
         self._end, self._progress, self._observers = end, progress, tuple(observers)
         self._snapshot: Snapshot | None = None
         self._last: Piece | None = None

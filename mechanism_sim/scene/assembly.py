@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.linkages.four_bar import Branch
+from mechanism_sim.linkages.four_bar import Branch, FourBarLoop, whole_four_bar
 from mechanism_sim.linkages.grashof import change_points
-from mechanism_sim.linkages.loops import FourBarLoop, whole_four_bar
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
@@ -88,8 +87,8 @@ def assemble(plan: ScenePlan) -> Assembly:
             v = pace * slope
         elif freedom and not plan.clearances:
             raise InputError(
-                f'{", ".join(driven)} starts at rest in a singular position: nothing decides '
-                'which way the links go on: start beside it, or with a speed'
+                f'{", ".join(driven)} starts at rest in a singular position: it is undetermined '
+                'which way the links go: start beside it, or with a speed'
             )
     q, v = _hung(plan, q, v)
     dependent = len(moving.rows) - int(ranks[1])
@@ -253,8 +252,8 @@ def _started(plan: ScenePlan, kinematics: Kinematics, q: Array) -> Array:
         elif c in plan.given[1] and not plan.clearances:  # the rest follows from the others
             paces = ', '.join(f'{x} at {w:g}' for x, w in (rates | {c: rate}).items())
             raise InputError(
-                f'initial.velocity cannot be: with {paces} the loop closed by '
-                f'{joint} would open at {speed:.4g} m/s; leave one of them out'
+                f'initial.velocity is not possible: with {paces} the loop closed by {joint} '
+                f'would open at {speed:.4g} m/s; leave one of them out'
             )
     return nearest_rates(kinematics, q, coordinates, rates, {})
 

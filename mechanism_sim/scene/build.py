@@ -20,13 +20,16 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.singular_start import neighbours
-from mechanism_sim.scene.swing import with_swing
 from mechanism_sim.tolerances import TOLERANCES
+from mechanism_sim.units import QuantityValue
 
+_MARGIN = 0.01
+"""Of the way between the limits, at either: at a limit itself two ways lead on."""
 _MECHANISM = TOLERANCES.mechanism
 
 
@@ -50,15 +53,15 @@ def _check_freedom(machine: Machine) -> None:
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
-            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} its '
-            f'joints hold {", ".join(plan.prescribed)} fast: remove a joint, or make ratios agree '
-            'that contradict each other'
+            f'the mechanism cannot move: with its loops closed by {", ".join(plan.ideal.cut)} '
+            f'its joints hold {", ".join(plan.prescribed)} fast: remove a joint, or correct the '
+            'ratios that contradict each other'
         )
     if assembly.overdriven:
         count = len(plan.prescribed)
         raise InputError(
             f'{count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
-            f'{assembly.overdriven} too many: the mechanism has not so many degrees of freedom; '
+            f'{assembly.overdriven} too many: the mechanism has fewer degrees of freedom; '
             'remove a drive'
         )
     if machine.torque_driven and not assembly.freedom:
@@ -128,7 +131,7 @@ def _check_unknowns(machine: Machine) -> None:
         )
     if len(labels) < len(plan.efforts):
         raise InputError(
-            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown, for nothing would '
+            f'{start}: {len(plan.efforts) - len(labels)} too few are unknown: nothing would '
             "balance what the drives supply; set 'loads.LOAD.unknown: true', or leave out an "
             "'effort'"
         )
@@ -280,12 +283,12 @@ def _check_contact(law: str, where: str, clearance: Play) -> None:
         if key == 'radius' and contact.materials:
             continue
         if getattr(contact, key) != Contact.model_fields[key].default and not film:
-            raise InputError(f'{law}.{key} is for the law film: there is no oil')
+            raise InputError(f'{law}.{key} applies to the law film only')
     supply, lowest = contact.supply_pressure, contact.cavitation_pressure
     if supply < lowest:
         raise InputError(
-            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, '
-            f'{lowest:g} Pa: oil that ruptures where it comes in fills nothing'
+            f'{law}.supply_pressure = {supply:g} Pa is less than cavitation_pressure, {lowest:g} '
+            'Pa: the film would rupture at its supply'
         )
     if supply > lowest and contact.cavitation == 'none':
         raise InputError(
@@ -355,7 +358,7 @@ def _check_oscillators(machine: Machine) -> None:
         for joint in part.joints:
             if joint not in grounded:
                 raise InputError(
-                    f"{where}.joints: '{joint}' is no joint of the "
+                    f"{where}.joints: '{joint}' is not a joint of the "
                     f'ground{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
                 )
 
@@ -371,3 +374,41 @@ def _check_sensors(machine: Machine) -> None:
             raise InputError(
                 f'{where}.trigger needs a drive that turns; {machine.plan.main} slides'
             )
+
+
+def with_swing(scene: Scene) -> Scene:
+    """The scene, with a formula of its position instead of `drive.swing`."""
+    drive = scene.drive
+    if any(x.swing for x in scene.drives.values()) or (scene.drives and drive and drive.swing):
+        raise InputError("'swing' is for a machine with a single drive, 'drive'")
+    if drive is None or drive.swing is None:
+        return scene
+    beside = [
+        k for k in ('position', 'moves', 'profile', 'speed') if getattr(drive, k) is not None
+    ]
+    if beside:
+        raise InputError(f'drive.swing and drive.{beside[0]} exclude each other: keep one')
+    steady = drive.model_copy(update={'swing': None, 'speed': QuantityValue(1.0, '')})
+    plain = Machine('', scene.model_copy(update={'drive': steady, 'duration': None})).rigid
+    plan, c = plain.plan, plain.plan.main
+    found = None if plain.torque_driven else plain.nominal.drive_range
+    if found is None or not math.isfinite(found.high - found.low):
+        raise InputError(f'drive.swing: {c} has no limits on both sides to swing between')
+    unit = 'm' if c in plan.ideal.displacements else 'rad'
+    turned = 2.0 * math.pi * plan.turned.get(c, 0)
+    way, middle = found.high - found.low, turned + 0.5 * (found.low + found.high)
+    margin = drive.swing.margin
+    aside = _MARGIN * way
+    if margin is not None:
+        aside = plan.measure('drive.swing.margin', margin, unit == 'm', ('rad', 'm'))
+    size, start = 0.5 * way - aside, turned + plan.held[c][0] - middle
+    if not size > 0.0 or abs(start) > size:
+        raise InputError(
+            f'drive.swing: {c} starts at {start + middle:g} {unit}, which is not between '
+            f'{middle - size:g} and {middle + size:g} {unit}, its limits with the margin'
+        )
+    phase, pace = math.asin(start / size), 2.0 * math.pi / drive.swing.period
+    text = f'{middle!r} {unit} + {size!r} {unit}*sin({pace!r}*t + {phase!r})'
+    position = PositionPart(formula=text.replace('+ -', '- '), points=None)
+    update = {'swing': None, 'position': position, 'start_angle': None, 'start_position': None}
+    return scene.model_copy(update={'drive': drive.model_copy(update=update)})

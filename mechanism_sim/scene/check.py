@@ -7,31 +7,41 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from mechanism_sim.joints.contact_keys import Play
-from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.numerics.sampled import (
+    SampledPeak,
+    acceleration_peaks,
+    describe_peaks,
+    determined,
+)
+from mechanism_sim.planar.drive import DriveLaw, ends
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.drives import drive_key
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.motion_accuracy import (
-    acceleration_notes,
-    undetermined_accelerations,
-)
-from mechanism_sim.scene.motion_keys import CoursePart
+from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
 from mechanism_sim.units import QuantityValue, for_people
 
+_AHEAD = 10.0
+"""[s] that are looked at of a motion without end."""
+_CURVE = 8
+"""Points between which a speed goes on, of a curve rather than of ramps one after the other."""
+_IN_PIECE = 33
+"""Places in a piece at which accelerations are compared."""
 _WHY = {
-    Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not asked '
-    'for, have no limit, or masses are not given: loop closure',
+    Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not '
+    'requested, have no limit, or masses are not given: loop closure',
     Level.INVERSE_DYNAMICS: 'the drives are prescribed, every joint is ideal, and forces are '
-    'asked for: loop closure and a linear solve for the forces',
+    'requested: loop closure and a linear solve for the forces',
     Level.SMOOTH: 'every joint is ideal, or a belt that may slip, and the drives leave a motion '
     'free: equations of motion with closed loops',
     Level.NONSMOOTH: '{contacts}: equations of motion with gaps, and an event loop for free '
@@ -227,9 +237,9 @@ def _left_out(machine: Machine, gaps: int) -> list[str]:
     plan, level = machine.plan, machine.level
     found = []
     if level is Level.KINEMATIC:
-        why = 'nobody asks for them'
+        why = 'not requested'
         if machine.without_forces:
-            why = f'{", ".join(machine.without_forces)} takes forces without limit'
+            why = f'{", ".join(machine.without_forces)} needs infinite forces'
         found.append(f'masses, gravity and forces: {why}')
     elif not any(machine.scene.gravity):
         found.append('gravity: it is zero')
@@ -329,7 +339,7 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         keys = machine.scene.joints[joint.name]
         notes += keys.kind_keys.notes(keys, machine, joint)
     notes += [
-        f'{name}: never reached: drives and loops say all of the motion'
+        f'{name}: never reached: drives and loops determine all of the motion'
         for name in plan.touching.keys() - machine.touching.keys()
     ]
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
@@ -399,7 +409,7 @@ def render(report: Report) -> str:
     if report.questions:
         lines += ['questions', *(f'  {question}' for question in report.questions)]
     if report.limits:
-        lines += ['what may stop it', *(f'  {note}' for note in report.limits)]
+        lines += ['what limits the motion', *(f'  {note}' for note in report.limits)]
     lines += [f'level: {report.level}', f'  {report.why}', 'coordinates']
     lines += [f'  {name}: {what}' for name, what in report.coordinates.items()]
     lines += ['start', *(f'  {name}: {start}' for name, start in report.start.items())]
@@ -412,3 +422,81 @@ def render(report: Report) -> str:
         if items:
             lines += [heading, *(f'  {item}' for item in items)]
     return '\n'.join(lines)
+
+
+def acceleration_notes(machine: Machine) -> Iterator[str]:
+    """The largest acceleration of each drive that is given over time."""
+    for c, key, course in _courses(machine):
+        size, at = _largest(machine, c)
+        yield f'{key}: largest acceleration {abs(size):.6g} {_unit(machine, c)} at t = {at:.6g} s'
+        if (peaks := _peaks(course)) and determined(peaks):
+            yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
+
+
+def undetermined_accelerations(machine: Machine) -> Iterator[str]:
+    """A question for each drive whose acceleration its points do not determine."""
+    for c, key, course in _courses(machine):
+        if isinstance(course, SpeedPart) and course.ramp == 'smooth':
+            rises = np.diff([x.value for _, x in course.given])
+            if (stops := int((rises[1:] * rises[:-1] > 0.0).sum())) >= _CURVE:
+                yield (
+                    f'{key}.ramp: smooth takes the acceleration to zero at {stops} points between '
+                    "which the speed goes on: through points of a curve take 'interpolation: "
+                    "cubic'"
+                )
+        if (peaks := _peaks(course)) and not determined(peaks):
+            yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
+
+
+def _unit(machine: Machine, c: str) -> str:
+    return 'm/s^2' if c in machine.mechanism.displacements else 'rad/s^2'
+
+
+def _courses(machine: Machine) -> Iterator[tuple[str, str, CoursePart | None]]:
+    """Coordinates whose motion is given over time, by which key, and its course, if no moves."""
+    for c in machine.plan.prescribed:
+        drive, key = machine.scene.drives.get(c, machine.scene.drive), drive_key(machine.plan, c)
+        assert drive is not None  # noqa: S101 - it is prescribed
+        if drive.moves:
+            yield c, f'{key}.moves', None
+        for name in ('position', 'speed', 'profile'):
+            if isinstance(course := getattr(drive, name), CoursePart):
+                yield c, f'{key}.{name}', course
+
+
+def _peaks(course: CoursePart | None) -> tuple[SampledPeak, SampledPeak] | None:
+    """Extreme accelerations by points; None of formulas, moves and ramps."""
+    if course is None or not course.given:
+        return None
+    rate = isinstance(course, SpeedPart)
+    how = course.interpolation or ('linear' if rate else 'cubic')
+    if how == 'linear':
+        return None
+    t, y = np.array([(t, x.value) for t, x in course.given]).T
+    if course.periodic:  # what turns on has the same accelerations without its turns
+        y = y - (y[-1] - y[0]) * (t - t[0]) / (t[-1] - t[0])
+        y[-1] = y[0]
+    degree = {'cubic': 3, 'quintic': 5}[how]
+    return acceleration_peaks(t, y, degree, course.periodic, order=2 - rate)
+
+
+def _largest(machine: Machine, c: str) -> tuple[float, float]:
+    """The largest acceleration of a prescribed coordinate, with its sign, and when [s]."""
+    duration = machine.scene.duration or _AHEAD
+    best = 0.0, 0.0
+    for law, begin, end in ends(machine.plan.laws_until(c, duration), duration):
+        second = polynomial.polyder(law.coefficients, 2)
+        at = np.linspace(begin, end, _IN_PIECE) - law.reference_time
+        values = np.abs(polynomial.polyval(at, second))
+        if values.max() < abs(best[0]):
+            continue
+        places = at[values.argmax()][None]
+        if len(second) > 2:  # refined where its own derivative is zero
+            roots = polynomial.polyroots(polynomial.polyder(second))
+            real = roots[np.abs(roots.imag) < 1e-9].real
+            places = np.append(places, real[(real > at[0]) & (real < at[-1])])
+        sizes = polynomial.polyval(places, second)
+        k = int(np.abs(sizes).argmax())
+        if abs(sizes[k]) > abs(best[0]):
+            best = float(sizes[k]), float(places[k] + law.reference_time)
+    return best

@@ -165,8 +165,8 @@ def _spread(
     rounding = 1e-9 * m
     if off or line <= 0.0 or min(start, end) < -rounding:
         raise InputError(
-            f'{where}: mass, cog and inertia are those of no beam with masses at its ends: leave '
-            'inertia and cog out to spread the mass evenly'
+            f'{where}: mass, cog and inertia fit no beam with masses at its ends: leave inertia '
+            'and cog out to spread the mass evenly'
         )
     return line, (start if start > rounding else 0.0, end if end > rounding else 0.0)
 
@@ -197,7 +197,7 @@ def _treatment(ratio: float, impacts: bool) -> str:
     if impacts:
         return 'impacts are faster than any mode: take modes until their impulses converge'
     if ratio >= _RIGID:
-        return f'it bends by about {ratio**-2:.1g} of its size, and a rigid link would do'
+        return f'it bends by about {ratio**-2:.1g} of its size, and a rigid link is sufficient'
     if ratio >= _QUASI_STATIC:
-        return 'it bends nearly as if at rest (quasi-static), and one mode would do'
+        return 'it bends nearly as if at rest (quasi-static), and one mode is sufficient'
     return 'it vibrates, and needs its modes'

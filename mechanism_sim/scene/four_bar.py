@@ -109,7 +109,7 @@ class FourBarKeys(AnyScene):
     drive: DrivePart
     """Motion of the crank: by a speed, a profile, a torque or a motor."""
     initial: InitialPart = InitialPart()
-    """Coordinates of a loose machine that start elsewhere than `start` says."""
+    """Coordinates of a loose machine whose initial values differ from those of `start`."""
     sensors: dict[str, SensorPart] = Field({})
     """Accelerometers, encoders and others, by name."""
 

@@ -23,6 +23,7 @@ from mechanism_sim.scene.remarks import length_questions
 from mechanism_sim.scene.schema import DrivePart, InitialPart, Scene
 from mechanism_sim.units import QuantityValue, argument
 
+_PLAYS = 'clearance', 'lift_off', 'backlash'
 Source: TypeAlias = str | Path | Mapping[str, Any] | Scene | FourBarScene | Machine
 """All from which `load_scene` makes a machine."""
 
@@ -101,7 +102,7 @@ def started_at(machine: Machine, angle: float) -> Machine:
     if not scene.drive:
         raise SceneError(f"{machine.name}: there is no 'drive' to start at an angle")
     if scene.drive.position:
-        raise SceneError(f"{machine.name}: 'drive.position' says where its main drive starts")
+        raise SceneError(f"{machine.name}: 'drive.position' gives where its main drive starts")
     position = {c: x for c, x in scene.initial.position.items() if c != machine.plan.main}
     changed: dict[str, Any] = {
         'drive': scene.drive.model_copy(update={'start_angle': angle}),
@@ -199,3 +200,35 @@ def _moved(
         'duration': duration,
     }
     return replace(machine, scene=scene.model_copy(update=changed))
+
+
+def without_clearance(machine: Machine, rigid: bool = False) -> Machine:
+    """A machine with every joint ideal: no clearance, lift-off or backlash.
+
+    Where a loose joint let it begin otherwise, it begins as its drives say.
+
+    Parameters
+    ----------
+    rigid : whether elastic joints are rigid, too
+    """
+    scene, driven = machine.scene, machine.plan.prescribed
+    plays = (*_PLAYS, 'elasticity') if rigid else _PLAYS
+    given = scene.initial.position
+    update: dict[str, Any] = {
+        'joints': {name: _ideal(joint, plays) for name, joint in scene.joints.items()},
+        'initial': scene.initial.model_copy(
+            update={'position': {n: x for n, x in given.items() if n in driven}, 'velocity': {}}
+        ),
+        'guess': {
+            **{n: x for n, x in given.items() if n not in machine.plan.floating[0]},
+            **scene.guess,
+        },
+    }
+    return build(machine.name, scene.model_copy(update=update))
+
+
+def _ideal(joint: Any, plays: tuple[str, ...]) -> Any:
+    update: dict[str, Any] = dict.fromkeys(plays)
+    if joint.groove:
+        update['groove'] = joint.groove.model_copy(update={'clearance': 0.0, 'restitution': None})
+    return joint.model_copy(update=update)

@@ -16,34 +16,44 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeAlias
+from itertools import islice, takewhile
+from typing import Any, TypeAlias
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
 from mechanism_sim.hybrid.plotting import Rich
 from mechanism_sim.hybrid.snapshot import Snapshot, State
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import Play, in_plane
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
-from mechanism_sim.planar.drive import Law
+from mechanism_sim.planar.configuration import converted
+from mechanism_sim.planar.drive import (
+    DriveLaw,
+    Law,
+    LawSource,
+    largest_speed,
+    time_of_angle,
+    unrolled,
+)
 from mechanism_sim.planar.impulses import JointImpulses
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Revolute
 from mechanism_sim.scene.assembly import Assembly, assemble, rates_of_points
+from mechanism_sim.scene.elastic_links import stiffened
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
-from mechanism_sim.scene.main_drive import MainDrive
 from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan, announce
-from mechanism_sim.scene.rigid import rigid_scene
-from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.schema import Commands, JointPart, Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
 from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.units import QuantityValue
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.shaken_frame import ShakenFrame
 
@@ -151,7 +161,7 @@ class Machine(Rich):
 
     @cached_property
     def without_forces(self) -> dict[str, str]:
-        """Joints whose motion takes forces without limit, and why."""
+        """Joints whose motion needs infinite forces, and why."""
         pairs = (j for j in self.plan.joints if isinstance(j, HigherPair))
         return {pair.name: why for pair in pairs if (why := pair.without_forces)}
 
@@ -277,3 +287,116 @@ class Machine(Rich):
         gaps, _ = contacts_of(self.scene.joints, self.mechanism, self.plan.clearances)
         gaps += bounds_of(self.scene.joints, self.mechanism, self.touching)
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
+
+
+def rigid_scene(plan: ScenePlan, assembly: Assembly) -> Scene:
+    """A scene with elastic links made rigid, and shafts that do not give way.
+
+    It starts where that of `plan` does, assembled so, although guides carry some links now.
+    """
+    ideal, scene = plan.ideal, plan.scene
+    guides = [ideal.joint(j) for j in plan.bending]
+    carried = {link for j in guides for link in (j.first, j.second)}
+    initial = {
+        kind: {
+            c: x
+            for c, x in getattr(scene.initial, kind).items()
+            if c not in ideal.deformations and not (carried and (c in carried or '.' in c))
+        }
+        for kind in ('position', 'velocity')
+    }
+    changed: dict[str, Any] = {
+        'links': {name: stiffened(link) for name, link in scene.links.items()},
+        'joints': {
+            name: JointPart.model_validate({'revolute': j.points})
+            if j.kind_keys.gives_way
+            else j.model_copy(update={'clearance': in_plane(j.clearance)})
+            for name, j in scene.joints.items()
+        },
+        'initial': scene.initial.model_copy(update=initial),
+    }
+    if not carried:
+        return scene.model_copy(update=changed)
+    tree = ScenePlan(scene.model_copy(update=changed | {'guess': {}})).ideal
+    q, _ = converted(ideal, tree, assembly.q, assembly.v)
+    guess = {
+        c: QuantityValue(x, 'm' if c in tree.displacements else 'rad')
+        for c, x in zip(tree.coordinates, q.tolist(), strict=True)
+    }
+    return scene.model_copy(update=changed | {'guess': guess})
+
+
+@dataclass(frozen=True)
+class MainDrive:
+    """The drive of the coordinate `ScenePlan.main`; lengths and speeds in m if it slides."""
+
+    plan: ScenePlan
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Its laws, in the order in which they take over."""
+        return self.plan.laws[self.plan.main]
+
+    @property
+    def law(self) -> Law:
+        """The first of its laws."""
+        return self.laws[0]
+
+    @property
+    def source(self) -> LawSource | None:
+        """Source of the laws behind the last one."""
+        return self.plan.sources.get(self.plan.main)
+
+    @property
+    def start(self) -> tuple[float, float]:
+        """Angle [rad] and speed [rad/s] at time zero."""
+        return self.plan.begins.get(self.plan.main, (0.0, 0.0))
+
+    @property
+    def commands(self) -> Commands | None:
+        """Commands of speed that it takes, if any."""
+        return drive.commands if (drive := self.plan.scene.drive) else None
+
+    @property
+    def fastest(self) -> float:
+        """Largest speed that is known beforehand [rad/s]."""
+        commanded = self.commands.fastest if self.commands else 0.0
+        return max(abs(self.start[1]), largest_speed(self.laws), commanded)
+
+    @property
+    def period(self) -> float:
+        """Duration of a revolution at the largest speed [s]; infinite for a drive at rest."""
+        mechanism = self.plan.loose
+        straight = self.plan.main in mechanism.displacements
+        fastest = self.fastest / (mechanism.size if straight else 1.0)
+        return 2.0 * math.pi / fastest if fastest else math.inf
+
+    @property
+    def steady(self) -> bool:
+        """True if it is prescribed one constant speed for ever."""
+        return len(self.laws) == 1 and isinstance(self.law, DriveLaw) and self.law.degree <= 1
+
+    def laws_until(self, end: float) -> list[Law]:
+        """The laws that take over before a time [s], and the first in any case."""
+        later = islice(unrolled(self.laws, self.source), 1, None)
+        return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
+
+    def time_of(self, revolutions: float) -> float:
+        """When it has turned so far [s]."""
+        main, cure = self.plan.main, "--duration, or 'duration' in the scene"
+        if not isinstance(self.law, DriveLaw):
+            raise InputError(
+                f'how fast {main} turns is not known beforehand: give a duration in seconds, '
+                f'not revolutions: {cure}'
+            )
+        if self.law.straight:
+            raise InputError(
+                f'{main} moves in a straight line: it makes no revolutions: give a duration in '
+                f'seconds: {cure}'
+            )
+        t = time_of_angle(unrolled(self.laws, self.source), 2.0 * math.pi * revolutions)
+        if t is None:
+            raise InputError(
+                f'{main} is at rest: give a duration in seconds, not revolutions: {cure}'
+            )
+        return t

@@ -24,8 +24,7 @@ from mechanism_sim.numerics.expressions import (
     unit_of,
 )
 from mechanism_sim.numerics.time_series import TimeSeries
-from mechanism_sim.planar.drive import curve_laws
-from mechanism_sim.planar.endless_laws import FormulaLaws
+from mechanism_sim.planar.drive import FormulaLaws, curve_laws
 from mechanism_sim.scene.formula_keys import or_formula
 from mechanism_sim.units import QuantityValue, alike, to_si_of
 
@@ -45,7 +44,7 @@ POSITIVE_VALUE = AfterValidator(_positive)
 
 
 class CoursePart(Part):
-    """A quantity over time: a formula, or points in place or in a file."""
+    """A quantity over time: a formula, or points in the scene or in a file."""
 
     formula: str | None = None
     """Of the time t, as "90 deg + 60 deg*sin(pi*t)"; it may stand by itself instead of these keys.
@@ -110,7 +109,7 @@ class CoursePart(Part):
         for (before, _), (after, _) in pairwise(self.given):
             if after <= before:
                 raise ValueError(
-                    f'has points whose times must rise, but {after:g} s follows {before:g} s'
+                    f'has points whose times must increase, but {after:g} s follows {before:g} s'
                 )
 
     def spline(self) -> tuple[Array, Array]:
@@ -192,7 +191,7 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
 
 
 class PositionPart(CoursePart):
-    """A position over time: a formula, or points in place or in a file."""
+    """A position over time: a formula, or points in the scene or in a file."""
 
     points: list[tuple[Time, Place]] | None = Field(None, min_length=2)
     """List of [time, position] with rising times; before the first and after the last the speed
@@ -287,11 +286,11 @@ class MovePart(Part):
     """A move from rest to rest, or a dwell; its own limits go before those of all moves."""
 
     to: Place | None = None
-    """Where it ends."""
+    """Its end."""
     by: Place | None = None
-    """How far it goes, with its sign."""
+    """Displacement, with its sign."""
     dwell: Duration | None = None
-    """How long it rests instead."""
+    """Duration of a dwell instead."""
     speed: Annotated[Pace, POSITIVE_VALUE] | None = None
     """Largest speed."""
     acceleration: Annotated[AnyAcceleration, POSITIVE_VALUE] | None = None
@@ -320,13 +319,13 @@ class MovesPart(Part):
     jerk: Annotated[AnyJerk, POSITIVE_VALUE] | None = None
     """Largest rate of the acceleration; without it the acceleration steps."""
     repeat: bool = False
-    """Again and again; then the last move must end where the first begins, or whole turns on."""
+    """Repeat the moves; then the last one must end where the first begins, or whole turns on."""
 
 
 class SwingPart(Part):
-    """To and fro between the limits of the linkage of a single drive."""
+    """Oscillation between the limits of the linkage of a single drive."""
 
     period: Duration
-    """Of the way there and back."""
+    """Period of the oscillation."""
     margin: Annotated[Place, POSITIVE_VALUE] | None = None
     """Distance that it keeps from each limit; without it a hundredth of the way between them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import FourBar, SliderCrank, four_bars, slider_cranks
 from mechanism_sim.linkages.grashof import (
     change_points,
     classify,
@@ -17,9 +17,7 @@ from mechanism_sim.linkages.grashof import (
     time_ratio,
     transmission_range,
 )
-from mechanism_sim.linkages.loops import four_bars, slider_cranks
 from mechanism_sim.linkages.mobility import mobility
-from mechanism_sim.linkages.slider_crank import SliderCrank
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.mechanism import Mechanism
 

@@ -25,8 +25,7 @@ from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
 from mechanism_sim.linkages.formulas import FormulaState
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
-from mechanism_sim.planar.endless_laws import LawSource, unrolled
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource, TorqueLaw, unrolled
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import (

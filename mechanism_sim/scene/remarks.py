@@ -224,7 +224,7 @@ def _unnamed(machine: Machine) -> Iterator[str]:
         texts = ' '.join(_texts([content, own] if section == 'gears' else content))
         for name in own:
             if not re.search(rf'\b{re.escape(name)}\b', texts):
-                yield f'{section}.{name} has no effect: nothing names it'
+                yield f'{section}.{name} has no effect: nothing refers to it'
 
 
 def _texts(part: Any) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""A scene written out for people: every key with its meaning, its unit and its default."""
+"""A scene written out for people, or begun from another: keys with meaning, unit and default."""
 
 from __future__ import annotations
 
@@ -6,27 +6,38 @@ import math
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 import yaml
+from pydantic import Field, TypeAdapter
 
+from mechanism_sim import output
+from mechanism_sim.errors import InputError
 from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.facts import Facts, facts_of
-from mechanism_sim.scene.schema import AnyScene, LinkPart
-from mechanism_sim.scene.written import quantity
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.facts import Facts, facts_of, quantity
+from mechanism_sim.scene.files import as_given, check_scene, find_scene, overridden, read_yaml
+from mechanism_sim.scene.four_bar import FourBarScene
+from mechanism_sim.scene.schema import AnyScene, LinkPart, Scene
 from mechanism_sim.units import QuantityValue
 
+TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
+"""The scenes that show the two forms of scenes, by the names of the forms."""
+
+SCHEMA = 'mechanism_sim.schema.json'
+"""Schema that editors read, if it lies beside the scene."""
 WIDTH, COLUMN = 99, 40
 """Of the file, and where comments begin."""
 
 UNBROKEN = '\N{NO-BREAK SPACE}'
 
 HEAD = """\
-# A key behind a # shows what holds without it; take the # away to change it. Where nothing stands
-# behind a key there is none, or its own keys follow; of these the needed ones must be filled in.
-# Quantities are in the units you like, as 64 mm or 2.5 inch; without a unit in that in brackets.
+# A key behind a # shows its default; remove the # to change it. A key without a value
+# has no default, or keys of its own; the required ones of these must be filled in.
+# Quantities take any unit, as 64 mm or 2.5 inch; without one they are in that in brackets.
 """
 
 
@@ -255,3 +266,39 @@ def _rows(line: Entry) -> Iterator[str]:
     else:
         yield f'{line.text:{COLUMN}}{notes.pop(0)}'
     yield from (' ' * COLUMN + note for note in notes)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema of scenes, which editors read."""
+    either = Annotated[FourBarScene | Scene, Field(discriminator='mechanism')]
+    schema: dict[str, Any] = TypeAdapter[Any](either).json_schema()
+    return {'$schema': 'https://json-schema.org/draft/2020-12/schema', **schema}
+
+
+def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Path:
+    """Write a commented scene, and say where.
+
+    Parameters
+    ----------
+    name : of the scene; its file is ``NAME.yaml``, in a folder that exists
+    source : a scene of the package or a path
+    overrides : values by dotted path, or texts ``path=value``
+    """
+    file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
+    if file.stem.startswith('.') or not Path(name).name or name.endswith('/'):
+        raise InputError(f"'{name}' is not a valid name for a scene: write for example my_machine")
+    with output.errors_as_sentences(file):
+        there = file.exists()
+    if there:
+        raise InputError(f"'{file}' exists already; choose another name")
+    path = find_scene(source)
+    source_data = read_yaml(path, 'scene')
+    data = overridden(path.name, source_data, overrides, path.parent)
+    if data.get('title') == source_data.get('title'):
+        data = {**data, 'title': file.stem.replace('_', ' ').strip().capitalize() or file.stem}
+    build(path.stem, check_scene(path.name, data))
+    text = commented(data, as_given(path.name, data))
+    if (file.parent / SCHEMA).is_file():
+        text = f'# yaml-language-server: $schema={SCHEMA}\n{text}'
+    output.write_text(file, text)
+    return file

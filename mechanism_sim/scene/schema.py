@@ -38,6 +38,7 @@ from mechanism_sim.keys.quantities import (
     si_or_point,
 )
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.scene.facts import yaml_text
 from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.motion_keys import (
@@ -52,10 +53,9 @@ from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.tilted_links import TiltPart
-from mechanism_sim.scene.written import yaml_text
 from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
-from mechanism_sim.sensing.imu import InertialUnit
+from mechanism_sim.sensing.point import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, plain
 from mechanism_sim.vibration.frame import Frame
@@ -72,7 +72,7 @@ class AffineTorque(Part):
     """
 
     constant: Torque = 0.0
-    """Whatever angle and speed are."""
+    """Constant part."""
     per_angle: TorquePerAngle = 0.0
     """Times the angle of the link."""
     per_speed: TorquePerSpeed = 0.0
@@ -87,12 +87,12 @@ class AffineTorque(Part):
 
 
 class InductionPart(Part):
-    """An induction motor as its data sheet has it (Kloss' formula); signs as it turns."""
+    """An induction motor by its data sheet (Kloss' formula); signs by its sense of rotation."""
 
     synchronous_speed: Speed
-    """At which there is no torque, as 1500 rpm."""
+    """Synchronous speed, at which there is no torque, as 1500 rpm."""
     rated_speed: Speed
-    """Of the shaft under the rated torque."""
+    """Speed of the shaft at the rated torque."""
     rated_torque: Torque
     """On the shaft."""
     breakdown_torque: Torque
@@ -139,12 +139,12 @@ class MotorPart(Part):
 
 
 class Commands(Part):
-    """Which speeds may be commanded while the machine runs."""
+    """Speeds that may be commanded while the machine runs."""
 
     acceleration: AngularAcceleration
-    """Of the ramp to a commanded speed."""
+    """Acceleration of the ramp to a commanded speed."""
     fastest: Annotated[Speed, POSITIVE]
-    """The largest speed that is taken, either way."""
+    """Largest speed that may be commanded, in both directions."""
 
 
 class Outputs(Part):
@@ -169,7 +169,7 @@ class Outputs(Part):
 
 
 class Solver(Part):
-    """How exact the solution is to be."""
+    """Tolerances of the solution."""
 
     rtol: Tolerance = 1e-12
     """Error of a step relative to a tenth of the drive's speed."""
@@ -178,7 +178,7 @@ class Solver(Part):
 
 
 class LinkPart(Part):
-    """A link: its points, and what it weighs."""
+    """A link: its points and mass properties."""
 
     length: Length | None = None
     """Makes the point `end` at [length, 0]."""
@@ -191,9 +191,9 @@ class LinkPart(Part):
     cog: Offset = 0.0
     """Centre of gravity: along the link, or as [x, y] in its frame."""
     elastic: ElasticPart | None = None
-    """How it bends; without, it is rigid."""
+    """Elasticity; the link is rigid if not given."""
     tilt: TiltPart | None = None
-    """How it leans out of its plane; without, it stays in it."""
+    """Tilt out of its plane; it stays in the plane if not given."""
 
 
 class PointMass(Part):
@@ -202,7 +202,7 @@ class PointMass(Part):
     at: str
     """LINK.POINT that carries it."""
     mass: Mass
-    """How heavy it is."""
+    """Its mass."""
 
 
 class JointPart(*KINDS.values()):  # type: ignore[misc]
@@ -308,7 +308,7 @@ class SensorPart(*SENSORS.values()):  # type: ignore[misc]
                 'displacement, or leave the integrator out'
             )
         if self.imu and self.quantity != 'acceleration':
-            raise ValueError(f"has 'imu', which shows acceleration, but measures {self.quantity}")
+            raise ValueError(f"has 'imu' for accelerations, but measures {self.quantity}")
         if self.adc.jitter * self.sample_rate > 0.1:
             raise ValueError(
                 f'has adc.jitter = {self.adc.jitter:g} s: it must be at most a tenth of the '
@@ -365,7 +365,7 @@ class AffineForce(Part):
     """
 
     constant: Annotated[float, si('N')] = 0.0
-    """Wherever and however fast it is."""
+    """Constant part."""
     per_position: PerPosition = 0.0
     """Times the displacement of the link."""
     per_speed: PerSpeed = 0.0
@@ -395,7 +395,7 @@ class DrivePart(Part):
     moves: MovesPart | None = None
     """Moves from rest to rest, as fast as limits allow, instead of speeds."""
     swing: SwingPart | None = None
-    """To and fro between the limits of the linkage, as a sine of the time."""
+    """Oscillation between the limits of the linkage, as a sine of time."""
     profile: SpeedPart | None = None
     """Speeds over time, as `speed` takes them, too."""
     torque: AffineTorque | None = None
@@ -405,9 +405,9 @@ class DrivePart(Part):
     motor: MotorPart | None = None
     """A motor with its characteristic, instead of a torque."""
     commands: Commands | None = None
-    """Take commands of speed while the machine runs."""
+    """Accept speed commands while the machine runs."""
     effort: EffortOrFormula | None = None
-    """Torque or force, a quantity or a formula, that is known while the motion is prescribed."""
+    """Torque or force of the drive, a quantity or a formula, where its motion is prescribed."""
     flywheel: AddedInertia = 0.0
     """Inertia that turns with the link."""
     start_angle: Angle | None = None
@@ -429,7 +429,7 @@ StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
 
 
 class InitialPart(Part):
-    """Coordinates that do not start where drive and guess would put them."""
+    """Initial positions and velocities that differ from those of drive and guess."""
 
     position: dict[str, StartPlace] = {}
     """Angles and displacements by link; places [x, y] of points by LINK.POINT."""
@@ -451,19 +451,19 @@ class AnyScene(Part):
     axial_gravity: Acceleration = 0.0
     """Towards the reader, of links that move along their axes."""
     duration: Duration | None = None
-    """Of a run of which no length is asked; else one revolution."""
+    """Length of a run if none is given; one revolution if this is missing, too."""
     start: Literal['seated', 'centred'] = 'seated'
     """Where loose pins start: pressed on their bushings as by an ideal joint, or in the middle."""
     outputs: Outputs = Outputs()
     """Published outputs, and how often."""
     solver: Solver = Solver()
-    """How exact the solution is to be."""
+    """Tolerances of the solution."""
     oscillators: dict[str, Frame] = {}
-    """Frames on springs that the machine shakes, by name."""
+    """Frames on springs that the machine excites, by name."""
     tables: dict[str, TablePart] = {}
     """Curves through points, by the names by which formulas call them, as in press(ram)."""
     measures: dict[str, str] = {}
-    """Figures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
+    """Measures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
 
     def to_yaml(self) -> str:
         """The scene as a file gives it, which means the same to the last bit."""
@@ -497,7 +497,7 @@ class Linkage(AnyScene):
     """Rough angles and displacements by link, places [x, y] of points by LINK.POINT, which choose
     how loops are closed."""
     initial: InitialPart = InitialPart()
-    """Coordinates that start elsewhere than drive and guess say."""
+    """Coordinates whose initial values differ from those of drive and guess."""
     sensors: dict[str, SensorPart] = Field({})
     """Accelerometers, encoders and others, by name."""
 

@@ -13,6 +13,8 @@ from typing import Any, ClassVar
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.keys.quantities import Angle, Duration, Part, Rate
 from mechanism_sim.keys.registry import Registry
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.level import Level
 from mechanism_sim.sensing.chain import Amplifier, AntiAlias, Converter, Noise, Trigger
 from mechanism_sim.sensing.channel import SensorSource
@@ -61,7 +63,7 @@ class AnalogueKeys(SensorKeys):
     anti_alias: AntiAlias | None = None
     """The filter before sampling."""
     adc: Converter = Converter()
-    """Analogue to digital."""
+    """Analogue-to-digital converter."""
     noise: Noise = Noise()
     """Noise added to the samples."""
 
@@ -70,7 +72,7 @@ class ShockKeys(AnalogueKeys):
     """A sensor that impacts reach as impulses."""
 
     impact_pulse: Duration | None = None
-    """How long impacts last, as half a sine; without it they are impulses."""
+    """Duration of an impact, as half a sine; impulses if not given."""
 
 
 class OnLinkKeys(SensorKeys):
@@ -173,7 +175,7 @@ def seated(data: Any) -> Any:
         place = f'{link}.{at.rpartition(".")[2]}'
         if place not in places or sensor.get('link', link) != link:
             raise ValueError(
-                f"sensors.{name}.at = '{at}' is no point of the sensor's "
+                f"sensors.{name}.at = '{at}' is not a point of the sensor's "
                 f'link{nearest(place, places)}; write LINK.POINT, for example rocker.end, a '
                 "distance along the link, '64 mm', or [x, y]"
             )
@@ -190,3 +192,42 @@ def sensor_keys_of(sensor: SensorKeys) -> list[str]:
     keys = SENSORS[sensor.kind]
     own = [key for key in keys.__annotations__ if key in keys.model_fields]
     return list(dict.fromkeys(['kind', *keys.needs, *own, *keys.model_fields]))
+
+
+def angle_between(
+    mechanism: Mechanism, link: str, relative_to: str
+) -> tuple[dict[int, float], float]:
+    """The angle of a link on another: coordinates' factors by index, and what is added [rad]."""
+    columns, added = {}, 0.0
+    for sign, name in ((1.0, link), (-1.0, relative_to)):
+        frame, offset = mechanism.frame(name)
+        added += sign * offset
+        if frame != GROUND:
+            columns[mechanism.coordinates.index(frame)] = sign
+    return columns, added
+
+
+class BetweenKeys(OnLinkKeys):
+    """A sensor of the angle between two links."""
+
+    relative_to: str = GROUND
+    """The link that carries its head."""
+
+    #: with that angle, in words
+    does: ClassVar[str]
+
+    def check(self, machine: Any, where: str) -> None:
+        """Refuse links that do not turn on each other."""
+        super().check(machine, where)
+        known = [GROUND, *machine.plan.links]
+        if self.relative_to not in known:
+            raise InputError(
+                f"{where}.relative_to: there is no link '{self.relative_to}'; links: "
+                f'{", ".join(known)}'
+            )
+        frames = [machine.mechanism.frame(x)[0] for x in (self.link, self.relative_to)]
+        if frames[0] == frames[1]:
+            raise InputError(
+                f'{where}: {self.link} does not turn on {self.relative_to}: {self.does} the angle '
+                'between two links'
+            )

@@ -75,9 +75,9 @@ def begin(
         slopes = found.at(np.zeros((count, 1)))[1][:, left, 0]
         differ = names[int(np.argmax(np.ptp(slopes / kinematics.scale[:, None], axis=1)))]
         raise InputError(
-            f'the start is a singular position from which {len(left)} motions go on with equal '
-            f"right; say in 'guess' where {differ} goes, a few degrees or millimetres on, or "
-            'start beside it'
+            f'the start is a singular position from which {len(left)} motions are equally '
+            f"possible; give in 'guess' where {differ} goes, slightly further on, or start "
+            'beside it'
         )
     chosen = found[left]
     place, slope, _ = (x[:, 0, 0] for x in chosen.at(np.zeros((1, 1))))

@@ -235,8 +235,8 @@ class Start:
             return nearest_rates(kinematics, q, loose.coordinates, {**turning, **fixed}, near)
         said = ', '.join(f'{c} at {rate:g}' for c, rate in given.items())
         raise InputError(
-            f'initial.velocity cannot be: with {said} the joint {joint}, which has no clearance, '
-            f'would open at {speed:.4g} m/s; leave one of them out'
+            f'initial.velocity is not possible: with {said} the joint {joint}, which has no '
+            f'clearance, would open at {speed:.4g} m/s; leave one of them out'
         )
 
     # --- where pins rest ------------------------------------------------------------------------
@@ -393,8 +393,8 @@ class Start:
                 q, v = self._bent(x[:, None], 0.0)
                 return start._replace(q=q[:, 0], v=v[:, 0])
         raise InputError(
-            'initial.elastic = smooth: at the start the forces bend its elastic links without an '
-            'end; start them straight'
+            'initial.elastic = smooth: at the start the forces bend its elastic links without '
+            'limit; start them straight'
         )
 
     def _left(self, x: Array, moment: float) -> Array:

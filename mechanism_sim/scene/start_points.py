@@ -105,7 +105,7 @@ def split(
             guide = tree.tree_joints[name].name
             raise InputError(
                 f'{key} is given in rad, but it is {kind_of(True)}, in m: {name} slides along '
-                f'{guide}, which says how it is turned'
+                f'{guide}, which determines its angle'
             )
         if name in names.links and said.unit == unit and not straight:
             found.append(_along_guide(key, name, said, tree))

@@ -30,7 +30,7 @@ class TablePart(Part):
     """A curve through points; before the first and after the last its value stays."""
 
     points: list[tuple[Along, Value]] = Field(min_length=2)
-    """List of [x, y], such as [20 mm, 1.5 kN], with rising x; two points of the same x are a step.
+    """List of [x, y], such as [20 mm, 1.5 kN], with increasing x; two of the same x are a step.
     Instead of it `file` names a file of comma-separated values beside the scene, and `columns` two
     of its columns, else the first two: its first line gives their names, with units in brackets.
     """

@@ -21,7 +21,7 @@ _SHARE = Field(ge=0.0, lt=1.0)
 
 
 class TiltPart(Part):
-    """How a link leans out of its plane: by small rotations about its x and y axes."""
+    """Tilt of a link out of its plane, by small rotations about its x and y axes."""
 
     stiffness: Annotated[float, si('N m/rad'), Field(ge=0.0, allow_inf_nan=False)]
     """Of what holds it in its plane, against rotation about either axis."""

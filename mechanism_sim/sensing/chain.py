@@ -1,7 +1,7 @@
 """A measurement chain as one transfer function: transducer, amplifier, integrator, filter.
 
 After [SB] 7.2 (accelerometer, conditioning amplifier with filters and integrator, data
-acquisition); what follows the last filter is in `mechanism_sim.sensing.sampling`. The parts of a
+acquisition); what follows the last filter is in `mechanism_sim.sensing.channel`. The parts of a
 chain are the keys that a scene gives of it.
 """
 
@@ -29,14 +29,14 @@ QUANTITIES = {
 
 
 class Transducer(Part):
-    """The seismic mass on a spring; it shows its deflection times the square of omega."""
+    """The seismic mass on a spring; its reading is the deflection times the square of omega."""
 
     natural_frequency: Rate | None = None
-    """Of the seismic mass; without it the transducer is ideal."""
+    """Natural frequency of the seismic mass; the transducer is ideal if not given."""
     damping_ratio: Annotated[float, si(''), Field(ge=0.0, le=10.0)] = 0.02
     """Of the seismic mass."""
     transverse: Annotated[float, si(''), Field(gt=-1.0, lt=1.0)] = 0.0
-    """Part of the acceleration across the axis that is read, too."""
+    """Transverse sensitivity, relative to that along the axis."""
 
     def transfer(self) -> Rational:
         """``omega^2 / (s^2 + 2 zeta omega s + omega^2)``, of acceleration to reading."""
@@ -52,11 +52,11 @@ class Amplifier(Part):
     """Filters of the amplifier."""
 
     high_pass: Rate | None = None
-    """Below it the signal fades; without it nothing does."""
+    """Lower cut-off frequency; no high-pass if not given."""
     high_pass_order: Order = 1
     """Of the Butterworth filter."""
     low_pass: Rate | None = None
-    """Above it the signal fades; without it nothing does."""
+    """Upper cut-off frequency; no low-pass if not given."""
     low_pass_order: Order = 2
     """Of the Butterworth filter."""
 
@@ -67,10 +67,10 @@ class Amplifier(Part):
 
 
 class Integrator(Part):
-    """The lower limit of the integrating circuit."""
+    """An integrating circuit."""
 
     high_pass: Rate | None = None
-    """Lower limit of the integrating circuit; without it there is none."""
+    """Lower cut-off frequency of the integrating circuit; none if not given."""
 
     def transfer(self, times: int) -> Rational:
         """``1 / (s + omega)`` for each time, omega of the lower limit."""
@@ -111,7 +111,7 @@ Reading = Annotated[QuantityValue, UnitValue(_reading, tuple(QUANTITIES.values()
 
 
 class Converter(Part):
-    """Analogue to digital."""
+    """Analogue-to-digital converter."""
 
     range: Reading | None = None
     """Largest magnitude, in the unit of the measured quantity."""
@@ -127,7 +127,7 @@ class Converter(Part):
 
 
 class Hum(Part):
-    """Hum of the mains."""
+    """Mains hum."""
 
     amplitude: Reading
     """In the unit of the measured quantity."""
@@ -143,7 +143,7 @@ class Noise(Part):
     seed: Annotated[int, Field(strict=True, ge=0)] = 0
     """Of noise and jitter."""
     hum: Hum | None = None
-    """Hum of the mains."""
+    """Mains hum."""
 
 
 @dataclass(frozen=True)

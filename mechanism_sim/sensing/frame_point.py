@@ -15,7 +15,7 @@ from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.residues import through
-from mechanism_sim.vibration.shaking import Forces, Shaking
+from mechanism_sim.vibration.shaken_frame import Forces, Shaking
 
 
 class PointOnFrame:

@@ -8,7 +8,6 @@ joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995,
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -22,8 +21,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.schema import Scene
@@ -132,7 +130,7 @@ class Bifurcation:
         given = [float(f'{self.scale * r.value:.15g}') for r, _ in rows]
         first = [
             Column(self.parameter.path, given, self.unit, 'varied'),
-            Column('branch', [r.branch for r, _ in rows], '', 'how the response was come to'),
+            Column('branch', [r.branch for r, _ in rows], '', 'how the response was reached'),
             Column('period', [r.period for r, _ in rows], '', 'turns of the drive; 0: none found'),
             Column('response', [r.number for r, _ in rows], '', 'of those that coexist'),
         ]
@@ -204,7 +202,7 @@ def varied(
             raise InputError(f'{path}: the number of values must be at least 2')
         (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
         values = np.linspace(parameter.low, parameter.high, count).tolist()
-        found.append((parameter, values, _written((high, low), parameter)))
+        found.append((parameter, values, (parameter.unit, parameter.scale)))
     return found
 
 
@@ -243,15 +241,6 @@ def section(
     plan = SectionPlan(names, joint or '', **when)
     units, words = zip(*found, strict=True)
     return plan, tuple(units), tuple(words)
-
-
-def _written(limits: Sequence[Any], parameter: Parameter) -> tuple[str, float]:
-    """The unit in which limits are written, and by what SI values are multiplied for it."""
-    for limit, value in zip(limits, (parameter.high, parameter.low), strict=True):
-        said = re.fullmatch(r'\s*((?>[-+]?[\d.]+(?:e[-+]?\d+)?))\s*(\S.*?)\s*', str(limit), re.I)
-        if said and value:
-            return said[2], float(said[1]) / value
-    return '', 1.0
 
 
 def follow(

@@ -43,7 +43,7 @@ FIGURES = (
     ResultColumn('largest_impulse', 'N s', 'of an impact'),
     ResultColumn('largest_force', 'N', 'in any joint, between impacts'),
     ResultColumn('max_penetration', 'm', 'deepest violation of an open gap, whole run'),
-    ResultColumn('energy_residual', 'J', 'what the energy balance leaves over, whole run'),
+    ResultColumn('energy_residual', 'J', 'residual of the energy balance, whole run'),
 )
 """Numbers of a row, besides its steps, its digest and its status."""
 

@@ -24,8 +24,7 @@ from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import Bifurcation

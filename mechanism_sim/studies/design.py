@@ -21,7 +21,7 @@ LATIN_HYPERCUBE, SOBOL, RANDOM, INDICES = 'latin_hypercube', 'sobol', 'random', 
 KINDS = {
     LATIN_HYPERCUBE: 'every factor evenly in as many classes as there are samples',
     SOBOL: "Sobol's sequence, scrambled",
-    RANDOM: 'independent draws, as machines come from the workshop',
+    RANDOM: 'independent draws, as of machines in production',
     INDICES: 'samples times (factors + 2) runs, for indices of Sobol, first and total',
 }
 SIGMAS = 3.0
@@ -62,7 +62,7 @@ def factor(path: str, given: Any) -> Factor:
         ((kind, values),) = given.items()
     count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'triangular': 3}.get(kind)
     if not isinstance(values, list | tuple) or len(values) != count:
-        raise InputError(f'vary.{path}: {quoted(given)} is no distribution: write {_FORMS}')
+        raise InputError(f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}')
     numbers, units = [], []
     for value in values:
         try:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.plan import SweepPlan, read_plan
 from mechanism_sim.studies.row import SOLUTION, SweepTask

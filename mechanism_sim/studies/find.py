@@ -12,14 +12,14 @@ import scipy
 
 from mechanism_sim import tables
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.studies.goal import CycleTrial, Goal, read_goals
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.optimum import Budget, Optimum, optimum
-from mechanism_sim.studies.parameters import Limits, Parameter, parameters
+from mechanism_sim.studies.parameters import Limits, Parameter, parameters, read_limits
 from mechanism_sim.studies.runs import FinishedRows, Show, Workers
-from mechanism_sim.studies.trials import Trials
+from mechanism_sim.studies.trials import DIFFERENCES, EXACT, Trials
 
 _ROUNDING = 1e-12
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
@@ -27,9 +27,11 @@ _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution
 LOCAL, GLOBAL = SEARCHES = 'local', 'global'
 _HOW = {
     'maximise': None, 'samples': 17, 'search': LOCAL, 'evaluations': 400, 'file': None,
-    'restart': False,
+    'restart': False, 'gradients': EXACT,
 }  # fmt: skip
 """Options of a search, and what they usually are."""
+_OF_CYCLE = 'duration', 'periods', 'start'
+_KNOWN = *_HOW, *_OF_CYCLE, 'so_that', 'minimise', 'subject_to', 'workers', 'show'
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class Finding:
 
 def find(
     scene: Source,
-    vary: Mapping[str, Limits],
+    vary: Mapping[str, Limits | str] | Sequence[str] | str,
     so_that: str | Sequence[str] | None = None,
     *,
     minimise: str | Sequence[str] | None = None,
@@ -101,8 +103,9 @@ def find(
 
     Parameters
     ----------
-    vary : by dotted path the lowest and highest value, in SI units or with units; between whole
-        numbers all of them; or a list of other than two values, or ``{'values': [...]}``
+    vary : by dotted path the lowest and highest value, in SI units or with units, also as text
+        ``'40 mm:60 mm'``; between whole numbers all of them; or a list of other than two values,
+        text ``'40 mm,50 mm'`` or ``{'values': [...]}``; or texts ``PATH=LOW:HIGH``
     so_that : ``MEASURE = VALUE``, or several of them; or
     minimise : a measure; of several a front of Pareto
     subject_to : ``MEASURE < VALUE``, also with ``<=``, ``>``, ``>=`` or ``=``, or several of them
@@ -112,13 +115,17 @@ def find(
         (17); ``search='global'``, differential evolution between all limits; ``evaluations``,
         cycles after which it ends, and so does a front (400); ``file``, a table of all that was
         tried, with a journal from which an interrupted search goes on; ``restart``, without it;
-        ``duration`` and ``periods`` of `cycle`
+        ``gradients='differences'`` of cycles, which may take less time, also where there are exact
+        ones; ``duration`` and ``periods`` of `cycle`
 
     Returns
     -------
     Both kinds have ``values`` by path, ``measures`` and the number of ``evaluations``.
     """
     asked = {key: how.pop(key, usual) for key, usual in _HOW.items()}
+    for key in how:
+        if key not in _OF_CYCLE:
+            raise InputError(f"find has no option '{key}'{nearest(key, _KNOWN)}")
     goals = read_goals(so_that, minimise, asked['maximise'], subject_to)
     machine, samples = load_scene(scene), asked['samples']
     if samples < 2:
@@ -127,7 +134,12 @@ def find(
         raise InputError('a search varies at least one key: there is none')
     if asked['search'] not in SEARCHES:
         raise InputError(f"search '{asked['search']}': it must be one of {', '.join(SEARCHES)}")
-    varied = parameters(machine, [*vary], '', limits=dict(vary))
+    if asked['gradients'] not in (EXACT, DIFFERENCES):
+        raise InputError(
+            f"gradients '{asked['gradients']}': it must be one of {EXACT}, {DIFFERENCES}"
+        )
+    limits = read_limits('vary', vary, lists=True)
+    varied = parameters(machine, [*limits], '', limits=limits)
     trial, file = CycleTrial.of(machine, goals, how), asked['file']
     with ExitStack() as stack:
         rows = FinishedRows()
@@ -137,6 +149,7 @@ def find(
             rows = stack.enter_context(journal)
         pool = stack.enter_context(workers or Workers(1))
         trials = Trials(trial, varied, goals, pool, rows, show)
+        trials.never = asked['gradients'] == DIFFERENCES
         local = asked['search'] == LOCAL
         found: Finding | Optimum
         if len(varied) == len(goals) == 1 and not varied[0].choices and local:

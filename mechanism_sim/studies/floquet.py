@@ -22,9 +22,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.results.run import Runner
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 
@@ -182,8 +181,8 @@ def repeated(machine: Machine) -> Station:
     moving = any(machine.plan.held[c][1] for c in machine.plan.prescribed)
     if 'time' in machine.equations.system.outside or moving:
         raise InputError(
-            f'{machine.name}: time acts on it by loads or other drives, so that no turn is like '
-            'the other: there are no modes; look at its motion by solve'
+            f'{machine.name}: loads or other drives depend on time, so that no turn is like the '
+            'other: there are no modes; look at its motion by solve'
         )
     state, period, speed = _settled(machine)
     turns = FloquetMap(machine, state, speed)
@@ -239,8 +238,8 @@ def _settled(machine: Machine) -> tuple[State, float, float]:
                 return state, period, float(np.sign(way)) * 2.0 * np.pi / period
         duration *= 2.0
     raise InputError(
-        f'{machine.name}: its torque does not keep it turning, or its turns have not become alike '
-        f'after {turned:.3g}: look at its motion by solve, or start nearer to where it settles'
+        f'{machine.name}: its torque does not keep it turning, or it has not settled to '
+        f'repeating turns after {turned:.3g}: look at its motion by solve, or start nearer to it'
     )
 
 

@@ -19,9 +19,9 @@ from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.frame_forces import forces_on
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
-from mechanism_sim.vibration.shaking import Shaking
+from mechanism_sim.vibration.shaken_frame import Shaking
 
 ComplexArray = NDArray[np.complex128]
 

@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.expressions import sides
-from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.cycle import cycle, cycle_window
+from mechanism_sim.results.measure_tally import EXACT
 from mechanism_sim.results.measure_text import Measure, read
-from mechanism_sim.results.measures import Measured, Measurement
-from mechanism_sim.results.time_integrals import EXACT
+from mechanism_sim.results.measures import Measured, Measurement, measure
+from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
@@ -133,6 +134,7 @@ class CycleTrial:
         """Trials of a machine for goals, which may go by names of the scene's own measures."""
         texts = [machine.scene.measures.get(goal.name, goal.name) for goal in goals]
         measures = tuple(read(t, goal.name) for t, goal in zip(texts, goals, strict=True))
+        Measurement(machine, measures)  # a name that is none is refused before anything runs
         return cls(machine.name, machine.scene.to_document(), measures, how)
 
     @property
@@ -160,3 +162,27 @@ class CycleTrial:
                 why = f': {measured.resolution}' if measured.resolution != EXACT else ''
                 raise RunError(f"'{measured.text}' has no finite value{why}")
         return found
+
+    def slopes(self, values: Mapping[str, Any], paths: Sequence[str]) -> list[list[float]]:
+        """Derivatives of the measures by numbers of the scene, from one run, in SI units.
+
+        Raises
+        ------
+        InputError
+            If there are none by one of the numbers, or the motion follows from its drives: then
+            differences of runs are as good, and take fewer of them.
+        RunError
+            If there are none at these values.
+        """
+        machine = build(self.name, check_scene(self.name, self.content, values))
+        machine, begin, end = cycle_window(machine, **self.how)
+        if not machine.level.dynamic:
+            raise InputError(f'{machine.name}: its motion follows from its drives')
+        run = simulate(machine, duration=end, derivatives=paths)
+        texts = dict.fromkeys(m.text for m in self.measures)
+        found = {m.text: m.derivatives for m in measure(machine, run, *texts, since=begin)}
+        slopes = [[found[m.text][path] for path in paths] for m in self.measures]
+        if not all(math.isfinite(x) for row in slopes for x in row):
+            ends = [d.end for d in run.derivatives.values() if d.end]
+            raise RunError(f'no derivatives: {ends[0] if ends else "they are not finite"}')
+        return slopes

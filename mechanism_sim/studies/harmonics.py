@@ -36,8 +36,7 @@ from mechanism_sim.studies.response import (
     frame_units,
     unit_of,
 )
-from mechanism_sim.vibration.excitation import FourierSeries
-from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
+from mechanism_sim.vibration.periodic_forces import FourierSeries, SteadyVibration, known_harmonics
 
 _TURNS = 1000  # of the first drive, in which others are looked for that make whole ones
 _EXACT = 1e-12  # of a ratio of speeds: what it may be off a fraction
@@ -240,8 +239,8 @@ def _period(machine: Machine, rates: Array, period: float | None) -> float:
     common = math.lcm(*(x.denominator for x in parts.values()))
     exact = all(abs(turns[x] - parts[x]) <= _EXACT * turns[x] for x in others)
     raise InputError(
-        f'{machine.name}: in a turn of {first}, {found:.9g} s, {c} makes {turns[c]:.9g} turns, so '
-        'that this is no period of both: '
+        f'{machine.name}: in a turn of {first}, {found:.9g} s, {c} makes {turns[c]:.9g} turns, '
+        'so that this is not a period of both: '
         + (
             f"give --period '{common * found!r} s', in which all drives make whole turns"
             if exact

@@ -1,8 +1,9 @@
-"""Restitution, friction and clearance from the signal of an accelerometer.
+"""Parameters of a machine from signals that were measured on it.
 
 [SB] 9.1 asks for what this answers: its simulation and its experiment differed thirtyfold, because
-restitution and friction of the bearing were not known. A rattling machine is chaotic, so its
-signal is compared by `features`, never sample by sample:
+restitution and friction of the bearing were not known. As long as runs can be repeated, their
+signals are compared sample by sample (`gauss_newton`). Where a rattling machine is chaotic from
+its start on, they are compared by `features`:
 
 1. The experiment is simulated with parameters spread evenly over a box (Sobol's sequence), each
    time with the scene's whole measurement chain and other noise.
@@ -27,19 +28,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from scipy.stats import qmc
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import RunError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.kernel_regression import KernelRegression
-from mechanism_sim.results.sensor_record import SensorRecord
+from mechanism_sim.results.measured import Measured, SensorRecord
+from mechanism_sim.studies.gauss_newton import LEVEL, LeastSquares
 from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
 
 ROUNDS = (128, 48, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
-LEVEL = 0.95
-"""Of confidence, for all parameters together."""
+METHODS = GAUSS_NEWTON, REGRESSION = 'gauss-newton', 'regression'
+_UNLIKE = 0.01  # of the simulations
 _KEPT = 0.99  # of the probability, when the box is drawn closer
 _MARGIN = 1.6  # by which it is wider than that
 _NEAREST = 40  # simulations, at least, whose errors say so
@@ -80,10 +83,12 @@ class Result:
     estimates : in the order of the parameters
     correlation : (k, k) of their errors
     simulations, failed : numbers of runs
-    misfit : how far the signal's features are from those of a simulation with the values found, in
-        standard deviations (root mean square)
+    misfit : how far the signal, or its features by regression, are from those of a simulation with
+        the values found, in standard deviations of the noise (root mean square)
     likeness : share of the simulations of the last round that are as far from what they should be;
         if it is nearly 0, the scene or its chain is not that of the measurement
+    method, reason : which one, and why
+    window : how much of the signals was compared [s]
     """
 
     estimates: tuple[IdentifiedParameter, ...]
@@ -92,6 +97,14 @@ class Result:
     failed: int
     misfit: float
     likeness: float
+    method: str = REGRESSION
+    reason: str = ''
+    window: float = math.inf
+
+    @property
+    def plausible(self) -> bool:
+        """False if hardly any simulation is as far from what is expected as the signal is."""
+        return self.likeness >= _UNLIKE
 
 
 @dataclass(eq=False)
@@ -114,8 +127,103 @@ class Design:
         )
 
 
+def identify(
+    measurements: Sequence[Measured],
+    parameters: Sequence[Parameter],
+    method: str | None = None,
+    seed: int = 0,
+    rounds: Sequence[int] = ROUNDS,
+    workers: Workers | None = None,
+    show: Show | None = None,
+) -> Result:
+    """Values of parameters with which a machine gives the signals that were measured.
+
+    Parameters
+    ----------
+    method : one of `METHODS`; without, Gauss-Newton if runs follow the signals, else regression
+    seed : of the random numbers; the same seed gives the same values
+    rounds, workers : of the regression
+    """
+    sensors = [m for m in measurements if isinstance(m, SensorRecord)]
+    if method == REGRESSION and len(sensors) < len(measurements):
+        raise InputError(f'--method {REGRESSION} reads sensors of the scene, no quantities')
+    reason = ''
+    if method != REGRESSION:
+        try:
+            found = _by_least_squares(measurements, parameters, seed)
+        except (InputError, RunError) as error:
+            if method or len(sensors) < len(measurements):
+                raise
+            reason = f'Gauss-Newton does not apply: {error}'
+        else:
+            if method or found.plausible or len(sensors) < len(measurements):
+                return found
+            reason = f'no run follows the first {found.window:.3g} s of the signal'
+    for m in sensors:
+        m.admit_features()
+    return replace(
+        Identification(sensors, parameters, seed, workers, show).find(rounds), reason=reason
+    )
+
+
+def _by_least_squares(
+    measurements: Sequence[Measured], parameters: Sequence[Parameter], seed: int
+) -> Result:
+    """The result of Gauss-Newton steps; of noise by what is left."""
+    noises = {f'sensors.{m.name}.noise.rms' for m in measurements}
+    moved = [p for p in parameters if p.path not in noises]
+    if not moved:
+        raise InputError('only noise is to be found')
+    search = LeastSquares(measurements, moved, seed)
+    fit = search.find()
+    widths = dict(zip(moved, fit.widths(1.0 - (1.0 - LEVEL) * len(moved) / len(parameters)),
+                      strict=True))  # fmt: skip
+    places = dict(zip(moved, fit.place, strict=True))
+    estimates = []
+    for p in parameters:
+        if p in widths:
+            half = 0.5 * widths[p] if widths[p] < 1.0 else 1.0  # what is not told keeps its range
+            ends = places[p] - half, places[p], places[p] + half
+            shares = np.clip(ends, 0.0, 1.0).tolist()
+            low, value, high = map(p.at, shares)
+        else:
+            k = [m.name for m in measurements].index(p.path.split('.')[1])
+            r, memory = fit.residuals[k], fit.memories[k]
+            n, tail = len(r) / memory, (1.0 - LEVEL) / (2.0 * len(parameters))
+            quantiles = scipy.stats.chi2.isf([tail, 0.5, 1.0 - tail], n)
+            total = float(r @ r) / memory
+            low, value, high = (min(max(math.sqrt(total / q), p.low), p.high) for q in quantiles)
+        share = (p.to_scale(high) - p.to_scale(low)) / (p.to_scale(p.high) - p.to_scale(p.low))
+        estimates.append(IdentifiedParameter(p, value, low, high, share))
+    known = [
+        float(r @ r) / len(r) / (m.noise or size) ** 2
+        for m, r, size in zip(measurements, fit.residuals, fit.sizes, strict=True)
+    ]
+    covariance = fit.covariance()
+    spread = np.sqrt(covariance.diagonal())
+    correlation = np.eye(len(parameters))
+    index = [k for k, p in enumerate(parameters) if p in widths]
+    correlation[np.ix_(index, index)] = covariance / np.outer(spread, spread)
+    whole = max(float(m.times[-1] - m.times[0]) for m in measurements)
+    window = fit.part * whole
+    return Result(
+        tuple(estimates), correlation, search.runs, search.failed,
+        math.sqrt(sum(known) / len(known)), float(search.explains(fit)), GAUSS_NEWTON,
+        _reason(fit.part, window, whole), window,
+    )  # fmt: skip
+
+
+def _reason(part: float, window: float, whole: float) -> str:
+    """Of how much was compared."""
+    if part >= 1.0:
+        return 'runs follow the whole signal'
+    return (
+        f'the first {window:.4g} s of {whole:.4g} s, which runs follow, say enough or all they can'
+    )
+
+
 class Identification:
-    """A search in progress.
+    """A search in progress by regression.
 
     Parameters
     ----------
@@ -158,7 +266,7 @@ class Identification:
         mine = [rows[task.key] for task in tasks]
         reasons = [row['status'] for row in mine if has_failed(row)]
         if len(reasons) > _MOST_FAILED * count:
-            raise RunError(f'{len(reasons)} of {count} simulations failed, one so: {reasons[0]}')
+            raise RunError(f'{len(reasons)} of {count} simulations failed, such as: {reasons[0]}')
         kept = [k for k, row in enumerate(mine) if not has_failed(row)]
         return Design(places[kept], np.array([mine[k]['features'] for k in kept]))
 

@@ -90,7 +90,7 @@ class LifePlan:
 
     Attributes
     ----------
-    cycles : turns of the drive after which it ends in any case
+    cycles : largest number of turns of the drive
     tolerance : of what the clearance grows by in a step, that a step may be off
     revolutions, skip : turns of a run that count, and those before them until it has settled
     """

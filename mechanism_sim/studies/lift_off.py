@@ -56,7 +56,7 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
         j for j in machine.plan.joints if isinstance(j, CamPair) and not isinstance(j, GroovePair)
     ]
     if not pairs:
-        raise InputError(f'{machine.name}: there is no cam that its follower could leave')
+        raise InputError(f'{machine.name}: there is no cam with a follower that can lift off')
     drive = machine.drive
     slides = machine.plan.main in machine.mechanism.displacements
     if machine.torque_driven or slides or not drive.steady or not drive.fastest:

@@ -17,7 +17,7 @@ from mechanism_sim.derivatives.flow import DerivativeLimit, Flows
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.studies.periodic import PoincareMap
 

@@ -3,7 +3,9 @@
 Places are tried that fill the space between all limits evenly. From the best of them SciPy goes
 on: by least squares for wanted values; by the simplex of Nelder and Mead for the least value,
 which measures that have corners do not mislead; under constraints by SLSQP, and from there by
-COBYQA, which does without differences. The result is a local optimum. Lists of values, and a
+COBYQA, which does without differences. Slopes are exact where the motion is integrated and has
+derivatives: then SLSQP comes first without constraints, too, and where it ends at an optimum
+nothing follows. The result is a local optimum. Lists of values, and a
 search everywhere, take differential evolution before. Several measures that are to be least have a
 front.
 """
@@ -30,6 +32,8 @@ _STARTS = 3
 """Best places from which a search goes on until one has reached the goals."""
 _ENDED = 1e-8
 """Of the limits: places that a search no longer tells apart."""
+_ACTIVE, _FLAT = 1e-7, 1e-5
+"""Distance from a limit that is none, and slope of a cost that is none."""
 
 
 class Held(NamedTuple):
@@ -69,6 +73,8 @@ class Optimum:
     reached : True if all constraints hold and all measures are as wanted, or the least that were
         found between the places
     evaluations : cycles that were computed, or taken from a journal
+    gradients : ``exact``, of variational equations; ``differences`` of cycles, and then `refused`
+        says why not exact; or ``none``, as none were needed
     failed : values by path at which the machine cannot be or run, and why
     front : designs of which none is better in one measure without being worse in another, where
         several were to be least; `values` are then those nearest to the least of all
@@ -84,6 +90,8 @@ class Optimum:
     constraints: tuple[Held, ...]
     reached: bool
     evaluations: int
+    gradients: str
+    refused: str
     failed: tuple[tuple[dict[str, Any], str], ...]
     front: tuple[FoundDesign, ...]
     table: list[Column]
@@ -151,7 +159,9 @@ class _Search:
                 if np.isfinite(figures[k]).all() and not (self.aims.targets and self.reached):
                     self.descend(places[k])
         if self.free and self.aims.bounds and not (self.aims.targets and self.reached):
-            _Problem(self, self.place).cornered(self.place[self.free])
+            problem, x = _Problem(self, self.place), self.place[self.free]
+            if not problem.is_stationary(x):
+                problem.cornered(x)
 
     def descend(self, start: Array) -> None:
         """Search on from a place, without change of values that are of lists."""
@@ -162,8 +172,13 @@ class _Search:
             problem.least_squares(x)
         elif self.aims.bounds:
             problem.smooth(x)
-        else:
+        elif self.trials.exact(start, self.free) is None:
             problem.simplex(x)
+        else:
+            problem.smooth(x)
+            x = self.place[self.free]
+            if not problem.is_stationary(x):
+                problem.simplex(x)
 
     def everywhere(self, first: Array, evaluations: int) -> list[Array]:
         """Search between all limits by differential evolution from places; the best there."""
@@ -191,16 +206,19 @@ class _Problem:
     def __init__(self, search: _Search, place: Array) -> None:
         self._search, self._aims, self._place = search, search.aims, place.copy()
 
-    def _scaled(self, x: Array) -> Array:
+    def _whole(self, x: Array) -> Array:
+        """The place with these free coordinates."""
         place = self._place.copy()
         place[self._search.free] = np.clip(x, 0.0, 1.0)
-        return self._aims.scaled(self._search.at(place[None])[0])
+        return place
+
+    def _scaled(self, x: Array) -> Array:
+        return self._aims.scaled(self._search.at(self._whole(x)[None])[0])
 
     def _slopes(self, x: Array) -> Array:
         """Derivatives (M, F) of what `_scaled` returns."""
-        aims, place = self._aims, self._place.copy()
-        place[self._search.free] = np.clip(x, 0.0, 1.0)
-        slopes = self._search.trials.slopes(place, self._search.free)
+        aims = self._aims
+        slopes = self._search.trials.slopes(self._whole(x), self._search.free)
         return slopes * (aims.signs / aims.scales)[:, None]
 
     def _cost(self, x: Array) -> float:
@@ -255,10 +273,35 @@ class _Problem:
                     'jac': lambda x, k=k: -self._slopes(x)[k],
                 })  # fmt: skip
         with suppress(ValueError):  # of SciPy, where all about a place has no value
+            exact = self._search.trials.exact(self._whole(x), self._search.free) is not None
             scipy.optimize.minimize(
                 self._cost, x, jac=self._cost_slopes, method='SLSQP', constraints=constraints,
-                bounds=[(0.0, 1.0)] * len(x), options={'maxiter': 30, 'ftol': 1e-9},
+                bounds=[(0.0, 1.0)] * len(x),
+                options={'maxiter': 30, 'ftol': 1e-13 if exact else 1e-9},
             )  # fmt: skip
+
+    def is_stationary(self, x: Array) -> bool:
+        """True if exact slopes show an optimum: no way down that keeps what is at its limit.
+
+        The slope of the cost is then opposite to a sum of those of constraints at their limits,
+        with factors that are not negative (Karush, Kuhn and Tucker); at a corner it is not.
+        """
+        aims, none = (
+            self._aims,
+            self._search.trials.exact(self._whole(x), self._search.free) is None,
+        )
+        if none or aims.targets:
+            return False
+        off, slopes, bounds = self._scaled(x), self._slopes(x), np.array(aims.bounds, int)
+        equal, others = bounds[aims.equal], bounds[~aims.equal]
+        edge = np.eye(len(x))
+        active = [slopes[others[off[others] > -_ACTIVE]], slopes[equal], -slopes[equal],
+                  -edge[x < _ACTIVE], edge[x > 1.0 - _ACTIVE]]  # fmt: skip
+        held, down = np.vstack(active).T, -self._cost_slopes(x)
+        if held.size:  # nnls of SciPy ends the process where there are no columns
+            factors = scipy.optimize.lsq_linear(held, down, (0.0, np.inf), method='bvls').x
+            down = down - held @ factors
+        return bool(np.linalg.norm(down) < _FLAT)
 
     def cornered(self, x: Array) -> None:
         """The least value under constraints by quadratic models of values alone."""
@@ -314,6 +357,7 @@ def optimum(trials: Trials, budget: Budget) -> Optimum:
         {names[k]: best.measures[names[k]] for k in aimed},
         {names[k]: trials.units[k] for k in aimed},
         {names[k]: limits[k] for k in aimed},
-        held, search.reached, len(trials.tried), tuple(trials.failed),
+        held, search.reached, trials.evaluations, trials.gradients, trials.refused,
+        tuple(trials.failed),
         tuple(design(places[k], figures[k]) for k in front), trials.columns(),
     )  # fmt: skip

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.files import COMPONENTS, check_scene
 
 OF_JOINT = ('restitution', 'friction', 'radial')
 NOISE = 'noise'
@@ -33,6 +35,7 @@ class Parameter:
     path : dotted, as in overrides
     low, high : limits within which it is looked for, in SI units
     choices : the values of one that takes no others, in their order; its limits are 0 and 1
+    unit, scale : in which its limits are written, and the size of 1 in SI units in it
     """
 
     name: str
@@ -40,6 +43,8 @@ class Parameter:
     low: float
     high: float
     choices: tuple[Any, ...] = ()
+    unit: str = ''
+    scale: float = 1.0
 
     @property
     def logarithmic(self) -> bool:
@@ -62,6 +67,11 @@ class Parameter:
         low, high = self.to_scale(self.low), self.to_scale(self.high)
         return self.value((1.0 - share) * low + share * high)  # exact at both ends
 
+    def slope(self, share: float) -> float:
+        """Derivative of `at`."""
+        span = self.to_scale(self.high) - self.to_scale(self.low)
+        return span * float(self.at(share)) if self.logarithmic else span
+
 
 def parameters(
     machine: Machine,
@@ -82,9 +92,9 @@ def parameters(
     given = dict(limits or {})
     for name in given:
         if name not in names:
-            raise InputError(f"there are limits of '{name}', which is not to be found")
+            raise InputError(f"there are limits of '{name}', which is not varied")
     if len(set(names)) < len(names):
-        raise InputError(f'{", ".join(names)}: every parameter is found once only')
+        raise InputError(f'{", ".join(names)}: name every parameter once')
     content = machine.scene.to_document()
     found = []
     for name in names:
@@ -103,35 +113,38 @@ def parameters(
                 f"'{name}' has no limits of its own: give --range '{name}=LOW:HIGH'; short names: "
                 f'{", ".join(NAMES)}{nearest(name, NAMES)}'
             )
-        if not low < high:
-            raise InputError(f'the limits of {name} are {low:g} and {high:g}: the second must be '
-                             'larger')  # fmt: skip
-        found.append(Parameter(name, path, low, high))
+        written: Any = given.get(name, (low, high))
+        check_order(f'the limits of {name},', low, high, written)
+        found.append(Parameter(name, path, low, high, (), *_written(written[::-1], (high, low))))
     return tuple(found)
 
 
-def ranges(texts: Sequence[str], key: str = '--range', lists: bool = False) -> dict[str, Limits]:
-    """Limits by name, from texts ``name=low:high`` of an option.
+def read_limits(
+    where: str, vary: Mapping[str, Any] | Sequence[str] | str, lists: bool = False
+) -> dict[str, Limits]:
+    """Limits by name, from texts ``NAME=LOW:HIGH``, or by name as texts, pairs or lists.
 
     Parameters
     ----------
-    lists : whether it may also be ``name=value,value,...``
+    lists : whether it may also be ``NAME=VALUE,VALUE,...``
     """
     found: dict[str, Limits] = {}
-    for text in texts:
-        name, _, limits = text.partition('=')
-        low, colon, high = (part.strip() for part in limits.partition(':'))
-        listed = [part.strip() for part in limits.split(',')] if lists and not colon else []
-        if not name or not ((len(listed) > 1 and all(listed)) or (low and high)):
-            form = ', or NAME=VALUE,VALUE,...' if lists else ''
+    pairs = vary.items() if isinstance(vary, Mapping) else ()
+    texts = [vary] if isinstance(vary, str) else [*vary] if not pairs else []
+    for name, given in pairs:
+        if isinstance(given, str):
+            texts.append(f'{name}={given}')
+        elif isinstance(given, Mapping) and [*given] == ['values']:
+            found[name] = {'values': [*given['values']]}
+        elif isinstance(given, Sequence) and len(given) > 1:
+            found[name] = given
+        else:
             raise InputError(
-                f"{key} '{text}': write NAME=LOW:HIGH, as 'radial=0.1 mm:0.4 mm'{form}"
+                f"{where}: {name} = {given!r}: write 'LOW:HIGH', (LOW, HIGH) or a list of values"
             )
-        if name.strip() in found:
-            raise InputError(f"{key}: there are two ranges of '{name.strip()}': keep one")
-        if len({x[-1].isdigit() for x in listed if x != '0' and x[0] in '+-.0123456789'}) > 1:
-            raise InputError(f"{key} '{text}': some values have a unit, others have none")
-        found[name.strip()] = {'values': listed} if listed else (low, high)
+    example = 'links.crank.length=40 mm:60 mm' if lists else 'radial=0.1 mm:0.4 mm'
+    for name, one in named_ranges(where, texts, example, lists=lists).items():
+        found[name] = {'values': one.values} if one.listed else one.values
     return found
 
 
@@ -175,6 +188,15 @@ def _choices(
     return ()
 
 
+def _written(limits: Any, values: Sequence[float]) -> tuple[str, float]:
+    """The unit in which limits are written, and by what SI values are multiplied for it."""
+    for limit, value in zip(limits, values, strict=True):
+        said = re.fullmatch(r'\s*((?>[-+]?[\d.]+(?:e[-+]?\d+)?))\s*(\S.*?)\s*', str(limit), re.I)
+        if said and value:
+            return said[2], float(said[1]) / value
+    return '', 1.0
+
+
 def _read(machine: Machine, content: Mapping[str, Any], path: str, text: Any) -> float:
     """A value in SI units, as the scene understands it."""
     scene = check_scene(machine.name, content, {path: text})
@@ -184,7 +206,10 @@ def _read(machine: Machine, content: Mapping[str, Any], path: str, text: Any) ->
 def _value(content: Mapping[str, Any], path: str) -> Any:
     place: Any = content
     for part in path.split('.'):
-        place = place.get(part) if isinstance(place, Mapping) else None
+        if isinstance(place, tuple | list):
+            place = place[COMPONENTS.index(part) if part in COMPONENTS else int(part)]
+        else:
+            place = place.get(part) if isinstance(place, Mapping) else None
     return place[0] if isinstance(place, tuple | list) and place else place
 
 

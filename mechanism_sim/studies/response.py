@@ -89,8 +89,8 @@ def read_source(
         if base not in prescribed:
             known = ', '.join(prescribed) or 'none'
             raise InputError(
-                f"{machine.name}: --base '{base}' is no coordinate that a drive prescribes"
-                f'{nearest(base, prescribed)}; such are: {known}'
+                f"{machine.name}: --base '{base}' is not a coordinate that a drive "
+                f'prescribes{nearest(base, prescribed)}; such are: {known}'
             )
         straight = base in machine.plan.ideal.displacements
         return HarmonicSource(f'base {base}', 'm' if straight else 'rad', base=base)
@@ -181,8 +181,9 @@ def frame_units(
         kind, _, c = quantity.partition('.')
         if kind not in DERIVATIVES or c not in known:
             raise InputError(
-                f"{machine.name}: '{quantity}' is no quantity of this frame{nearest(c, known)}; "
-                f'allowed: position., velocity. and acceleration. of {", ".join(known)}'
+                f"{machine.name}: '{quantity}' is not a quantity of this "
+                f'frame{nearest(c, known)}; allowed: position., velocity. and acceleration. of '
+                f'{", ".join(known)}'
             )
         unit = 'rad' if c.endswith('.angle') else 'm'
         units[quantity] = unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
@@ -230,7 +231,7 @@ def unit_of(one: LinearMachine, name: str) -> str:
     joints = [j.name for j in machine.plan.joints]
     if kind != 'reaction':
         raise InputError(
-            f"{machine.name}: '{name}' is no quantity of a response; allowed: "
+            f"{machine.name}: '{name}' is not a quantity of a response; allowed: "
             'position.COORDINATE, velocity.COORDINATE, acceleration.COORDINATE, '
             'reaction.JOINT.x, reaction.JOINT.y'
         )

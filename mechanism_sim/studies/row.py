@@ -13,9 +13,8 @@ import numpy as np
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.ranges import LoadPeaks
-from mechanism_sim.results.run import Observer
+from mechanism_sim.results.run import Observer, Piece
 from mechanism_sim.results.simulate import Stream, stream, whole
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.columns import FIGURES, MEANS

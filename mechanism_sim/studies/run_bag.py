@@ -15,7 +15,8 @@ from mechanism_sim.hybrid import events as happened
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack, row_names
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.runs import file_errors
 

@@ -16,7 +16,7 @@ class WindowsPart(Part):
     """Windows cut from the signals of the sensors, for data sets."""
 
     sensors: Annotated[list[str], Field(min_length=1)] | None = None
-    """A list of names; without it all of the scene."""
+    """A list of names; all sensors of the scene if not given."""
     samples: Annotated[int, Field(strict=True, ge=2)] = 1024
     """Of a window."""
     overlap: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
@@ -37,14 +37,14 @@ class WindowsPart(Part):
 
 
 class DesignPart(Part):
-    """Which values the factors of `vary` take."""
+    """Values of the factors in `vary`."""
 
     kind: Literal['latin_hypercube', 'sobol', 'random', 'sobol_indices'] = 'latin_hypercube'
-    """How points are chosen."""
+    """Sampling method."""
     samples: Annotated[int, Field(strict=True, ge=2, le=1_000_000)] = 100
-    """How many machines; of `sobol_indices` a power of 2, times the number of values + 2."""
+    """Number of machines; for `sobol_indices` a power of 2, times the number of values + 2."""
     seed: Annotated[int, Field(strict=True, ge=0)] = 1
-    """Another one is another draw."""
+    """Seed of the random numbers."""
 
 
 class SweepFile(Part):
@@ -54,9 +54,9 @@ class SweepFile(Part):
     """
 
     title: str = ''
-    """A line that says what is swept."""
+    """Title of the sweep."""
     description: str = ''
-    """More about it."""
+    """Description."""
     scene: str | None = None
     """Of the package, or a path relative to the sweep file; it may be swept like a value."""
     set: dict[str, Any] = Field({})
@@ -68,21 +68,21 @@ class SweepFile(Part):
     vary: dict[str, Any] = Field({})
     """Distributions by dotted path."""
     design: DesignPart = DesignPart()
-    """Which points of the distributions are run."""
+    """Sampling of the distributions."""
     measures: dict[str, str] = Field({})
-    """Figures of every run, by the name of their column."""
+    """Measures of every run, by the name of their column."""
     limits: dict[str, str | float] = Field({})
-    """By measure: which share of the runs exceeds it."""
+    """Limits by measure; the share of runs beyond them is computed."""
     repeat: Count = 1
     """Runs of each; a chaotic machine makes them independent, a periodic one does not."""
     nudge: Angle = 1e-6
-    """By how much the start of the crank is turned from one repetition to the next."""
+    """Increment of the start angle of the crank from one repetition to the next."""
     revolutions: Count | None = None
     """Length of every run; this or `duration` is required."""
     duration: Annotated[Time, Field(gt=0.0)] | None = None
     """Length of every run, where a torque moves the crank."""
     skip: float | str = 0
-    """Revolutions, or a time, that no figure is made of."""
+    """Revolutions, or a time, that measures leave out."""
     bags: bool = False
     """Record every run: scene, laws, motion, impacts and changes of mode."""
     windows: WindowsPart | None = None

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel

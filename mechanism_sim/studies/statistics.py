@@ -1,4 +1,4 @@
-"""Means of a machine: figures per revolution, with confidence intervals.
+"""Means of a machine: impacts, impulses and losses per revolution, with confidence intervals.
 
 Conclusions about chaotic runs are made from intervals: a single run has other figures on another
 processor.
@@ -16,11 +16,11 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
-from mechanism_sim.results.means import Mean
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement, per_turn
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import stream
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.turns import Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.columns import MEANS
 

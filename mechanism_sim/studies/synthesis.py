@@ -68,6 +68,8 @@ class PathFourBar:
     forward : True if the crank turns counterclockwise
     rms, largest : distance of the points of the path
     transmission : least and greatest transmission angle
+    orientation : of positions of a body: its orientation less the angle of the coupler
+    turned : by which orientations are missed at most
     """
 
     lengths: tuple[float, float, float, float]
@@ -80,6 +82,8 @@ class PathFourBar:
     rms: float
     largest: float
     transmission: tuple[float, float]
+    orientation: float = 0.0
+    turned: float = 0.0
 
     def scene(self, file: str) -> dict[str, Any]:
         """A scene of uniform bars of 1 kg/m, with the distance from a file as a measure."""
@@ -120,7 +124,7 @@ def _lengths(shapes: Array) -> Array:
     return np.array([shapes[0], np.ones_like(shapes[0]), shapes[1], shapes[2]])
 
 
-def _worst(transmission: tuple[float, float]) -> float:
+def worst_transmission(transmission: tuple[float, float]) -> float:
     """Distance of a transmission angle from 0 and from pi, at the worst."""
     return min(transmission[0], math.pi - transmission[1])
 
@@ -297,7 +301,7 @@ class _Fit:
             shape, angles = self.unpack(x)
             longest = max(*_lengths(shape), math.hypot(*shape[3:]) * shape[1])
             reach = abs(self.linear(x)[0]) * longest
-            worst = _worst(transmission_range(FourBar(*_lengths(shape).tolist())))
+            worst = worst_transmission(transmission_range(FourBar(*_lengths(shape).tolist())))
         steps = np.diff(angles)
         ordered = bool((steps > 0.0).all() or (steps < 0.0).all())
         turned = abs(angles[-1] - angles[0]) < _TURN and full_turns(_lengths(shape))[0]
@@ -348,10 +352,10 @@ def path_four_bars(path: TargetPath, transmission: float = 0.0) -> list[PathFour
     if not kept:
         raise InputError(
             'no four-bar with a turning crank and a transmission angle of at least '
-            f'{math.degrees(transmission):g} deg takes these points in their order'
+            f'{math.degrees(transmission):g} deg passes these points in their order'
         )
     small = _EXACT * size  # of those that are exact the one with the best transmission is first
-    kept.sort(key=lambda one: (max(one.rms, small), -_worst(one.transmission)))
+    kept.sort(key=lambda one: (max(one.rms, small), -worst_transmission(one.transmission)))
     return kept[:_KEPT]
 
 

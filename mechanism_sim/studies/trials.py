@@ -18,6 +18,7 @@ from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, has_failed
 from mechanism_sim.tables import Column
 
+EXACT, DIFFERENCES, NONE = 'exact', 'differences', 'none'
 _STEP = 1e-7
 """Of differences, as part of the limits: the root of the error of measures."""
 _AWAY = 1e6
@@ -31,6 +32,13 @@ HELD = 1e-9
 def _row(trial: CycleTrial, values: dict[str, Any]) -> Row:
     found = trial.at(values)
     return {'figures': [x.value for x in found], 'units': [x.unit for x in found]}
+
+
+def _slopes_row(trial: CycleTrial, values: dict[str, Any], paths: list[str]) -> Row:
+    try:
+        return {'slopes': trial.slopes(values, paths)}
+    except InputError as error:  # at these values as at all others
+        return {'refused': str(error)}
 
 
 class Trials:
@@ -48,6 +56,9 @@ class Trials:
     tried : values by path, by the key of the row
     whole : whether all combinations of lists of values are tried first
     units : of the measures, known after the start
+    gradients : how slopes were computed so far: `EXACT`, `DIFFERENCES` or `NONE`
+    refused : why there are no exact ones, where they were asked for
+    never : whether there are none anywhere
     """
 
     def __init__(
@@ -63,6 +74,8 @@ class Trials:
         self._trial, self._pool, self._rows, self._show = trial, pool, rows, show
         self.tried: dict[str, dict[str, Any]] = {}
         self.units: list[str] = []
+        self.gradients, self.refused, self.never = NONE, '', False
+        self._sloped: set[str] = set()
         self._counts = [len(p.choices) for p in parameters]
         self.whole = 0 < math.prod(self._counts) <= _WHOLE
 
@@ -82,14 +95,40 @@ class Trials:
         none = [math.nan] * len(self.goals)
         return np.array([rows[k].get('figures', none) for k in keys], dtype=float)
 
+    @property
+    def evaluations(self) -> int:
+        """Cycles that were computed, or taken from a journal."""
+        return len(self.tried) + len(self._sloped)
+
     def slopes(self, place: Array, free: Sequence[int]) -> Array:
-        """Derivatives (M, F) of the measures in some coordinates of a place, by differences."""
+        """Derivatives (M, F) of the measures in some coordinates of a place."""
+        if (exact := self.exact(place, free)) is not None:
+            self.gradients = EXACT if self.gradients == NONE else self.gradients
+            return exact
+        self.gradients = DIFFERENCES
         steps = np.where(place > 0.5, -_STEP, _STEP)
         others = np.tile(place, (len(free), 1))
         others[range(len(free)), free] += steps[free]
         figures = self.at(np.vstack([place, others]))
         slopes = (figures[1:] - figures[0]).T / steps[free]
         return np.ascontiguousarray(np.nan_to_num(slopes, nan=0.0))  # SLSQP reads no strides
+
+    def exact(self, place: Array, free: Sequence[int]) -> Array | None:
+        """Slopes of variational equations, from one run; none where they are refused."""
+        if self.never:
+            return None
+        values, some = self.values(place), [self.parameters[k] for k in free]
+        key = json.dumps(['slopes', *values.values()])
+        task = Call(key, _slopes_row, (self._trial, values, [p.path for p in some]))
+        row = self._pool.do([task], self._rows, self._show)[key]
+        if 'slopes' not in row:
+            self.never = 'refused' in row
+            self._sloped |= set() if self.never else {key}
+            self.refused = self.refused or str(row.get('refused', row['status']))
+            return None
+        self._sloped.add(key)
+        widths = [p.slope(x) for p, x in zip(some, place[list(free)].tolist(), strict=True)]
+        return np.ascontiguousarray(np.array(row['slopes']) * widths)
 
     def figure(self, place: float) -> float:
         """The first measure at a place on the only parameter; raises what a cycle raises."""

@@ -29,14 +29,15 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.orders import TurnSegments
-from mechanism_sim.thesis.angular_acceleration import TurningLink
-from mechanism_sim.thesis.angular_reconstruction import LINKS, Reconstruction
+from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (
+    LINKS,
     MESHES,
     LinkMotion,
+    Reconstruction,
     Severity,
+    TurningLink,
     all_samples,
     has_high_pass,
     sensors_across,
@@ -620,5 +621,5 @@ def _check_start(one: Trial, other: Trial) -> None:
         raise InputError(
             f'{one.bag}: speed, clearance and bearing are those of {other.bag} '
             f'({one.condition}), but the machines differ in more than the angle of the crank at '
-            'the start: they are no runs of one experiment'
+            'the start: they are not runs of one experiment'
         )

@@ -15,7 +15,6 @@ from mechanism_sim.report.charts.chart import MARKERS, Axis, Chart, ChartCurve, 
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.condition import rose_picture
 from mechanism_sim.sensing.spectra import power
-from mechanism_sim.thesis.angular_reconstruction import LINKS
 from mechanism_sim.thesis.experiment import (
     JOINT,
     CrankTurn,
@@ -24,6 +23,7 @@ from mechanism_sim.thesis.experiment import (
     Repeats,
     Trial,
 )
+from mechanism_sim.thesis.swing import LINKS
 
 # number of the colour, or colour, and of the dashes
 _STROKES: dict[str, tuple[int | str, int]] = {'measured': (3, 0), 'no clearance': (INK, 1)}

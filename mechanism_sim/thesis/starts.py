@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import stream
-from mechanism_sim.results.solution import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene

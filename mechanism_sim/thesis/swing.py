@@ -1,4 +1,4 @@
-"""A link of a measured four-bar: what its sensors say, what follows from it, and what is true.
+"""A link of a measured four-bar: readings, what is rebuilt of them as [SB] 7.2, and what is true.
 
 The signals follow from the motion, exactly, through the chain that the scene gives the sensors.
 """
@@ -16,17 +16,160 @@ from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
+from mechanism_sim.numerics.rational import Modes, Rational
+from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
 from mechanism_sim.sensing.channel import Channel, SensorSource
-from mechanism_sim.thesis.angular_acceleration import TurningLink
-from mechanism_sim.thesis.angular_reconstruction import LINKS, Rebuilt, Reconstruction
+from mechanism_sim.thesis import reconstruction as angular
+from mechanism_sim.thesis.reconstruction import Error, band_pass, both, error, fade, invert
+from mechanism_sim.vibration.shaken_frame import VelocitySteps
 
+LINKS = 'coupler', 'rocker'
+_TOP = 0.45  # of the sampling rate: above, nothing is worth keeping
 MESHES = 1.0, 0.1
 """[deg] of the crank: steps over which an acceleration with impacts is averaged."""
 _SEGMENTS = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """A reconstruction of a quantity (N,), and the best that could have come of the instrument.
+
+    Attributes
+    ----------
+    shown : (N,) the true quantity through the same chain without noise, and treated likewise
+    """
+
+    values: Array
+    shown: Array
+    truth: Array
+
+    @property
+    def error(self) -> Error:
+        """Against the truth."""
+        return error(self.values, self.truth)
+
+    @property
+    def error_of_shown(self) -> Error:
+        """Against what the instrument could show at all."""
+        return error(self.values, self.shown)
+
+
+class Rebuilt:
+    """The methods on one link.
+
+    Parameters
+    ----------
+    linkage : the mechanism without clearance
+    link : one of `LINKS`
+    at : places of one or two sensors across it, from its joint [m]
+    gravity : that the sensors feel [m/s^2]
+    instrument : the chain of both, without noise
+    angle, speed : of crank, coupler and rocker of the mechanism without clearance (3, N)
+    """
+
+    def __init__(
+        self,
+        linkage: FourBar,
+        link: str,
+        at: list[float],
+        gravity: tuple[float, float],
+        instrument: Instrument,
+        angle: Array,
+        speed: Array,
+    ) -> None:
+        self._at, self._gravity = at, gravity
+        self._angle = angle[1 + LINKS.index(link)]
+        self._joint = (
+            angular.crank_pin(linkage.crank, angle[0], speed[0]) if link == 'coupler' else None
+        )
+        self._rate = rate = instrument.sample_rate
+        self._crank = float(np.abs(speed[0]).mean()) / TWO_PI
+        filtered = instrument.anti_alias.frequency if instrument.anti_alias else rate
+        self._top = min(filtered, _TOP * rate)
+        self._turn = max(2, round(rate / self._crank))
+        band = band_pass(0.5 * self._crank, self._top, 0.25 * self._crank)
+        self._undo = both(invert(instrument.transfer()), band)
+
+    def accelerations(
+        self, readings: list[Array], heard: Array, truth: Array
+    ) -> dict[str, Reconstruction]:
+        """Angular accelerations [rad/s^2] by method."""
+        first = readings[0]
+        faded = self._turn_by_turn(first)
+        undone, best = self._undone(first), self._undone(heard)
+        found = {
+            'thesis': Reconstruction(self._one(faded, False), self._turn_by_turn(heard), truth),
+            'corrected': Reconstruction(
+                _swinging(self._one(faded, True)), self._turn_by_turn(heard), truth
+            ),
+            'undone': Reconstruction(_swinging(self._one(undone, True)), best, truth),
+        }
+        if len(readings) > 1:
+            two = angular.by_two(first, readings[1], *self._at)
+            found['two'] = Reconstruction(
+                self._turn_by_turn(two), self._turn_by_turn(heard), truth
+            )
+            found['two, undone'] = Reconstruction(self._undone(two), best, truth)
+        return found
+
+    def velocities(
+        self, accelerations: Mapping[str, Reconstruction], nominal: Array, truth: Array
+    ) -> dict[str, Reconstruction]:
+        """Angular velocities [rad/s] by method, from the angular acceleration of another."""
+        thesis = accelerations['thesis']
+        best = accelerations.get('two, undone', accelerations['undone'])
+        rate, low, mean = self._rate, 0.5 * self._crank, float(nominal.mean())
+
+        def each(values: Array, closed: bool) -> Array:
+            starts = range(0, len(values), self._turn)
+            pieces = [
+                angular.by_whole_cycles(part, rate, float(nominal[i : i + self._turn].mean()))
+                if closed
+                else angular.by_trapezoids(part, rate, nominal[i])
+                for i in starts
+                if len(part := values[i : i + self._turn])
+            ]
+            return np.concatenate(pieces)
+
+        return {
+            'thesis': Reconstruction(each(thesis.values, False), each(thesis.shown, False), truth),
+            'closed': Reconstruction(each(thesis.values, True), each(thesis.shown, True), truth),
+            'spectrum': Reconstruction(
+                angular.by_spectrum(best.values, rate, low, mean),
+                angular.by_spectrum(best.shown, rate, low, mean),
+                truth,
+            ),
+            'filter': Reconstruction(
+                angular.by_filter(best.values, rate, 0.4 * low, 2, mean),
+                angular.by_filter(best.shown, rate, 0.4 * low, 2, mean),
+                truth,
+            ),
+        }
+
+    def _one(self, reading: Array, weighed: bool) -> Array:
+        """By the outermost sensor, as [SB]; gravity is taken off if `weighed`."""
+        gravity = self._gravity if weighed else (0.0, 0.0)
+        return angular.angular_acceleration(
+            reading, self._at[0], self._angle, self._joint, gravity
+        )
+
+    def _turn_by_turn(self, values: Array) -> Array:
+        """Faded above the band under a rectangular window of one turn, as [SB]."""
+        return fade(values, self._rate, band_pass(0.0, self._top), self._turn)
+
+    def _undone(self, values: Array) -> Array:
+        """Gain and delay of the instrument taken out of the whole record."""
+        return fade(values, self._rate, self._undo)
+
+
+def _swinging(acceleration: Array) -> Array:
+    """The mean taken off: that of a link that rocks is zero, and no such chain passes it."""
+    return np.asarray(acceleration - acceleration.mean())
 
 
 class Severity(NamedTuple):
@@ -307,3 +450,36 @@ def all_samples(
         channel.take(part)
     blocks = channel.blocks(final=True)
     return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)
+
+
+class TurningLink:
+    """A source as `mechanism_sim.sensing.channel.Channel` takes it: exact, impacts included.
+
+    Parameters
+    ----------
+    mechanism : the machine
+    link : one of its links that turns
+
+    Raises
+    ------
+    ValueError
+        If no coordinate is the angle of that link.
+    """
+
+    inputs = 1
+
+    def __init__(self, mechanism: Mechanism, link: str) -> None:
+        self._index = mechanism.coordinates.index(link)
+        self._steps = VelocitySteps()
+
+    def through(self, chain: Rational) -> Modes:
+        """The system from the angular acceleration to what comes out of a chain."""
+        return chain.modes()
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Angular acceleration (1, N) [rad/s^2], as ``motion.curve.at(segments, dt, 2)``."""
+        return np.asarray(motion.curve.local(segments, dt, 2).T[self._index][None])
+
+    def impulses(self, motion: Motion) -> Array:
+        """Steps of the angular velocity (m, 1) [rad/s] where the m pieces begin that follow."""
+        return np.asarray(self._steps(motion.curve)[self._index][:, None])

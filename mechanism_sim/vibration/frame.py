@@ -32,7 +32,7 @@ class Mount(Part):
     """Springs and dampers between a frame and the ground, along x and y."""
 
     at: _Place = (0.0, 0.0)
-    """Where it is in the world."""
+    """Position in the fixed frame."""
     stiffness: tuple[_Stiffness, _Stiffness]
     """Along x and along y."""
     damping: tuple[_Damping, _Damping] = (0.0, 0.0)
@@ -40,18 +40,18 @@ class Mount(Part):
 
 
 class Frame(Part):
-    """A rigid frame on mounts that the machine shakes."""
+    """A rigid frame on mounts, excited by the machine."""
 
     mass: Mass
-    """How heavy the frame is."""
+    """Mass of the frame."""
     inertia: Inertia | None = None
     """About its centre of gravity; without one it does not turn."""
     cog: _Place = (0.0, 0.0)
-    """Centre of gravity in the world."""
+    """Centre of gravity in the fixed frame."""
     mounts: dict[str, Mount] = Field(min_length=1)
     """Springs and dampers that carry it, by name."""
     joints: list[str] | None = None
-    """Whose forces shake it; without, all that the machine does."""
+    """Joints whose forces excite it; all forces of the machine on its frame if not given."""
 
     @model_validator(mode='after')
     def _is_held(self) -> Frame:

@@ -8,16 +8,169 @@ that are polynomials on every piece of the motion, and for the impulses between 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.physics import Physics, outside, rows
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, ModalResponse, polynomials
+from mechanism_sim.numerics.polynomials import (
+    Nodes,
+    PiecewisePolynomial,
+    chebyshev_coefficients,
+)
 from mechanism_sim.numerics.rational import Modes
+from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.frame import Frame
-from mechanism_sim.vibration.shaking import Forces, Shaking
+
+_UNRESOLVED = 1e-6
+"""Of the largest force: higher harmonics of a piece must be smaller."""
+_ROUNDING = 1e-12
+"""Of the largest rate of a coordinate: smaller steps of it are none."""
+
+
+class Forces(Protocol):
+    """Forces on the ground at instants of a motion; moments about the origin."""
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Force x, y [N] and moment [N m] (3, N) at instants as of ``motion.curve.at``."""
+
+    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
+        """Their integrals (3, N) [N s, N m s] over the instants at which segments (N,) begin.
+
+        The rates of the coordinates make a `step` (n, N) there.
+        """
+
+
+class WholeMachine:
+    """All that a machine does to its ground, impacts included.
+
+    Parameters
+    ----------
+    force : from the momentum of its links
+    physics : what follows from its motion
+    """
+
+    def __init__(self, force: ShakingForce, physics: Physics) -> None:
+        self._force, self._physics = force, physics
+        self._coordinates = physics.coordinates
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Force and moment."""
+        q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
+        curve, states = motion.curve, motion.state_curve
+        known = rows(self._force.edges, self._coordinates, curve, segments, dt, states)
+        if known is not None:
+            for name, part in self._physics.switch_parts(motion, segments, dt).items():
+                if name in self._force.flags:
+                    known[self._force.flags[name]] = part
+        return self._force(q, v, a, self._outside(motion, segments, dt), known)
+
+    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
+        """Impulse and its moment."""
+        dt = np.zeros(len(segments))
+        q = motion.curve.local(segments, dt).T
+        return self._force.impulse(q, step, self._outside(motion, segments, dt))
+
+    def _outside(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        curve, states = motion.curve, motion.state_curve
+        return outside(self._force.outside, self._coordinates, curve, segments, dt, states)
+
+
+class VelocitySteps:
+    """Steps of the rates of the coordinates, for one listener, in the order of time."""
+
+    def __init__(self) -> None:
+        self._before: Array | None = None
+
+    def __call__(self, curve: PiecewisePolynomial) -> Array:
+        """Steps (coordinates, m) where the m pieces of a curve begin, which follows the last."""
+        every = np.arange(len(curve))
+        after = curve.local(every, np.zeros(len(curve)), 1)
+        ends = curve.local(every, curve.duration, 1)
+        first = after[:1] if self._before is None else self._before
+        before = np.concatenate([first, ends[:-1]])
+        self._before = ends[-1:]
+        step = after - before
+        small = _ROUNDING * np.maximum(np.abs(after), np.abs(before)).max(axis=1)
+        step[np.abs(step).max(axis=1) <= small] = 0.0
+        return np.asarray(step.T)
+
+
+class Shaking:
+    """Forces on a frame, in its coordinates, for one listener.
+
+    Pieces of motion must come in the order of time.
+
+    Parameters
+    ----------
+    frame : with n degrees of freedom
+    forces : of the machine on it
+
+    Attributes
+    ----------
+    inputs : n
+    """
+
+    def __init__(self, frame: Frame, forces: Forces) -> None:
+        self.inputs = frame.freedom
+        self._cog, self._forces = frame.cog, forces
+        self._steps = VelocitySteps()
+        self._start: Array | None = None
+
+    def at_start(self, motion: Motion) -> Array:
+        """Force when the first motion begins (n,): the mounts bear it then."""
+        if self._start is None:
+            first = np.zeros(1, np.intp)
+            self._start = self.read(motion, first, np.zeros(1))[:, 0]
+        return self._start
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Forces (n, N) [N, N m about the centre of gravity] at instants as of a curve's `at`."""
+        return self._about_cog(self._forces.read(motion, segments, dt))
+
+    def impulses(self, motion: Motion) -> Array:
+        """Impulses (m, n) [N s, N m s] at the instants at which the m pieces begin.
+
+        Raises
+        ------
+        RunError
+            If loads change so fast that polynomials on these pieces do not follow them.
+        """
+        self._check(motion)
+        return self.steps(motion)
+
+    def steps(self, motion: Motion) -> Array:
+        """Impulses (m, n) as those of `impulses`, however fast loads change."""
+        step = self._steps(motion.curve)
+        found = np.zeros((len(motion), self.inputs))
+        sudden = np.flatnonzero(step.any(axis=0))
+        if sudden.size:
+            impulses = self._forces.impulses(motion, sudden, step[:, sudden])
+            found[sudden] = self._about_cog(impulses).T
+        return found
+
+    def _check(self, motion: Motion) -> None:
+        """Refuse forces that polynomials do not follow, where loads rule no length of pieces."""
+        if motion.modes.shape[1]:
+            return
+        every = np.arange(len(motion))
+        values = self.read(motion, every, NODES).reshape(-1, len(motion), len(NODES))
+        sizes = np.abs(chebyshev_coefficients(values)).max(axis=1)
+        if (sizes[:, -2:].max(axis=1) > _UNRESOLVED * sizes.max()).any():
+            raise RunError(
+                'the forces on a frame change too fast for the pieces of its motion: loads by '
+                'formulas must not be much faster than the machine'
+            )
+
+    def _about_cog(self, forces: Array) -> Array:
+        x, y, moment = forces
+        about = moment - self._cog[0] * y + self._cog[1] * x
+        return np.array([x, y, about])[: self.inputs]
 
 
 class FrameStates(NamedTuple):

@@ -14,18 +14,19 @@ import pytest
 from scipy import stats
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import MotionDigest, analyze
-from mechanism_sim.analysis.crank import Crank
 from mechanism_sim.analysis.details import Wanted, find_details
-from mechanism_sim.analysis.pieces import RecordedPiece
-from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.record import RecordedPiece, read_record
+from mechanism_sim.analysis.summary import Crank, analyze
 from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
-from mechanism_sim.recording import BagWriter, Qos, read_bag
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report.bag import render, render_details
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.studies.plan import Extent
@@ -478,7 +479,7 @@ def test_contradictory_motion_is_refused():
     assert crank_of([]).summary() is None
     (_, message), (_, other) = motion()
     other.coordinates = ['crank', 'slider']
-    with pytest.raises(InputError, match='change on the way'):
+    with pytest.raises(InputError, match='change during the recording'):
         crank_of([message, other])
 
 

@@ -10,7 +10,8 @@ from builders import simulated
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import JointState, serialize
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from ros_interfaces.stamps import stamp
 
 NAMES = 'reaction.coupler_rocker.size', 'position.coupler.cog.x'
@@ -49,7 +50,7 @@ def test_an_angle_of_the_drive_may_be_asked_for():
     turns = np.array([0.5, 1.25])
     found = run.columns(['position.crank'], turns=turns)
     assert found['position.crank'] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
-    with pytest.raises(InputError, match='at times or at turns'):
+    with pytest.raises(InputError, match='either times or turns'):
         run.columns(['position.crank'])
 
 

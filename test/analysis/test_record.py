@@ -12,18 +12,18 @@ from builders import PLAY, ROUGH, simulated
 from running import run as command
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.deviation import Deviation, alpha, deviation, ideal_machine
 from mechanism_sim.analysis.record import Record, machine_of, read_record
-from mechanism_sim.analysis.roses import impact_cycles, impact_rose
-from mechanism_sim.analysis.signals import Signal
-from mechanism_sim.analysis.wear import wear_maps
+from mechanism_sim.analysis.roses import impact_cycles, impact_rose, wear_maps
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import events, message_class, serialize
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.scene import scene_names
-from mechanism_sim.sensing.orders import TurnSegments, order_spectrum
+from mechanism_sim.sensing.spectra import TurnSegments, order_spectrum
 from mechanism_sim.studies.run_bag import RunBag
 
 JOINT = 'coupler_rocker'

@@ -56,7 +56,7 @@ def test_cells_may_be_text(table):
         ('0;1,5\n1;2\n', "column '2', got '1,5': write 1.5"),
         ('t,x\n0,nan\n', "line 2: expected a finite number in column 'x', got 'nan'"),
         ('t,y\n0,1\n', "has no column 'x'; its columns: t, y"),
-        ('t,x\n0,1\n1,2\n1,3\n', "line 4: 't' must rise, but 1 follows 1"),
+        ('t,x\n0,1\n1,2\n1,3\n', "line 4: 't' must increase, but 1 follows 1"),
         ('t,x,x\n0,1,2\n', "has several columns 'x'"),
         ('', 'cannot be read: it is empty'),
         ('# nothing\n', 'cannot be read: it is empty'),

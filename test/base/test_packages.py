@@ -78,7 +78,7 @@ def test_a_kernel_that_cannot_be_compiled_is_run_as_it_is(case, usual, tmp_path)
     assert {k: found[k] for k in EXACT} == {k: usual[k] for k in EXACT}
     (line,) = done.stderr.splitlines()
     assert line.startswith("mechanism-sim: the Python package 'numba' cannot be used (")
-    assert line.endswith('with the same results, slower where much touches')
+    assert line.endswith('with the same results, but slower with many contacts')
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_what_is_not_installed_is_not_said_to_be_broken(monkeypatch):
     said = r"drawings need the Python package 'ezdxf': .* 'mechanism_sim\[dxf\]'"
     with pytest.raises(InputError, match=said):
         packages.needed('ezdxf', 'drawings')
-    assert packages.spared('ezdxf', 'nothing is drawn') is None
+    assert packages.spared('ezdxf', 'the drawing is not updated') is None
 
 
 def test_an_error_that_is_no_packages_stays_what_it_is():

@@ -270,6 +270,7 @@ def test_the_nominal_mechanism_and_the_driven_crank_agree_with_their_references(
             assert problem.error(outcome.answer + 1e-3) == pytest.approx(1e-3, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_one_problem_as_json_and_files(tmp_path):
     content = run_json(
         'torque_crank', '--methods', 'mechanism_sim', '--tolerances', '1e-4,1e-9',

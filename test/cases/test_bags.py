@@ -26,7 +26,8 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import definition
-from mechanism_sim.recording import info, read_bag
+from mechanism_sim.recording.inventory import info
+from mechanism_sim.recording.reader import read_bag
 
 BAGS = Path(__file__).parent / 'inputs/bags'
 JSON, PROTOBUF = BAGS / 'json_schema.mcap', BAGS / 'protobuf.mcap'
@@ -296,9 +297,9 @@ def test_json_may_leave_out_fields(tmp_path):
     ('arguments', 'words'),
     [
         ((JSON, '/msg/rx/need_ack.sped'), "has no field 'sped'; did you mean 'speed'?"),
-        ((JSON, 'speed'), f"has no machine of which 'speed' could be; it has {SPEED}"),
-        ((JSON, SPEED, '--from', '2'), 'they are from 0 s to 0.99 s'),
-        ((JSON, SPEED, '--to', '-1'), f'there is nothing of {SPEED} between these times'),
+        ((JSON, 'speed'), f"has no scene with a quantity 'speed'; it has {SPEED}"),
+        ((JSON, SPEED, '--from', '2'), 'they go from 0 s to 0.99 s'),
+        ((JSON, SPEED, '--to', '-1'), f'there are no values of {SPEED} between these times'),
         ((JSON, '/msg/rx/need_ack{speed>100}.speed'), 'has no value with speed>100.0'),
         ((PROTOBUF, '/press.note'), 'is text, not a number'),
         ((PROTOBUF, '/press.ram'), 'is a message: choose one of name, position, current'),
@@ -335,13 +336,13 @@ DESCRIPTOR = b'\n\x13\x12\x01a"\x0e\n\x01B\x12\x09\n\x01x\x18\x01 \x01(\x01'
     ('encoding', 'kind', 'text', 'data', 'words'),
     [
         ('json', 'jsonschema', b'', b'{"speed": ', 'a message is not what a.B says'),
-        ('json', 'jsonschema', b'', b'[1, 2]', 'a message is no JSON object'),
+        ('json', 'jsonschema', b'', b'[1, 2]', 'a message is not a JSON object'),
         ('json', 'jsonschema', b'', b'[' * 10**5, 'a message is not what a.B says'),
         ('protobuf', 'protobuf', b'\xff', b'', 'its schema cannot be read'),
         ('protobuf', 'protobuf', b'', b'', 'its schema does not describe a.B'),
-        ('protobuf', 'protobuf', DESCRIPTOR, b'\x09\x00', 'goes on beyond its message'),
+        ('protobuf', 'protobuf', DESCRIPTOR, b'\x09\x00', 'extends beyond its message'),
         ('protobuf', 'protobuf', DESCRIPTOR, b'\x0f', 'wire type 7'),
-        ('protobuf', 'protobuf', DESCRIPTOR, b'\x80' * 20, 'a number does not end'),
+        ('protobuf', 'protobuf', DESCRIPTOR, b'\x80' * 20, 'a number is incomplete'),
         ('cdr', 'ros2msg', b'float64[ x', bytes(12), 'the definition of a.B cannot be read'),
     ],
 )  # fmt: skip
@@ -362,7 +363,7 @@ def test_a_database_without_messages_is_no_bag(tmp_path):
     path = tmp_path / 'other.db3'
     with sqlite3.connect(path) as base:
         base.execute('CREATE TABLE people(name TEXT)')
-    with pytest.raises(InputError, match='is no SQLite bag, or damaged'):
+    with pytest.raises(InputError, match='is not SQLite, or damaged'):
         read_bag(path)
 
 

@@ -11,7 +11,7 @@ from builders import cam_pair, made
 from running import run
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.outlines import nose_cam
 from mechanism_sim.linkages.nominal import NominalRun
@@ -475,6 +475,7 @@ def test_mistakes_in_files_are_answered_by_one_sentence(tmp_path, law, said):
 # Nodes and bags
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_nodes_and_bags_have_the_motion_of_a_long_table(tmp_path):
     """Of an ideal cam, whose rows are found together, and of one that the follower may leave."""
@@ -577,7 +578,7 @@ WRONG = [
     ({'tangent': {'nose': '10 mm'}}, {}, "'joints.contact.law.tangent.lift' is missing"),
     ({**TANGENT, 'eccentric': '5 mm'}, {}, "exactly one of 'segments', 'points'"),
     (TANGENT, {'base_radius': None}, "'base_radius' is missing"),
-    (HOLLOW, {'roller': '40 mm'}, 'too hollow'),
+    (HOLLOW, {'roller': '40 mm'}, 'too concave'),
     ({'profile': {'edges': edges(0.0)[:3]}}, {'base_radius': None}, 'meets no other'),
     ({'profile': {'edges': [{'line': [[0, 0], [1, 1]], 'arc': [0, 0]}]}}, {}, "either 'line'"),
     ({'profile': {'edges': edges(0.0)}}, {'base_radius': '24 mm'}, 'base_radius = 0.024 m is not'),

@@ -303,6 +303,7 @@ def test_the_force_of_a_scissor_lift_with_a_guide_too_many(carriage, forces):
     assert found['drive_torque'][[0, -1]] == pytest.approx(forces, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_what_a_redundant_guide_leaves_open_is_named_and_the_rest_given(tmp_path):
     file = tmp_path / 'lift.yaml'
     file.write_text(yaml.safe_dump(scene_of('scissor_lift_redundant'), sort_keys=False))
@@ -573,7 +574,9 @@ def test_what_cannot_start_so_is_answered_by_one_sentence(mistake):
 def test_an_angle_for_a_block_is_answered():
     scene = scene_of('scissor_lift_redundant')
     scene['guess']['carriage'] = '90 deg'
-    with pytest.raises(InputError, match='carriage slides along carriage_guide, which says how'):
+    with pytest.raises(
+        InputError, match='carriage slides along carriage_guide, which determines its angle'
+    ):
         made(scene)
 
 

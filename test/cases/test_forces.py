@@ -16,11 +16,11 @@ from scipy.linalg import expm
 from switched import switched
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 
 INPUTS = Path(__file__).parent / 'inputs'
 GRAVITY = 9.81

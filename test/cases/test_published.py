@@ -19,7 +19,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.imports import import_machine
 from mechanism_sim.messages import definition
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.results.cycle import at_position, cycle
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -343,6 +343,7 @@ def test_a_ratchet_falls_back_to_its_tooth_and_strikes_it():
     assert final(solution, 'wheel') == pytest.approx([tooth, 0.0], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_ratchet_of_fine_teeth_is_a_freewheel():
     fine = {'ratchet': ['hub', 'wheel'], 'teeth': 10_000}
     solution = ms.simulate(shafts(fine, loads=MOTOR), duration=3.0)
@@ -372,6 +373,7 @@ duration: 1 s
 """
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_ropes_and_freewheels_run_as_nodes_to_the_bit(tmp_path):
     scene, bag = tmp_path / 'pump.yaml', tmp_path / 'pump.mcap'

@@ -12,8 +12,8 @@ from running import run_json
 from scipy.integrate import quad, solve_ivp
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
 from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.scene.gate import admit
@@ -628,7 +628,7 @@ HELD = {'fixed': ['arm.end', 'block']}
         ),
         (
             {'joints.c': {**DISCS, 'clearance': {'radial': '1 mm', 'restitution': 0.5}}},
-            'joints.c cannot have a clearance: links that touch part by themselves',
+            'joints.c cannot have a clearance: links in contact separate by themselves',
         ),
         (
             {

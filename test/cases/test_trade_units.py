@@ -120,8 +120,8 @@ def test_mistakes_of_units_are_one_sentence(change, said):
     ('contact', 'said'),
     [
         ({'stiffness': '2e9 N/m'}, "'N/m', but the exponent is 1.5: write for example '2e9 N/m^1"),
-        ({'stiffness': '2e9 kg'}, 'not a force by a length'),
-        ({'stiffness': '2e9 kg/m^1.5'}, 'not a force by a length'),
+        ({'stiffness': '2e9 kg'}, 'not a force per length'),
+        ({'stiffness': '2e9 kg/m^1.5'}, 'not a force per length'),
         ({'stiffness': '2,5e9 N/m^1.5'}, 'a decimal comma, 2,5'),
         ({'stiffness': 2e9, 'materials': [STEEL]}, "has 'stiffness' and 'materials': keep one"),
         ({'materials': [STEEL]}, "without 'contact.radii', or of a pin 'contact.radius'"),

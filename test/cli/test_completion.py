@@ -96,5 +96,5 @@ def test_options_of_the_program_go_without_a_command():
         done = run(*option, 'scenes')
         assert (done.returncode, done.stdout) == (2, '')
         assert done.stderr == (
-            f"mechanism-sim: {option[0]} goes without a command; 'scenes' was given, too\n"
+            f"mechanism-sim: {option[0]} takes no command, but 'scenes' was given\n"
         )

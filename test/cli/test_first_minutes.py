@@ -20,8 +20,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance
 from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.scene.files import as_given, check_scene, find_scene, read_yaml
-from mechanism_sim.scene.new_scene import SCHEMA, TEMPLATES, new_scene
-from mechanism_sim.scene.scene_writer import commented
+from mechanism_sim.scene.scene_writer import SCHEMA, TEMPLATES, commented, new_scene
 
 
 def test_alone_it_says_what_to_do_next_with_commands_that_exist(tmp_path, monkeypatch):
@@ -69,13 +68,13 @@ def test_a_name_that_moved_is_answered_by_the_new_one(capsys, monkeypatch):
         ('four_bar_clearance', "a scene, not a command: try 'mechanism-sim check four_bar_cl"),
         ('run.mcap', "a bag, not a command: try 'mechanism-sim analyze run.mcap'"),
         ('solve x --revolution 3', "no option '--revolution'; did you mean '--revolutions'?"),
-        ('solve x --set drive.speed=300 rpm', "'rpm' is one word too many"),
+        ('solve x --set drive.speed=300 rpm', "'rpm' is one argument too many"),
         ('solve x --duration long', "solve: --duration: 'long' is not a number"),
         ('draw x --positions 1.5', "'1.5' is not a whole number"),
         ('draw x --labels al', "'al' is not possible; did you mean 'all'?"),
         ('solve x --set', 'solve: --set needs a value'),
-        ('solve x --sample-rate 9', '--sample-rate goes with --output'),
-        ('new .yaml', 'is no name for a scene'),
+        ('solve x --sample-rate 9', '--sample-rate needs --output'),
+        ('new .yaml', 'is not a scene name'),
         ('check run.mcap', "'run.mcap' is a bag, not a scene"),
         ('solve', 'solve: SCENE is missing'),
         ('check x --json=3', "--json takes no value, but '3' was given"),

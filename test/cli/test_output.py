@@ -181,7 +181,7 @@ def test_no_planted_file_is_followed(tmp_path, monkeypatch):
 
 def test_a_pipe_that_nobody_reads_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / 'pipe.yaml')
-    with pytest.raises(InputError, match='it is no file'):
+    with pytest.raises(InputError, match='it is not a file'):
         output.write_text(tmp_path / 'pipe.yaml', 'after', devices=False)
 
 

@@ -35,7 +35,7 @@ heavy = {'matplotlib', 'numba', 'pint', 'pyarrow', 'scipy.integrate', 'scipy.int
          'scipy.stats'}
 import mechanism_sim.cli.entry
 assert not {'heyoka', 'numpy', 'pydantic', 'yaml', *heavy} & set(sys.modules)
-import mechanism_sim.analysis, mechanism_sim.nodes.run, mechanism_sim.studies.statistics
+import mechanism_sim.analysis.summary, mechanism_sim.nodes.run, mechanism_sim.studies.statistics
 print(*heavy & set(sys.modules))
 """
 

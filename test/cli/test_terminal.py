@@ -109,6 +109,7 @@ def test_long_work_says_what_it_does_to_a_terminal_only(command, shown, bag, cap
     assert seen.rstrip().endswith('\x1b[2K')  # and goes away
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ('program', 'args', 'shown'),
     [

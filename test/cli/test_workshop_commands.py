@@ -87,7 +87,7 @@ def test_the_pair_just_outside_is_the_least_step_away(distance):
     [
         (('1e400',), "'1e400' is not a ratio"),
         (('1/0',), "'1/0' is not a ratio"),
-        (('3', '--teeth-range', '20'), 'write for example 18:120'),
+        (('3', '--teeth-range', '20'), "write LOW:HIGH, as '18:120'"),
         (('3', '--teeth-range', '3:9999'), 'the range of teeth is too wide'),
         (('3', '--stages', '99'), '99 stages are too many'),
         (('3', '--centre-distance', '60'), 'not a quantity with a unit'),

@@ -169,7 +169,11 @@ def test_oil_beside_a_dry_bearing_and_elastic_links():
             {},
             'whatever the pressure of its supply',
         ),
-        ({'law': 'hertz', 'stiffness': 1e9, 'supply_pressure': 1e5}, {}, 'there is no oil'),
+        (
+            {'law': 'hertz', 'stiffness': 1e9, 'supply_pressure': 1e5},
+            {},
+            'applies to the law film only',
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused(contact, play, text):
@@ -178,7 +182,7 @@ def test_what_makes_no_sense_is_refused(contact, play, text):
 
 
 def test_roughness_is_of_oil_and_walls_are_alike():
-    with pytest.raises(InputError, match='there is no oil'):
+    with pytest.raises(InputError, match='applies to the law film only'):
         ms.load_scene('four_bar_clearance', {
             f'{PLAY}.contact': {'law': 'hertz', 'stiffness': 1e9, 'roughness': 1e-6}
         })  # fmt: skip

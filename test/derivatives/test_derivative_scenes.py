@@ -135,9 +135,13 @@ def test_energies_count_impacts_as_they_move() -> None:
     ('scene', 'path', 'words'),
     [
         ('four_bar_clearance', 'drive.sped', "did you mean 'drive.speed'"),
-        ('four_bar_clearance', 'branch', 'is no number of the scene'),
+        ('four_bar_clearance', 'branch', 'is not a number of the scene'),
         ('four_bar_clearance', f'{PLAY}.friction', 'values beside it are refused'),
-        ('four_bar_clearance', 'solver.rtol', 'is no number of the scene that its motion depends'),
+        (
+            'four_bar_clearance',
+            'solver.rtol',
+            'is not a number of the scene that its motion depends',
+        ),
         ('four_bar_clearance', 'initial.velocity.roker', "mean 'initial.velocity.rocker'"),
         ('four_bar_clearance', 'initial.position.rocker', 'puts the pin of coupler_rocker'),
         ('four_bar_clearance', 'links.coupler', "several values.*as 'links.coupler.length'"),

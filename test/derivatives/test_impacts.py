@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -140,3 +142,26 @@ def test_impacts_at_one_instant_whose_order_matters_end_the_derivatives() -> Non
     assert end is not None
     assert end.t == pytest.approx(run.impacts[0].t)
     assert 'order changes' in end.text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('more', [{}, {'friction': 0.2, 'pin_radius': '6 mm'}])
+def test_impacts_while_ideal_joints_rub_have_the_derivatives_of_runs(more: dict[str, Any]) -> None:
+    clearance = {'radial': 1e-4, 'restitution': 0.6} | more
+    loose = {'revolute': ['rod.end', 'piston'], 'clearance': clearance}
+    machine = ms.load_scene('rubbing_compressor', {'joints.rod_piston': loose})
+    end = 0.02711
+    path, value, h = 'drive.speed', 20.0 * np.pi, 2e-3
+    run = ms.simulate(machine, duration=end, derivatives=[path])
+    names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in ('rod', 'piston')]
+
+    def seen(speed: float) -> np.ndarray:
+        other = ms.load_scene(machine, {path: f'{speed!r} rad/s'})
+        found = ms.simulate(other, duration=end).sample(end, *names)
+        return np.array([found[n][0] for n in names])
+
+    first, second = ((seen(value + x) - seen(value - x)) / (2.0 * x) for x in (h, 0.5 * h))
+    own = run.derivatives[path].sample(end, *names)
+    off = np.array([own[n][0] for n in names]) - (4.0 * second - first) / 3.0
+    assert (np.abs(off) < 1e-7 * np.abs(second).max()).all()
+    assert more or len(run.impacts) >= 5

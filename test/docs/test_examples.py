@@ -12,7 +12,7 @@ from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.pages.writing import report
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 
 FUNCTIONS = {
     name: found

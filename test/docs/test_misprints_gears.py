@@ -13,7 +13,7 @@ from willis import Mesh, Train
 
 from mechanism_sim.joints.mesh.involute import Gear, inv
 from mechanism_sim.joints.mesh.pair import Pair
-from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.joints.worm.constraint import WormPair
 
 M = 2e-3
 

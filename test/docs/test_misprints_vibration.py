@@ -21,7 +21,7 @@ from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients, peak_radius
 from two_masses import TwoMasses
 
-from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.periodic_forces import FourierSeries
 from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.systems import state_matrix
 

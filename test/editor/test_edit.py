@@ -261,10 +261,14 @@ def drawn(page: Page, *gestures: tuple[Any, ...]) -> dict[str, np.ndarray]:
 WITHOUT_TOOL = 'bushings', 'contact', 'fixed', 'freewheel', 'ratchet', 'rope', 'servos', 'states'
 """Kinds that are written as text, not drawn."""
 
+NO_KIND = 'drive', 'elastic', 'oscillators', 'stops'
+"""Tools that are of parts of a scene or of a joint, not of a kind."""
+
 
 def test_tools_come_from_the_kinds_and_no_two_have_a_name_or_a_key_in_common():
     tools = [tool for tools in palette.GROUPS.values() for tool in tools]
-    assert {*OF_KINDS, *WITHOUT_TOOL} == KINDS.keys() | LOADS.keys() | SENSORS.keys()
+    kinds = KINDS.keys() | LOADS.keys() | SENSORS.keys() | {*NO_KIND}
+    assert {*OF_KINDS, *WITHOUT_TOOL} == kinds
     for of_kind in OF_KINDS.values():
         assert of_kind
         assert set(of_kind) <= set(tools)
@@ -486,6 +490,85 @@ def test_a_slider_and_a_spring():
     assert page.state['problem'] == ''
 
 
+@pytest.mark.parametrize(
+    ('what', 'at', 'path', 'given'),
+    [
+        ('motor', [(0.0, 0.025, 'link_1/')], 'drive.motor.ratio', 25),
+        ('elastic', [(0.075, 0.11, 'link_2/')], 'links.link_2.elastic.material', 'steel'),
+        ('frame', [(0.1, -0.1, '')], 'oscillators.frame.mounts.left.at', ['0 mm', '-100 mm']),
+        ('stops', [(0.2, 0.0, 'ground_link_3')], 'joints.ground_link_3.stops.lower', '76.4 deg'),
+        ('gas_spring', [(0.2, 0.1, ''), (0.15, 0.17, 'link_2_link_3')],
+         'springs.gas_spring_1.gas.force', '100 N'),
+        ('bump_stop', [(0.2, 0.1, ''), (0.15, 0.17, 'link_2_link_3')],
+         'springs.bump_stop_1.acts', 'below'),
+    ],
+)  # fmt: skip
+def test_motors_and_what_gives_way_or_stops_are_drawn_on_a_machine(what, at, path, given):
+    page = four_bar()
+    page.draw(what, *at)
+    assert page.said == []
+    assert page.state['problem'] == ''
+    found = documents.parse(page.text)
+    for key in path.split('.'):
+        found = found[key]
+    assert found == given
+    ms.scene.build.build('x', page.session.document.scene())
+    again = page.text
+    page.draw(what, *at)  # springs may be many; a second one of the others is refused
+    assert page.said or what in ('motor', 'gas_spring', 'bump_stop')
+    if page.said:
+        assert page.text == again
+
+
+def test_a_cam_on_a_block_slides_and_lifts_on_both_sides_of_where_it_is_drawn():
+    page = Page()
+    page.draw('ground', (0.0, 0.0, ''))
+    page.draw('link', (0.0, 0.0, 'ground.p1'), (0.0, 0.05, ''))
+    page.draw('link', (0.0, 0.05, 'link_1.end'), (0.2, 0.0, ''))
+    page.draw('slider', (0.2, 0.0, 'link_2.end'), (0.3, 0.0, ''))
+    page.draw('drive', (0.0, 0.02, 'link_1/'))
+    page.draw('cam', (0.2, 0.0, 'slider_1/'), (0.2, 0.02, ''))
+    assert page.said == []
+    machine = ms.scene.build.build('x', page.session.document.scene())
+    lift = ms.simulate(machine).sample(np.linspace(0.0, 1.0, 401), 'position.follower_1')[
+        'position.follower_1'
+    ]
+    assert lift[0] == pytest.approx(0.02, abs=1e-12)
+    assert lift.min() == pytest.approx(0.02, abs=1e-9)
+    assert lift.max() == pytest.approx(0.028, abs=1e-9)
+
+
+def test_a_pin_wears_beside_the_run_that_is_drawn():
+    """Figures of the worn machine are those of the scene with that clearance; the text stays."""
+    page = Page('four_bar_nominal')
+    before = page.text
+    page.ask('wear', joint='ground', radial=1e-4)
+    assert 'ground does not wear' in page.said[-1]
+    page.ask('wear', joint='coupler_rocker', radial=3e-4)
+    assert page.text == before
+    assert page.state['wears'] == dict.fromkeys(
+        ('ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground')
+    )
+    job = page.session.job()
+    assert job is not None
+    assert job.worn is not None
+    found: queue.Queue[tuple[int, str, str]] = queue.Queue()
+    runs = Background(lambda *x: found.put(x))
+    try:
+        runs.submit(job)
+        while (news := found.get(timeout=120.0))[1] != 'worn':
+            assert news[1] in ('checked', 'run', 'progress')
+    finally:
+        runs.close()
+    worn = strict_json.loads(news[2])
+    play = {'joints.coupler_rocker.clearance': {'radial': '0.3 mm', 'restitution': 0.5}}
+    run = ms.simulate(load_scene('four_bar_nominal', play))
+    assert (worn['joint'], worn['radial']) == ('coupler_rocker', 3e-4)
+    assert ['impacts', '', len(run.impacts), '', None] in worn['figures']
+    page.ask('wear', joint='coupler_rocker', radial=0.0)
+    assert page.session.job().worn is None
+
+
 def test_a_part_goes_with_what_cannot_be_without_it():
     page = four_bar()
     page.ask('remove', path=['links', 'link_3'])
@@ -612,7 +695,7 @@ def test_whatever_is_done_to_a_scene_it_stays_one_that_can_be_undone(name):
                 p for o in page.state['outline'] for p in o['parts']
             ]
         assert isinstance(documents.parse(page.text), dict)
-        assert 'that was no command of this page' not in page.said
+        assert 'that is not a command of this page' not in page.said
         assert all(strict_json.dumps(m) for m in page.heard)
         page.heard.clear()
     while page.state['undo']:

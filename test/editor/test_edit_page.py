@@ -354,6 +354,65 @@ def test_a_loader_is_built_from_nothing(tab, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+def test_a_pump_jack_with_a_motor_from_nothing_to_a_report_of_its_wear(tab, tmp_path, monkeypatch):
+    """Drawn by mouse alone, but for its data sheet: figures of a worn pin beside those before."""
+    monkeypatch.chdir(tmp_path)
+    with editing() as address:
+        hand = Hand(tab, address)
+        hand.tool('ground')
+        hand.click(0.25, 0.0)
+        hand.tool('link')
+        hand.drag(0.25, 0.0, 0.25, 0.03)  # the crank
+        hand.drag(-0.02, 0.13, 0.25, 0.13)  # the walking beam
+        hand.drag(0.25, 0.03, 0.25, 0.13)  # the pitman
+        hand.tool('point')
+        hand.click(0.12, 0.13)
+        hand.tool('ground')
+        hand.click(0.12, 0.13)
+        hand.tool('motor')
+        hand.click(0.25, 0.015)
+        hand.tool('force')
+        hand.drag(-0.02, 0.13, -0.02, 0.08)  # the load of the rods
+        hand.page.locator('[data-path="drive"]').click()
+        for key, value in (
+            ('rated_speed', '1435 rpm'), ('rated_torque', '12 Nm'), ('breakdown_torque', '31 Nm'),
+        ):  # fmt: skip
+            hand.fill(f'drive.motor.induction.{key}', value)
+        hand.fill('drive.motor.ratio', '30')
+        hand.page.locator('#tab-run').click()
+        first = hand.ran()
+        # a length of its own, in its field: no command line is spoken of
+        field = hand.page.locator('#duration')
+        assert '2 s' in (field.input_value(), field.get_attribute('placeholder'))
+        field.fill('1.5 s')
+        hand.after(lambda: field.press('Tab'))
+        assert hand.ran() != first
+        # the pin between pitman and beam wears
+        hand.page.locator('#wear-joint').select_option('link_2_link_3')
+        hand.until(lambda: hand.data('worn').startswith('link_2_link_3'))
+        slider = hand.page.locator('#wear-radial')
+        slider.focus()
+        for _ in range(3):
+            slider.press('PageUp')
+        hand.until(lambda: float((hand.data('worn').split() or ['', '0'])[-1]) > 1e-5)
+        row = hand.page.locator('[data-worn="force link_2_link_3"]')
+        row.wait_for()
+        before, after, ratio = row.locator('td').all_inner_texts()
+        assert before.endswith('N')
+        assert after.endswith('N')
+        assert float(ratio.strip('× ')) > 1.0
+        assert 'clearance' not in hand.text  # it is the run that is worn, not the document
+        assert '--' not in hand.page.locator('body').inner_text()
+        hand.tab.shoot('edit_pump_jack')
+        hand.save('pump_jack.yaml')
+        hand.page.locator('#make').select_option('report')
+        hand.until(lambda: list(tmp_path.glob('*.html')))
+        clean(hand)
+    machine = load_scene(str(tmp_path / 'pump_jack.yaml'))
+    assert machine.scene.drive.motor.ratio == 30.0
+
+
+@pytest.mark.slow
 def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with editing('four_bar_clearance') as address:

@@ -109,7 +109,7 @@ def test_nothing_is_saved_outside_the_folder(name, tmp_path, monkeypatch):
     monkeypatch.chdir(inside)
     page = Page('four_bar_nominal')
     page.ask('save', name=name)
-    assert 'is no name for a scene' in page.said[-1]
+    assert 'is not a scene name' in page.said[-1]
     assert sorted(x.name for x in outside.rglob('*')) == ['link.yaml', 'under']
     assert (outside / 'link.yaml').read_text() == 'not: yours\n'
 
@@ -162,7 +162,7 @@ def test_what_is_not_saved_is_kept_and_given_back(tmp_path, monkeypatch):
     os.mkfifo(place(document))
     assert UnsavedEdits().give_back(document) == ''
     document.replace('title: once more\n')
-    assert 'not kept' in recovery.keep(document)
+    assert 'cannot be kept' in recovery.keep(document)
 
 
 class Editor:
@@ -439,4 +439,4 @@ def test_half_a_character_is_refused_before_it_has_to_be_kept(message, tmp_path,
     assert len(said) == 1
     assert document.text == before
     if message['type'] == 'text':
-        assert said == ['four_bar_nominal:2: half a character (U+D800), which no file can hold']
+        assert said == ['four_bar_nominal:2: an incomplete character (U+D800) cannot be saved']

@@ -449,7 +449,7 @@ def test_export_says_what_is_left_out(tmp_path, capsys):
         (('--format', 'sdf', '-o', 'no/such/folder.sdf'), 'cannot be written'),
         (
             ('--format', 'mjcf', '--frame-prefix', 'left/'),
-            '--frame-prefix is for --format urdf, foxglove and rviz',
+            '--frame-prefix needs --format urdf, foxglove or rviz',
         ),
         (('--format', 'urdf', '--set', 'links.crank.length=-1 m'), 'links.crank.length'),
     ],

@@ -16,14 +16,14 @@ from textbook import TOOTH_SYSTEMS
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
+from mechanism_sim.export.bending import scale_bar
 from mechanism_sim.export.palette import DARK, LINKS, PAPER, rgb
-from mechanism_sim.export.scale import scale_bar
 from mechanism_sim.export.shapes import OPEN, area, circle, simplified
 from mechanism_sim.export.skeleton import skeleton_of
 from mechanism_sim.export.stage import stage_of
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.joints.mesh.involute import Fillet, Gear
-from mechanism_sim.nodes.markers import painted
+from mechanism_sim.nodes.force_markers import painted
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.report import drawing, figures

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.export.dxf import to_dxf
+from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.export.outlines import cam_outline, gear_outline, rack_outline
-from mechanism_sim.export.svg import to_svg
 from mechanism_sim.joints.cam.curves import CYCLOIDAL, HALF_HARMONIC
 from mechanism_sim.joints.cam.followers import FlatFaced, Translating
 from mechanism_sim.joints.cam.laws import Diagram, Segment

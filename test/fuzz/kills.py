@@ -31,7 +31,8 @@ from mcap.reader import make_reader
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from running import command, environment
 
-from mechanism_sim.recording import read_bag, recover
+from mechanism_sim.recording.inventory import recover
+from mechanism_sim.recording.reader import read_bag
 
 SCENE = 'four_bar_clearance'
 NODES = 'recorder', 'linkage', 'crank_drive', 'sensors'

@@ -13,10 +13,11 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from running import run as command
 
-from mechanism_sim.analysis import analyze
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.recording import info, read_bag, render_info
+from mechanism_sim.recording.inventory import info, render_info
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report.bag import render
 
 pytestmark = pytest.mark.network
@@ -113,6 +114,7 @@ def answered(path):
         assert said.encode('utf-8')
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 1 << 40))
 @SAMPLE
 def test_damaged_bags_are_read_or_refused_in_a_sentence(whole, seed):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from strangers import damaged, digest_of, disturb, is_message
 
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.messages import MessageError, message_class, own_messages, serialize
 from ros_interfaces.refusals import check_message
 from zenoh_rclpy.wire import parse_token
@@ -28,6 +28,7 @@ KINDS = (
 )
 
 
+@pytest.mark.slow
 def test_a_run_does_not_notice_strangers(tmp_path):
     run, stranger, code = disturb(tmp_path, 3000, 1, 0.5, '--realtime-factor', '0.1')
     said = run.stderr()

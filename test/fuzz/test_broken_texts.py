@@ -17,7 +17,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.output import beside, check_path
 from mechanism_sim.results.measure_text import FUNCTIONS, read_all
 from mechanism_sim.results.measures import Measurement, check_measures
-from mechanism_sim.scene.new_scene import new_scene
+from mechanism_sim.scene.scene_writer import new_scene
 
 EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
 SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1000, database=None)

@@ -26,7 +26,7 @@ UNFIT = (
     'undercut', 'cusp', 'cut away', 'swings back faster', 'past the line of centres',
     'below the camshaft', 'does not reach the base circle', 'cut off',
 )  # fmt: skip
-UNFIT_SHAPES = 'too hollow', 'does not reach', 'misses the profile', 'do not touch both'
+UNFIT_SHAPES = 'too concave', 'does not reach', 'misses the profile', 'do not touch both'
 
 
 def law(random: Random, lift: float) -> Scene:

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.results.run import allowed_penetration
+from mechanism_sim.results.run import Solution, allowed_penetration
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Level, Machine, run_length
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.results.cycle import cycle
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_interp_spline
 
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine
 from test.grid.case import Draft, Failure, Family, Random, Scene
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.joints.contact_keys import Clearance
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.schema import Scene
 from test.grid.case import Draft, Failure, Family, Random

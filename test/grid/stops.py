@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine
 from test.grid.case import Draft, Failure, Family, Random, Scene
 from test.grid.four_bars import decades, pick

@@ -91,6 +91,7 @@ def judged(draft, refusals=()):
     return run_case(GridCase(Family('mine', 1, make, refusals), 0, 0))
 
 
+@pytest.mark.slow
 def test_every_scene_of_the_grid_can_be_written(tmp_path):
     cases = [case for f in FAMILIES for case in grid(only=[f.name])[:: max(1, f.count // 4)]]
     write_scenes(cases, tmp_path)
@@ -182,7 +183,7 @@ def test_the_command(tmp_path):
     for arguments, said in (
         (('--only', 'trian'), "did you mean 'train'"),
         (('--sample', '0'), '--sample must be at least 1'),
-        (('train',), "'train' is one word too many"),
+        (('train',), "'train' is one argument too many"),
     ):
         done = run(*arguments, program=main)
         assert done.returncode == 2
@@ -206,6 +207,7 @@ def test_a_process_holds_no_more_than_it_may_and_cases_do_not_depend_on_it():
     assert one.peak_memory > 2**26
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_costs_the_case_that_it_was_at(monkeypatch, tmp_path):
     """It is started with a module that ends Python at the second case."""
     (tmp_path / 'sitecustomize.py').write_text(

@@ -9,8 +9,8 @@ import numpy as np
 from mechanism_sim.errors import RunError
 from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import load_scene
 from test.hard.bodies import SPEED, TURN, relative_residual, thesis
 from test.hard.case import Figure, hard_case

@@ -22,13 +22,11 @@ from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.bodies import Body
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, contact_wrench
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Point
-from mechanism_sim.planar.protocols import ForceLaw
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine, load_scene
 
 THESIS = 'four_bar_clearance'

@@ -11,10 +11,10 @@ import numpy as np
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.joints.cam.laws import MeasuredLaw
-from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate, stream
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine, load_scene
 from test.hard.bodies import relative_residual, residual
 from test.hard.case import Figure, hard_case

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.hybrid.events import Mode, gains
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.results.solution import Solution
 from mechanism_sim.scene import Machine
 from test.hard.bodies import TURN, residual, thesis
 from test.hard.case import Figure, hard_case

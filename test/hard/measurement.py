@@ -37,9 +37,8 @@ from mechanism_sim.sensing.chain import (
     Transducer,
     Trigger,
 )
-from mechanism_sim.sensing.channel import Block, Channel
+from mechanism_sim.sensing.channel import Block, Channel, LevelPassage
 from mechanism_sim.sensing.point import PointOnLink
-from mechanism_sim.sensing.sampling import LevelPassage
 from mechanism_sim.units import QuantityValue
 from test.hard.bodies import SPEED, TURN, thesis
 from test.hard.case import Figure, hard_case

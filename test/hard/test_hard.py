@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import pytest
 from running import run as command
 from running import run_json
@@ -54,3 +58,15 @@ def test_the_command(tmp_path):
         done = command(*arguments, program=main)
         assert done.returncode == 2
         assert said in done.stderr
+
+
+def test_the_program_without_pytest(pytestconfig):
+    """`python -m test.hard` finds all its modules without the paths that pytest adds."""
+    environment = {k: v for k, v in os.environ.items() if k != 'PYTHONPATH'}
+    done = subprocess.run(
+        [sys.executable, '-m', 'test.hard', 'free_shafts'],
+        cwd=pytestconfig.rootpath, env=environment, capture_output=True, text=True, check=False,
+        timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 2, done.stderr
+    assert "did you mean 'free_shaft'" in done.stderr

@@ -37,7 +37,7 @@ from mechanism_sim.hybrid.system import System
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw
-from mechanism_sim.planar.jet import lift
+from mechanism_sim.planar.frames import lift
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.units import SMALLEST

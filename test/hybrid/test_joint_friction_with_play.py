@@ -122,6 +122,7 @@ def slider_crank(mu, clearance=None, **more):
     return made(scene, 'rubbing')
 
 
+@pytest.mark.slow
 def test_a_tight_pin_beside_rubbing_joints_is_the_limit_of_a_loose_one():
     mu = 0.1
     tight = ms.simulate(slider_crank(mu), revolutions=0.6)

@@ -10,7 +10,7 @@ from running import run, run_json
 from scipy.special import erf
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import load_summary
+from mechanism_sim.analysis.summary import load_summary
 from mechanism_sim.results.ranges import LoadPeaks
 
 SPEED = 40.0

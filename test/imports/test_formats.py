@@ -23,7 +23,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
 @pytest.mark.parametrize(
     ('name', 'text', 'words'),
     [
-        ('m.step', '', '.step is no format that is imported'),
+        ('m.step', '', '.step is not a format that can be imported'),
         ('m.csv', '', 'cannot be read: it is empty'),
         ('m.csv', 'name,a,b\n', 'there is no column x, y, links'),
         ('m.csv', 'joint,x,y,links\nA,0,0,ab\n', "the unit is missing: write 'X [mm]'"),
@@ -36,7 +36,7 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.json', '{"joints": [', 'is not what its ending says'),
         ('m.json', '[' * 100000, 'is not what its ending says'),
         ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
-        ('m.urdf', '<robot', 'm.urdf is no XML'),
+        ('m.urdf', '<robot', 'm.urdf is not XML'),
         ('m.urdf', '<sdf/>', 'begins with <sdf>, not with <robot>'),
         ('m.urdf', BOMB, 'a DOCTYPE and entities are not read'),
         ('m.urdf', URDF.format(''), 'there must be one link that no joint carries'),
@@ -44,15 +44,19 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.urdf', URDF.format(HINGE.format('revolute', 'c', '0 0 1')), 'there must be one link'),
         ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 0')), "'0 0' are not 3 finite"),
         ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 1 1')), 'only planar machines'),
-        ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'no joint that turns'),
+        ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'there is no revolute joint'),
         ('m.sdf', '<sdf/>', 'm.sdf has 0 models: it must be one'),
         ('m.xml', '<mujoco/>', 'the file has no worldbody'),
         ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
-        ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are no numbers"),
+        ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are not numbers"),
         ('m.svg', '<svg/>', 'there is no closed curve in the drawing'),
         ('m.svg', '<svg><path d="M 0 0 L 1"/></svg>', 'ends within a command'),
-        ('m.svg', '<svg><g transform="skewX(3)"/></svg>', "'skewX(3)' is no transformation"),
-        ('m.dxf', 'nonsense', 'is no DXF that can be read'),
+        (
+            'm.svg',
+            '<svg><g transform="skewX(3)"/></svg>',
+            "'skewX(3)' is not a supported transformation",
+        ),
+        ('m.dxf', 'nonsense', 'cannot be read as DXF'),
     ],
 )  # fmt: skip
 def test_what_cannot_be_imported_is_said(tmp_path, name, text, words):
@@ -69,7 +73,7 @@ def test_what_cannot_be_imported_is_said(tmp_path, name, text, words):
     'https://x.org/?0P.TY.K,0.901.MA,A,0,0,0..YRAB,AB..',
 ])  # fmt: skip
 def test_other_addresses_are_refused(address):
-    with pytest.raises(InputError, match=r'no address of a mechanism of PMKS\+|no joint'):
+    with pytest.raises(InputError, match=r'not an address of a mechanism of PMKS\+|no joint'):
         import_machine(address)
 
 

@@ -11,15 +11,14 @@ from long_runs import Revolutions
 from running import run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.numerics.formula import Words, expression
 from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.run import Runner
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.scene.sensors.encoder import Encoder

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 from textbook import slider_position, slider_transmission_angle, transmission_angle
 
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import FourBar, SliderCrank
 from mechanism_sim.linkages.grashof import (
     change_points,
     classify,
@@ -26,7 +26,6 @@ from mechanism_sim.linkages.grashof import (
     time_ratio,
     transmission_range,
 )
-from mechanism_sim.linkages.slider_crank import SliderCrank
 
 COUNT = 10_000
 

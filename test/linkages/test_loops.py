@@ -8,7 +8,7 @@ from textbook import slider_position
 
 import mechanism_sim as ms
 from mechanism_sim.joints.slot.constraint import PinInSlot
-from mechanism_sim.linkages.loops import four_bars, slider_cranks
+from mechanism_sim.linkages.four_bar import four_bars, slider_cranks
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.configuration import Constraints
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic, Revolute

@@ -17,7 +17,7 @@ import zenoh
 from middleware_network import PATIENCE, Process, eventually, free_port
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.messages import type_hash
 from ros_interfaces.origin import VARIABLE
 from zenoh_rclpy import config

@@ -18,7 +18,7 @@ from running import TIMEOUT, environment, run, start
 
 from mechanism_sim.messages import MessageError, message_class, service_class
 from mechanism_sim.nodes.player import player
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.names import InvalidNameError
 from ros_interfaces.plain import field, from_plain, to_plain
 from zenoh_rclpy.command_node import UsageError, command_node

@@ -18,12 +18,12 @@ from operating import CONTROL, by_hand, operate
 from running import FOLLOW, ROOT, TIMEOUT, environment, ros_found, run_json, script
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import law_of
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 SCENE = 'four_bar_clearance'
 JOINT = f'{PLAY}.restitution'
@@ -294,7 +294,7 @@ def test_parameters_are_refused_with_a_reason_or_hold_from_the_time_that_is_anno
     assert found['statuses']['crank_drive'][3]['announced [s]'] == '0.3'
     assert found['statuses']['recorder'][3]['bag'] == str(bag)
     balance = found['statuses']['linkage'][3]
-    assert abs(float(balance['missing in the energy balance [J]'])) < 1e-9
+    assert abs(float(balance['residual of the energy balance [J]'])) < 1e-9
     with bag.open('rb') as file:  # read by another's reader
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         messages = [(c.topic, m) for _, c, _, m in reader.iter_decoded_messages()]

@@ -15,9 +15,9 @@ import pytest
 from running import ROOT, TIMEOUT, ros_found, run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.messages.segments import curve_of, unpack
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 COMPILER = shutil.which('g++') or shutil.which('clang++')
 ARRAYS = 'start', 'start_low', 'duration', 'turns', 'coefficients'

@@ -14,10 +14,10 @@ import pytest
 from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.crank_drive import CrankDrive
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 pytestmark = pytest.mark.network
 

@@ -25,9 +25,7 @@ from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.force_markers import SHORTEST, ForceMarkers
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.planar.play import ENDS
-from mechanism_sim.report.foxglove import to_foxglove
-from mechanism_sim.report.plot_paths import plots
-from mechanism_sim.report.rviz import to_rviz
+from mechanism_sim.report.layouts import plots, to_foxglove, to_rviz
 from ros_interfaces.definitions import field_descriptions
 
 ARROW, CUBE, SPHERE, CYLINDER, STRIP, LINES, TRIANGLES = (

@@ -13,8 +13,8 @@ from operating import CONTROL, operate
 from running import TIMEOUT, environment, run_json, script, start
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
-from mechanism_sim.recording import read_bag
+from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.scene.files import find_scene
 
 pytestmark = pytest.mark.network
@@ -156,6 +156,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 def test_a_managed_node_begins_when_it_is_activated_and_waits_when_it_is_not(tmp_path):
     env, bag = environment(), tmp_path / 'run.mcap'

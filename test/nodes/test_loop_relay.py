@@ -16,7 +16,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.tracking import Tracker
-from mechanism_sim.scene.ideal import without_clearance
+from mechanism_sim.scene.load import without_clearance
 
 ROCKER = """
 title: A double rocker

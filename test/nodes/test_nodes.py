@@ -20,8 +20,8 @@ from rosbags.typesys import Stores, get_typestore
 from running import TIMEOUT, environment, run, run_json, script, start
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
-from mechanism_sim.recording import read_bag
+from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.recording.reader import read_bag
 
 SCENE = 'four_bar_clearance'
 TURNS = '3'

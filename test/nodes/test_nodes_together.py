@@ -19,7 +19,7 @@ from operating import FOREIGN, by_hand
 from running import ROOT, start
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Impact, JointState, Log, service_class
@@ -30,7 +30,7 @@ from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 
 SCENE = 'four_bar_clearance'
 PLAYING, QUITTING = 1, 3
@@ -172,8 +172,8 @@ def test_an_error_that_ends_a_node_is_in_rosout(network):
         listener.destroy_node()
     (said,) = (log for log in heard if log.level == FATAL)
     assert said.name == 'linkage'
-    assert said.msg.startswith("linkage: waited 1 s for 'crank_drive', which never came")
-    assert sum('which never came' in line for line in ended.lines) == 1
+    assert said.msg.startswith("linkage: waited 1 s for 'crank_drive', which did not appear")
+    assert sum('which did not appear' in line for line in ended.lines) == 1
 
 
 def test_a_process_that_was_killed_is_named(capsys):
@@ -440,7 +440,7 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
     ('names', 'said'),
     [
         ('crank_drive', 'waiting for crank_drive'),
-        ('', 'waiting for somebody who publishes /drive'),
+        ('', 'waiting for a publisher of /drive'),
     ],
 )
 def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, names, said):

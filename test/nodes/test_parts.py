@@ -16,7 +16,7 @@ from running import ROOT, TIMEOUT, environment, run, run_json, start
 
 import mechanism_sim as ms
 from mechanism_sim import cli
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.reading import CamMode
 from mechanism_sim.joints.mesh.reading import MeshMode

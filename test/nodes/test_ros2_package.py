@@ -27,12 +27,12 @@ from running import ROOT, TIMEOUT, environment, ros_found, run_json
 
 import mechanism_sim as ms
 from mechanism_sim import nodes
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
 from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.packages import EXTRAS, REQUIRED, distribution
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from zenoh_rclpy.arguments import parse_arguments
 
 NODES = Path(nodes.__file__).parent
@@ -244,6 +244,7 @@ def test_a_node_says_what_it_lacks_and_needs_no_more(package, node, code, said):
         assert sentence.endswith(f'{sys.executable} -m pip install {package}')
 
 
+@pytest.mark.slow
 def test_a_run_and_its_page_need_no_extra(tmp_path):
     args = 'report', 'four_bar_clearance', '--duration', '0.1', '-o', str(tmp_path / 'page.html')
     done = subprocess.run(

@@ -189,7 +189,7 @@ def test_the_cache_of_somebody_else_is_left_alone(program, tmp_path):
                           timeout=TIMEOUT, check=False)  # fmt: skip
     assert done.stdout.splitlines() == [*RIGHT, 'True 0'], done.stderr
     (line,) = done.stderr.splitlines()
-    assert line.startswith('mechanism-sim: compiled code is not kept: others own')
+    assert line.startswith('mechanism-sim: compiled code is not cached: others own')
     assert sorted(foreign.rglob('*')) == before
 
 

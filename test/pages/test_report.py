@@ -14,8 +14,8 @@ from live_pages import unpacked
 from running import run as command
 from scipy.interpolate import CubicHermiteSpline
 
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.record import Record, read_record
-from mechanism_sim.analysis.signals import Signal
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.stage import packed, stage_of
 from mechanism_sim.pages import charts, report
@@ -307,9 +307,9 @@ def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatc
     [
         (['-o', 'page.pdf'], 'the ending must be .html'),
         (['-o', 'nowhere/page.html'], 'there is no directory'),
-        (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is no part of the run'),
-        (['--to', '99'], 'is no part of the run, which goes from 0 s to'),
-        (['--from', 'nan'], 'is no part of the run'),
+        (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is not within the run'),
+        (['--to', '99'], 'is not within the run, which goes from 0 s to'),
+        (['--from', 'nan'], 'is not within the run'),
         (['--namespace', '/left'], 'nothing of a machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),
         (['--revolutions', '9'], 'turns from 0 s on, not 9'),
@@ -333,5 +333,5 @@ def test_a_namespace_is_for_bags(tmp_path):
 
 
 def test_a_part_outside_of_the_run_is_refused(loose):
-    with pytest.raises(InputError, match='is no part of the run'):
+    with pytest.raises(InputError, match='is not within the run'):
         loose.between(-1.0, 0.1)

@@ -524,6 +524,7 @@ def test_paths_of_points_and_scales_are_those_of_the_machine(tab, tmp_path):
     assert not tab.page.locator('#stage .paths path').is_visible()
 
 
+@pytest.mark.slow
 def test_a_frame_on_springs_sways_as_much_as_the_scale_bar_says(tab, tmp_path):
     """Its picture, less the magnification, is what the frame's own equations give then."""
     run = show(tab, tmp_path, 'four_bar_on_frame', revolutions=1)

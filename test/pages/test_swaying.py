@@ -12,8 +12,7 @@ from live_pages import motion_messages, unpacked
 from mechanism_sim.analysis.preview import preview
 from mechanism_sim.export.stage import Swaying
 from mechanism_sim.messages.events import describe
-from mechanism_sim.nodes.force_markers import ForceMarkers
-from mechanism_sim.nodes.markers import shapes
+from mechanism_sim.nodes.force_markers import ForceMarkers, shapes
 from mechanism_sim.pages.live import Live
 from mechanism_sim.report import figures
 from mechanism_sim.report.screen import FilmParts, Screen

@@ -238,6 +238,7 @@ def test_what_makes_no_sense_is_refused_in_a_sentence(args, said, capsys):
     assert 'Traceback' not in err
 
 
+@pytest.mark.slow
 def test_a_view_with_a_scene_runs_it_and_ends_it(network):
     with started('view', SCENE, '--port', '0', '--json', '--realtime-factor', '0.5') as view:
         with connect(address_of(view).replace('http', 'ws') + 'live') as page:
@@ -467,13 +468,13 @@ def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(a
         assert box.locator('small').inner_text() == 'restarting …'
     run.controls[path] = run.controls[path].at(1e-3 * asked.value)
     run.server.send(run.stage())
-    box.get_by_text('begins the run anew').wait_for()
+    box.get_by_text('restarts the run').wait_for()
     shown = math.log(asked.value / 0.0254) / math.log(100.0)
     assert float(slider.input_value()) == pytest.approx(1e3 * shown, abs=1.0)
     slide(run.tab, path, 900)
     assert run.command().value > asked.value
     run.server.send({'type': 'message', 'text': 'no such thing', 'path': path})
-    box.get_by_text('begins the run anew').wait_for()
+    box.get_by_text('restarts the run').wait_for()
     assert float(slider.input_value()) == pytest.approx(1e3 * shown, abs=1.0)
     assert run.tab.complaints == []
 

@@ -694,19 +694,19 @@ ELASTIC = 'links.rod.elastic'
         ({f'{ELASTIC}.section': {'points': [[0.0, {'diameter': 0.01}], [0.3, {
             'width': 0.01, 'height': 0.01}]]}}, ['given by different sizes']),
         ({f'{ELASTIC}.section': {'points': [[0.1, {'diameter': 0.01}], [0.0, {
-            'diameter': 0.02}]]}}, ['whose x does not rise']),
+            'diameter': 0.02}]]}}, ['with x out of order']),
         ({f'{ELASTIC}.youngs_modulus': None}, ["needs 'material' or 'youngs_modulus'"]),
         ({f'{ELASTIC}.density': None}, ["needs 'material' or 'density', or the link a mass"]),
         ({f'{ELASTIC}.material': 'steal'}, ["did you mean 'steel'?"]),
         ({f'{ELASTIC}.modes': 0}, [f'{ELASTIC}.modes', 'at least 1']),
         ({f'{ELASTIC}.ends': 'free'}, ["'pinned' or 'clamped'"]),
         ({f'{ELASTIC}.damping': 1.0}, ['less than 1']),
-        ({f'{ELASTIC}.outer_fibre': '4 mm'}, ['which its section says already']),
+        ({f'{ELASTIC}.outer_fibre': '4 mm'}, ['which its section defines already']),
         ({'links.rod.length': None, 'links.rod.points': {'end': ['0.3 m', '0 m']}},
          ["links.rod: 'length' is missing"]),
         ({'links.rod.inertia': '1 g m^2'}, ["links.rod.inertia: 'mass' is missing"]),
         ({'links.rod.mass': '0.2 kg', 'links.rod.inertia': '1 kg m^2'},
-         ['those of no beam with masses at its ends']),
+         ['fit no beam with masses at its ends']),
         ({'links.rod.mass': '0.2 kg', 'links.rod.cog': '0.1 m'}, ["'inertia' is missing"]),
         ({'links.crank.elastic': {'material': 'steel', 'section': {'diameter': '9 mm'}}},
          ['links.crank.elastic.ends must be clamped']),
@@ -733,8 +733,8 @@ def test_check_tells_frequencies_and_which_treatment_does():
 
     assert 'bend1 203.191 Hz, bend2 812.764 Hz' in note()
     assert 'needs its modes' in note()
-    assert 'one mode would do' in note(drive__speed='30 rad/s')
-    assert 'a rigid link would do' in note(drive__speed='3 rad/s')
+    assert 'one mode is sufficient' in note(drive__speed='30 rad/s')
+    assert 'a rigid link is sufficient' in note(drive__speed='3 rad/s')
     loose = {'radial': '0.1 mm', 'restitution': 0.5}
     assert 'impulses converge' in note(joints__rod_slider__clearance=loose)
 

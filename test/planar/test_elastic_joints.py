@@ -10,8 +10,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.preview import preview
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import LinkageState, deserialize
-from mechanism_sim.nodes import markers
-from mechanism_sim.nodes.force_markers import ForceMarkers
+from mechanism_sim.nodes.force_markers import ForceMarkers, shapes
 from mechanism_sim.nodes.publications import linkage_states
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.studies.modes import modes
@@ -321,7 +320,7 @@ def test_messages_show_elastic_links_bent():
     """Markers as figures have them, deflection and stress beside them in LinkageState."""
     machine = ms.load_scene('elastic_slider_crank')
     seen = preview(machine, 0.01)
-    fixed = markers.shapes(seen.skeleton, '').markers
+    fixed = shapes(seen.skeleton, '').markers
     assert {m.header.frame_id for m in fixed} == {'world', 'crank', 'slider'}
     samples = seen.found.solution.view(np.array([0.005]))
     picture = ForceMarkers(seen)

@@ -25,9 +25,8 @@ from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.closures import Closure
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.frames import Frames, Jet, Parameters
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics, power
-from mechanism_sim.planar.jet import Jet
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.reactions import energies

@@ -156,7 +156,7 @@ def test_a_formula_may_have_units_and_pi():
         ('300/min', "names 'min', a unit"),
         ('2*pi t', "'t' cannot stand behind 'pi'"),
         ('3 kg', 'is not a unit of'),
-        ('(t > 2)*3', 'the condition .* is no value'),
+        ('(t > 2)*3', 'the condition .* is not a value'),
     ],
 )
 def test_a_load_of_another_unit_is_refused(torque, said):
@@ -174,7 +174,7 @@ def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
         main([command, 'quick_return', '--set', load])
     said = capsys.readouterr()
     assert ended.value.code == 1
-    assert 'a formula is out of its range at t = ' in said.err
+    assert 'a formula leaves its range at t = ' in said.err
     assert 'see loads.cutting' in said.err
     assert said.err.count('\n') == 1
 

@@ -163,7 +163,7 @@ def lightened(name, seed):
         machine = ms.load_scene(name, changes)
     except InputError as error:
         known = (
-            'without moving any mass', 'not determined', 'are those of no beam',
+            'without moving any mass', 'not determined', 'fit no beam with masses',
             'a link that leans needs mass',
         )  # fmt: skip
         if not any(x in str(error) for x in known):

@@ -97,6 +97,7 @@ def test_forces_of_a_parallelogram_have_limits_without_weights():
     assert np.abs(o.drive_torque).max() < 1e-11
 
 
+@pytest.mark.slow
 def test_forces_without_a_limit_are_named_and_left_out(tmp_path):
     scene = parallelogram(0.5, gravity=[0, -9.81])
     bars = made(scene)

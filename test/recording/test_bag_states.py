@@ -19,7 +19,10 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
-from mechanism_sim.recording import BagWriter, Qos, info, read_bag
+from mechanism_sim.recording.inventory import info
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.studies.run_bag import RunBag
 
 RUN = 'run', 'four_bar_clearance', '--duration', '0.20126832204367018'
@@ -230,10 +233,10 @@ EXPECTED = {
     'late': dict.fromkeys(READERS, '')
     | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')
-    | {'animate -o x.wav': 'nothing to hear', 'thesis experiment': 'whole turns of crank'},
+    | {'animate -o x.wav': 'there is no sound', 'thesis experiment': 'whole turns of crank'},
     'failed': dict.fromkeys(READERS, '')
     | {
-        'animate -o x.wav': 'nothing to hear',
+        'animate -o x.wav': 'there is no sound',
         'thesis experiment': 'the experiment is that of a four_bar',
     },
 }
@@ -267,6 +270,7 @@ def test_what_was_said_before_a_failure_is_in_the_bag(states):
     assert len(messages_of(states['failed'], '/scene')) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_signal_that_is_too_short_is_named(states):
     for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):
@@ -331,8 +335,8 @@ def test_damaged_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     for source in (file, file.parent):
         done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        words = {'thesis experiment': '', 'bag recover': 'is no MCAP file: ros2 bag itself'}
-        assert words.get(reader, 'is no SQLite bag, or damaged') in done.stderr
+        words = {'thesis experiment': '', 'bag recover': 'is not an MCAP file: ros2 bag itself'}
+        assert words.get(reader, 'is not SQLite, or damaged') in done.stderr
 
 
 @pytest.mark.network

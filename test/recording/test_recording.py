@@ -35,7 +35,10 @@ from mechanism_sim.messages import (
     serialize,
     type_hash,
 )
-from mechanism_sim.recording import BagWriter, Qos, info, read_bag, recover, render_info
+from mechanism_sim.recording.inventory import info, recover, render_info
+from mechanism_sim.recording.reader import read_bag
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 
 RESULT = Qos(history='keep_all', depth=0)
 LATCHED = Qos(durability='transient_local', depth=1)
@@ -257,7 +260,8 @@ def test_every_checksum_holds(bag):
 CHILD = """
 import sys, time
 from mechanism_sim.messages import message_class, serialize
-from mechanism_sim.recording import BagWriter, Qos
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 writer = BagWriter(sys.argv[1])
 writer.add_topic('/tick', 'std_msgs/msg/String', Qos())
 while True:

@@ -210,7 +210,7 @@ def test_every_kind_of_machine_makes_a_film(scene, more, tmp_path):
         (('-o', 'film.gif', '--path', 'cupler.cog'), "did you mean 'coupler.cog'"),
         (('-o', 'film.gif', '--to', '1', '--duration', '2'), 'give only one of'),
         (('-o', 'film.gif', '--to', '0.1', '--realtime-factor', '1e-9'), 'frames, more than'),
-        (('-o', 'film.gif', '--from', '0.2', '--to', '0.1'), 'is no part of the run'),
+        (('-o', 'film.gif', '--from', '0.2', '--to', '0.1'), 'is not within the run'),
     ],
 )
 def test_bad_input_is_one_sentence(arguments, words, tmp_path, monkeypatch):

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from running import one_of
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.modes import ModeShares
+from mechanism_sim.analysis.collectors import ModeShares
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.pages.charts import figure, sections
-from mechanism_sim.report.charts import bands, contacts, impacts
+from mechanism_sim.report.charts import bands, impacts
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
@@ -206,7 +206,7 @@ def test_the_band_shows_how_long_the_pin_flies(loose, monkeypatch):
     (told,) = collector.summary(loose.start, loose.end)
     for single in (10**6, 0):
         monkeypatch.setattr(bands, '_SINGLE', single)
-        panel = charts_of([contacts.contacts(ChartedRun(loose))])[f'gap-{JOINT}-run'].panels[1]
+        panel = charts_of([impacts.contacts(ChartedRun(loose))])[f'gap-{JOINT}-run'].panels[1]
         found = {c.label: c for c in panel.curves}
         high = 2.0 * bands._HALF
         for mode, words in ((Mode.FREE_FLIGHT, 'free flight'), (Mode.FOLLOWING, 'following')):
@@ -228,7 +228,7 @@ def test_energy_and_solver_agree_with_the_solution(loose, found, charts):
     assert rows['steps'] == f'{solution.stats.steps}'
     assert rows['impacts'] == f'{len(solution.impacts)}'
     assert rows['largest error of a closure'] == f'{solution.max_closure_error:.3g} m'
-    told = float(rows['energy missing at the end'].removesuffix(' J'))
+    told = float(rows['energy error at the end'].removesuffix(' J'))
     assert told == pytest.approx(solution.energy.residual, abs=1e-15)
 
 

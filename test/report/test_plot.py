@@ -14,14 +14,14 @@ from PIL import Image
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.message_paths import parse
-from mechanism_sim.analysis.quantity_lookup import Asked
+from mechanism_sim.analysis.open_run import Asked
+from mechanism_sim.analysis.series import parse
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import LINKS
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.lines import against, chart
 from ros_interfaces.definitions import field_descriptions
@@ -230,7 +230,7 @@ def test_bags_of_others_count_from_their_start(tmp_path):
     assert {'name': '/wind.vector.x', 'unit': ''} in run_json('plot', str(file))
     done = run('plot', str(file), 'gap')
     assert done.returncode == 2
-    assert "has no machine of which 'gap' could be" in done.stderr
+    assert "has no scene with a quantity 'gap' could be" in done.stderr
 
 
 def test_units_come_from_the_definitions():
@@ -403,9 +403,9 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
         (['scene.data'], 'is text, not a number'),
         (['impacts.header'], 'is a message: choose one of stamp, frame_id'),
         (['impacts.time.x'], "there is no 'x' in a number"),
-        (['impacts.time[0]'], 'is no array'),
-        (['gap', '--from', '5'], 'is no part of the run'),
-        (['impacts.time', '--from', '5'], 'there is nothing of impacts.time between'),
+        (['impacts.time[0]'], 'is not an array'),
+        (['gap', '--from', '5'], 'is not within the run'),
+        (['impacts.time', '--from', '5'], 'there are no values of impacts.time between'),
         (['gap', '--set', 'drive.speed=1 rpm'], 'as it was recorded'),
         (['gap', '-o', 'x.bmp'], 'the ending must be .png, .svg or .pdf'),
     ],
@@ -422,7 +422,7 @@ def test_bad_input_is_one_sentence(bag, what, words, tmp_path, monkeypatch):
 def test_from_python_bad_names_are_bad_input(solution):
     with pytest.raises(InputError, match=r"did you mean 'velocity\.crank'"):
         solution.plot('velocity.crnk')
-    with pytest.raises(InputError, match='no part of the run'):
+    with pytest.raises(InputError, match='not within the run'):
         solution.plot(start=2.0)
     with pytest.raises(InputError, match='there is no quantity'):
         solution.plot(against='crnk')

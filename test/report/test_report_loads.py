@@ -8,11 +8,11 @@ from builders import ROUGH, simulated
 from running import run as command
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import LoadPeak, LoadSummary
+from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 from mechanism_sim.report.charts.course import ChartedRun
-from mechanism_sim.report.charts.loads import loads
+from mechanism_sim.report.charts.subjects import loads
 from mechanism_sim.report.charts.thinning import HeldLevels
-from mechanism_sim.report.loads import load_rows, peaks_of
+from mechanism_sim.report.summary import load_rows, peaks_of
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.units import written
 

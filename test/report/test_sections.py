@@ -14,7 +14,7 @@ from mechanism_sim.pages.report import page
 from mechanism_sim.report.rich import html as in_notebook
 from mechanism_sim.report.sections import Section, SummaryRow, amount, html, text
 from mechanism_sim.report.summary import facts, sections
-from mechanism_sim.results.means import ImpactTally
+from mechanism_sim.results.turns import ImpactTally
 
 
 @pytest.fixture(scope='module')

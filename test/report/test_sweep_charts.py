@@ -7,7 +7,7 @@ import pytest
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.figures import paint, save_all
-from mechanism_sim.report.sweep_charts import SweepCharts, pareto_front, response_surface, unit_of
+from mechanism_sim.report.sweep import SweepCharts, pareto_front, response_surface, unit_of
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.runs import DONE
 

@@ -142,7 +142,7 @@ def test_an_unknown_name_is_refused_with_the_nearest():
     known = catalogue(ms.load_scene('four_bar_clearance'))
     with pytest.raises(InputError, match=r"no quantity 'reaction.coupler_rockr'; did you mean"):
         known.find('reaction.coupler_rockr')
-    with pytest.raises(InputError, match='the drive is no motor'):
+    with pytest.raises(InputError, match='the drive is not a motor'):
         known.find('motor.torque')
 
 

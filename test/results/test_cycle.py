@@ -419,6 +419,7 @@ def test_any_machine_shakes_its_frame_by_the_rates_of_its_momentum(general):
     shaken_as_momentum_says(general)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 def test_any_machine_is_told_and_drawn(general, tmp_path):
     text = report.render(general)

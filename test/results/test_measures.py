@@ -17,7 +17,7 @@ from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
 from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.units import alike, product, read_common
 
 FINE = 20_001
@@ -187,8 +187,8 @@ def test_sensors_are_measured_by_their_samples():
         ('largest(reaction.couper_rocker)', "did you mean 'reaction.coupler_rocker'"),
         ('larges(drive_torque)', "did you mean 'largest'"),
         ('drive_torque', "write for example 'largest"),
-        ('largest(drive_torque + position.rocker)', 'no like units'),
-        ('largest(drive_torque) + largest(position.rocker)', 'no like units'),
+        ('largest(drive_torque + position.rocker)', 'the units differ in kind'),
+        ('largest(drive_torque) + largest(position.rocker)', 'the units differ in kind'),
         ('rms(drive_torque, from 2)', 'needs a unit'),
         ('rms(drive_torque, from 2 m)', "not a unit of 's'"),
         ('rms(drive_torque, from 2 s to 300 ms)', 'ends before it begins'),
@@ -202,15 +202,15 @@ def test_sensors_are_measured_by_their_samples():
         ('rms(sensors.here)', 'has no sensor'),
         ('percentile(drive_torque, 101)', 'from 0 to 100'),
         ('work(position.rocker)', 'it is of drive_torque'),
-        ('largest(motor.torque)', 'is no motor'),
+        ('largest(motor.torque)', 'is not a motor'),
         ('largest(', 'never closed'),
         ('largest(drive_torque[0])', 'is not made of'),
         ('__import__("os").system("true")', 'is no'),
-        ('3', 'has no figure'),
+        ('3', 'has no measure'),
         ('max(abs(drive_torque), 3 N m)', "write for example 'largest"),
         ('rms(max(drive_torque))', "of a whole run and cannot stand in 'rms'"),
         ('largest(drive_torque) / (300/min)', 'a unit: it stands behind its number'),
-        ('count(impacts.approach_speed > 3 N)', 'no like units'),
+        ('count(impacts.approach_speed > 3 N)', 'the units differ in kind'),
         ('largest(3)', 'names no quantity'),
     ],
 )  # fmt: skip

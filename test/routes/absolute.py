@@ -13,7 +13,7 @@ from numpy.polynomial import Chebyshev
 
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.joints.geneva.constraint import Geneva
-from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.joints.rack.constraint import SlottedRack
 from mechanism_sim.joints.slot.constraint import PinInSlot
 from mechanism_sim.joints.transmission.constraint import Transmission

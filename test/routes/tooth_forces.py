@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from mechanism_sim.joints.bevel.constraint import pitch_angles
-from mechanism_sim.joints.worm.forces import GearedForces, ToothForce
+from mechanism_sim.joints.worm.constraint import GearedForces, ToothForce
 
 
 def helical(

@@ -53,7 +53,7 @@ def test_no_scene_of_the_package_has_keys_without_effect(name):
         ('four_bar_crossed', {'loads.push': {'at': 'coupler.end', 'force': ['1 N', '0 N']}},
          'loads.push has no effect: masses are missing'),
         ('slider_crank', {'tables.press': {'points': [[0, 0], [1, 2]]}},
-         'tables.press has no effect: nothing names it'),
+         'tables.press has no effect: nothing refers to it'),
     ],
 )  # fmt: skip
 def test_keys_without_effect_are_named(scene, override, said):

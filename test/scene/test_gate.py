@@ -83,7 +83,7 @@ def test_a_crank_that_cannot_go_the_way_asked_for_is_an_error() -> None:
     report = check(short)
     assert 'the crank cannot turn fully' in report.limits[0]
     assert report.limits[0] in report.notes
-    assert render(report).splitlines()[1:3] == ['what may stop it', f'  {report.limits[0]}']
+    assert render(report).splitlines()[1:3] == ['what limits the motion', f'  {report.limits[0]}']
     assert ms.simulate(short).duration == 0.02
     with pytest.raises(InputError, match='the crank cannot make a full turn'):
         run_length(short, 1.0, None)

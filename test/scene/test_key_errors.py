@@ -13,8 +13,8 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.joint_keys import KINDS
 from mechanism_sim.keys.quantities import Part
+from mechanism_sim.scene.files import sentence
 from mechanism_sim.scene.four_bar import FourBarScene
-from mechanism_sim.scene.key_errors import sentence
 from mechanism_sim.scene.schema import JointPart, Scene, SensorPart
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.studies.schema import SweepFile

@@ -35,7 +35,7 @@ def refusal(drive):
     ('drive', 'said'),
     [
         ({'position': 'sin(omega*t)'}, ["drive.position", "'omega'", 'it may name the time t']),
-        ({'position': '90 deg + 60 mm*sin(t)'}, ['drive.position', 'no like units']),
+        ({'position': '90 deg + 60 mm*sin(t)'}, ['drive.position', 'the units differ in kind']),
         ({'position': '60 mm*sin(pi*t)'}, ['is in m', 'arm turns', 'give it in rad']),
         ({'position': 'floor(t)'}, ["calls 'floor'", 'no function of formulas of motions']),
         ({'position': '2*lift(t)'}, ["calls 'lift'", "stand here themselves, as 'points' or"]),
@@ -48,7 +48,7 @@ def refusal(drive):
         ({'position': {'points': POINTS, 'interpolation': 'qubic'}},
          ["drive.position.interpolation = 'qubic'", "did you mean 'cubic'", "'quintic'"]),
         ({'position': {'points': POINTS, 'interpolation': 'quintic'}}, ['3 points', 'needs 6']),
-        ({'position': {'points': POINTS[::-1]}}, ['times must rise, but 1 s follows 2 s']),
+        ({'position': {'points': POINTS[::-1]}}, ['times must increase, but 1 s follows 2 s']),
         ({'position': {'points': [*POINTS, ['3 s', '5 deg']], 'periodic': True}},
          ['is periodic, but begins at 0 and ends at 0.0872665 rad', 'whole turns further']),
         ({'position': {'points': [['0 s', '0 mm'], ['1 s', '1 deg']]}}, ['in m and in rad']),

@@ -30,7 +30,7 @@ CAMS = [
     (law((180, 270, '8 mm'), (0, 90, '-8 mm')), 'segments stand in the order of their angles'),
     (law((90, 0, '8 mm'), (90, 180, '-8 mm')), 'no positive length; past a full turn .* 360 deg'),
     (law((0, 0, '8 mm'), (90, 180, '-8 mm')), 'from 0 to 0 deg has no length'),
-    (law((0, 90, '8 mm'), (90, 180, '-7 mm')), r'does not come back: its rises add up to 0\.001'),
+    (law((0, 90, '8 mm'), (90, 180, '-7 mm')), r'does not return: its rises add up to 0\.001'),
     (law((0, 90, '8 deg'), (90, 180, '-8 deg')), 'rise is given in rad, but it is a displacement'),
     (law((0, 90, 8), (90, 180, -8)), 'undercut .* smaller lift than 8 m'),
     ({f'{LAW}.segments': [{'from': 0, 'to': 90, 'rise': 1}]}, 'without a unit are radians'),
@@ -72,7 +72,8 @@ CAMS = [
 SOFT, BACK = 'joints.mesh.elasticity', 'joints.mesh.backlash'
 TEN = {'gears.wheel.internal': True, 'gears.pinion.teeth': 60}
 GEARS = [
-    ('gear_pair', {'gears.pinion.teeth': 9}, r'lets go before .* undercut up to a profile shift'),
+    ('gear_pair', {'gears.pinion.teeth': 9},
+     r'separates before .* undercut up to a profile shift'),
     ('gear_pair', {'gears.wheel.teeth': 40.5}, 'must be a whole number'),
     ('gear_pair', {'gears.wheel.teeth': 'many'}, 'must be a whole number'),
     ('gear_pair', {'gears.wheel.module': '2 deg'}, "not a unit of 'm'"),
@@ -80,7 +81,7 @@ GEARS = [
     ('gear_pair', {'gears.pinion.addendum': '2 mm'}, 'where a plain number belongs'),
     ('gear_pair', {**TEN, 'links.ground.points.wheel': [0.02, 0]}, 'internal wheel has more'),
     ('gear_pair', {'links.ground.points.wheel': ['70 mm', 0], BACK: {'restitution': 0.5}},
-     r'lets go before .* the distance of the centres is 0\.06 m'),
+     r'separates before .* the distance of the centres is 0\.06 m'),
     ('gear_pair', {BACK: {'width': '5 mm', 'restitution': 0.5}}, 'as much as a tooth is thick'),
     ('gear_pair', {BACK: '0.1 mm'}, 'must be a list of keys'),
     ('gear_pair', {SOFT: {'stiffness': '1e8 N m/rad'}}, "not a unit of 'N/m'"),

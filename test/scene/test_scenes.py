@@ -104,7 +104,7 @@ def refusal(overrides, scene=LOOSE):
         ('joints.coupler_rocker.clearance.hypothesis', 'poison', ["did you mean 'poisson'?"]),
         ('drive.profile', {'points': [['1 s', 0], ['1 s', 1]]}, ['drive.speed', 'exclude']),
         ('drive.torque', {'constant': '1 N'}, ['torque.constant', "not a unit of 'N m'"]),
-        ('drive', {'profile': {'points': [['1 s', 0], ['1 s', 1]]}}, ['times must rise']),
+        ('drive', {'profile': {'points': [['1 s', 0], ['1 s', 1]]}}, ['times must increase']),
         ('drive', {'torque': {}, 'motor': {'stall_torque': 1, 'no_load_speed': 9}}, ['exclude']),
         ('drive', {'speed': 1, 'motor': {'stall_torque': 1, 'no_load_speed': 0}}, ['not be zero']),
         ('sensors.rocker_accelerometer.at', '100 m', ['lies far off the rocker']),
@@ -413,8 +413,10 @@ def refusal_of_start(overrides, scene):
         ('four_bar_clearance', {'initial.position': {'rocker.x': '1 mm'}},
          "rocker hangs on a joint without clearance, so that its only coordinate is 'rocker'"),
         ('toggle_press', {'initial.position': {'lower.x': '1 rad'}}, 'in m'),
-        ('toggle_press', {'guess': {'lower.x': '1 mm'}}, "only 'initial' gives: write 'lower'"),
-        ('toggle_press', {'drive.coordinate': 'lower.x'}, "only 'initial' gives: write 'lower'"),
+        ('toggle_press', {'guess': {'lower.x': '1 mm'}},
+         "which is for 'initial' only: write 'lower'"),
+        ('toggle_press', {'drive.coordinate': 'lower.x'},
+         "which is for 'initial' only: write 'lower'"),
     ],
 )  # fmt: skip
 def test_places_of_links_where_they_have_no_meaning_name_the_right_key(scene, overrides, said):

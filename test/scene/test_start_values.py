@@ -11,7 +11,7 @@ from builders import LINKAGE, made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.results.solution import Solution
+from mechanism_sim.results.run import Solution
 from mechanism_sim.scene.check import check, render
 
 SLIDERS = """

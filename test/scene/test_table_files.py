@@ -90,23 +90,23 @@ def test_a_folder_of_tables_can_be_allowed(scene, tmp_path, monkeypatch, capsys)
     monkeypatch.setenv(TABLE_FOLDERS, f'/nowhere{os.pathsep}{tmp_path / "data"}')
     assert load_scene(str(file)).scene.tables
     monkeypatch.setenv(TABLE_FOLDERS, '/')
-    assert 'no regular file' in refusal(scene('/dev/zero'))
+    assert 'not a regular file' in refusal(scene('/dev/zero'))
 
 
 def test_what_has_no_end_or_no_beginning_is_refused_at_once(scene):
     """In a process of its own: it would hang, or grow until nothing is left."""
     file = scene(text=None)
     os.mkfifo(file.parent / 'load.csv')
-    assert 'no regular file' in refusal(file)
+    assert 'not a regular file' in refusal(file)
     os.mkfifo(file.parent / 'pipe.yaml')
-    with pytest.raises(OSError, match='no regular file'):
+    with pytest.raises(OSError, match='not a regular file'):
         documents.bytes_of(file.parent / 'pipe.yaml', 10)
     done = subprocess.run(
         command('check', str(scene('/dev/zero', text=None)), '--tables-from', '/dev'),
         capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
-    assert 'no regular file' in done.stderr
+    assert 'not a regular file' in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanism_sim.sensing.features import FEWEST, features
+from mechanism_sim.sensing.indicators import FEWEST, features
 
 RATE = 10000.0
 BANDS = slice(0, 10)

@@ -8,7 +8,7 @@ from running import environment, run
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.presets import PRESETS
 
 SCENE = 'four_bar_measured'
@@ -119,7 +119,10 @@ def test_at_rest_an_inertial_unit_reads_upwards():
         ({'coupler.transducer.damping': 1}, "'sensors.coupler.transducer.damping'; did you mean"),
         ({'coupler.quantity': 'velocity'}, 'has adc.range in m/s^2, but its quantity is velocity'),
         ({'velocity.quantity': 'acceleration'}, "has an integrator, but 'quantity' is accel"),
-        ({'velocity.imu': True}, "has 'imu', which shows acceleration, but measures velocity"),
+        (
+            {'velocity.imu': True},
+            "has 'imu' for accelerations, but measures velocity",
+        ),
         ({'coupler.adc.range': None}, 'has adc.bits without adc.range'),
         ({'coupler.adc.range': '3 m'}, 'has adc.range in m, but its quantity is acceleration'),
         ({'coupler.adc.jitter': '0.1 ms'}, 'at most a tenth of the sampling period'),

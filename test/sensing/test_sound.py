@@ -179,7 +179,7 @@ def test_a_bag_sounds_like_its_scene(tmp_path, capsys):
 @pytest.mark.parametrize(
     ('options', 'said'),
     [
-        (['four_bar_nominal'], 'there is nothing to hear: the run has no impacts'),
+        (['four_bar_nominal'], 'there is no sound: the run has no impacts'),
         (['four_bar_clearance', '-o', 'no/x.wav'], "there is no directory 'no'"),
         (['four_bar_clearance', '--distance', '1'], 'is not a quantity with a unit'),
         (['four_bar_clearance', '--distance', '0 m'], 'must be away from the machine'),

@@ -9,12 +9,14 @@ import pytest
 from scipy import signal, stats
 
 from mechanism_sim.sensing.indicators import Moments, indicators
-from mechanism_sim.sensing.orders import TurnSegments, at_equal_angles, order_spectrum
 from mechanism_sim.sensing.spectra import (
     LineSpectrum,
+    TurnSegments,
     amplitude,
+    at_equal_angles,
     envelope,
     envelope_spectrum,
+    order_spectrum,
     power,
     shock_band,
     spectral_kurtosis,

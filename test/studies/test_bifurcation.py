@@ -95,8 +95,8 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path):
 @pytest.mark.parametrize(
     ('args', 'said'),
     [
-        (('four_bar_clearance',), "--vary: write PATH=LOW:HIGH:N, as 'drive.speed=100 rpm"),
-        (('four_bar_clearance', '--vary', 'drive.speed=1:2'), 'write PATH=LOW:HIGH:N'),
+        (('four_bar_clearance',), "--vary: write NAME=LOW:HIGH:N, as 'drive.speed=100 rpm"),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2'), 'write NAME=LOW:HIGH:N'),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:1'), 'must be at least 2'),
         (('four_bar_clearance', '--vary', 'drive.sped=1:2:3'), "'drive.sped'"),
         (('slider_crank', '--vary', 'drive.speed=1:2:3'), 'without a free motion'),
@@ -106,7 +106,7 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path):
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--at-impacts', 'x'),
          "there is no loose joint 'x'"),
         (('mass_on_spring', '--vary', 'links.mass.mass=1:2:3'), 'a drive at constant speed'),
-        (('four_bar_clearance', *['--vary', 'drive.speed=1:2:3'] * 2), 'two different ones'),
+        (('four_bar_clearance', *['--vary', 'drive.speed=1:2:3'] * 2), 'two ranges of'),
     ],
 )  # fmt: skip
 def test_mistakes_get_one_sentence(args, said):

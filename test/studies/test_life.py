@@ -90,6 +90,7 @@ def test_what_a_pin_sinks_over_keeps_the_force():
     assert room_for_pin(found, CLEARANCE) == pytest.approx(found, abs=1e-9 * CLEARANCE)
 
 
+@pytest.mark.slow
 def test_the_command_goes_on_from_its_journal_and_writes_scenes(tmp_path):
     """A second time nothing is run; a scene of a stage begins where the life stood."""
     file, scenes = tmp_path / 'wheel.yaml', tmp_path / 'stages'

@@ -18,7 +18,7 @@ from four_bars import RADIAL, loose
 from running import ROOT, TIMEOUT, command, environment, run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.studies.plan import Extent, read_plan

@@ -235,8 +235,8 @@ def test_names_of_matlab_are_unique_and_short():
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('vary: {drive.speed: 3}', 'is no distribution'),
-        ('vary: {drive.speed: {cauchy: [1, 2]}}', 'is no distribution'),
+        ('vary: {drive.speed: 3}', 'is not a distribution'),
+        ('vary: {drive.speed: {cauchy: [1, 2]}}', 'is not a distribution'),
         ('vary: {drive.speed: [20 rad/s, 10 rad/s]}', 'must rise'),
         ('vary: {drive.speed: [1 rad/s, 2 mm]}', 'mixes units'),
         ('vary: {drive.speed: {normal: [1, 0]}}', 'must be positive'),

@@ -211,6 +211,7 @@ def test_a_straight_line_of_the_literature():
     assert error(found, z).max() == pytest.approx(found.largest, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_four_bar_that_takes_the_path(tmp_path, monkeypatch):
     """Its own measure is the distance that the command told, and it stays so as a file."""
     z = traced(np.linspace(0.0, TURN, 24, endpoint=False))
@@ -227,12 +228,12 @@ def test_the_command_writes_a_four_bar_that_takes_the_path(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ('args', 'said'),
     [
-        (('slider_crank', '--path', 'path.csv'), 'goes without a scene'),
+        (('slider_crank', '--path', 'path.csv'), 'takes no scene'),
         (('--path', 'path.csv', '--vary', 'a=1:2'), 'does not apply to --path'),
         (('--path', 'path.csv', '-o', 'a.svg'), 'writes a scene'),
         (('--path', 'few.csv'), 'at least 5 points'),
         (('--path', 'none.csv'), 'cannot be read'),
-        (('slider_crank', '--transmission', '30 deg'), 'goes with --path'),
+        (('slider_crank', '--transmission', '30 deg'), 'needs --path'),
         (('--path', 'path.csv', '--transmission', '30'), "write for example '30 deg'"),
     ],
 )

@@ -21,7 +21,7 @@ from running import ROOT, command, environment, run, run_json
 import mechanism_sim as ms
 from mechanism_sim import ending
 from mechanism_sim.errors import InputError
-from mechanism_sim.recording import read_bag
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.schema import WindowsPart
@@ -115,6 +115,7 @@ def test_windows_are_what_the_node_publishes(reference, tmp_path):
     assert np.std(signal) > 10.0
 
 
+@pytest.mark.slow
 def test_every_row_has_the_labels_of_its_run(reference, tmp_path):
     plan = read_plan(sweep_file(tmp_path, SWEEP))
     rows = rows_of(reference)
@@ -383,6 +384,7 @@ def test_windows_that_cannot_be_are_refused_before_anything_runs(tmp_path, text,
         read_plan(sweep_file(tmp_path, SCENE + text + '\n'))
 
 
+@pytest.mark.slow
 def test_folders_that_would_mix_data_sets_are_refused(reference, tmp_path):
     file, table = sweep_file(tmp_path, SCENE + 'windows: {samples: 100}\n'), tmp_path / 't.parquet'
     args = 'sweep', file, '-o', str(table), '--windows'

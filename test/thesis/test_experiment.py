@@ -25,7 +25,6 @@ from mechanism_sim.studies.plan import Extent, read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.thesis import experiment_figures
-from mechanism_sim.thesis.angular_acceleration import TurningLink
 from mechanism_sim.thesis.claims import (
     LESS,
     MORE,
@@ -47,8 +46,15 @@ from mechanism_sim.thesis.experiment import (
     with_limits,
     with_orders,
 )
-from mechanism_sim.thesis.experiment_page import renewed
-from mechanism_sim.thesis.experiment_tables import figure, render, summary, tables, to_json
+from mechanism_sim.thesis.experiment_tables import (
+    figure,
+    render,
+    renewed,
+    summary,
+    tables,
+    to_json,
+)
+from mechanism_sim.thesis.swing import TurningLink
 
 TURNS = 6
 MESH = 0.1

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.thesis.frequency_weights import (
+from mechanism_sim.thesis.reconstruction import (
     band_pass,
     both,
     fade,

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import mechanism_sim as ms
-from mechanism_sim.analysis import analyze
+from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.oscillator import fields
 from mechanism_sim.numerics.polynomials import gauss_nodes
@@ -22,7 +22,7 @@ from mechanism_sim.report.bag import render
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.sensing.chain import Amplifier
 from mechanism_sim.vibration.residues import receptance, through
-from mechanism_sim.vibration.shaking import Shaking
+from mechanism_sim.vibration.shaken_frame import Shaking
 
 FRAME = {
     'mass': 20.0,
@@ -370,7 +370,7 @@ def test_a_heavy_frame_moves_as_if_it_did_not_move_the_machine(tmp_path):
         ({'mass': -1.0}, 'mass'),
         ({'mass': 1e-14}, 'natural frequency'),
         ({'joints': ['rocker_grund']}, "did you mean 'rocker_ground'"),
-        ({'joints': ['crank_coupler']}, 'no joint of the ground'),
+        ({'joints': ['crank_coupler']}, 'not a joint of the ground'),
         ({'springs': {}}, "unknown key 'oscillators.frame.springs'"),
     ],
 )

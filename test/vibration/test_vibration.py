@@ -24,7 +24,7 @@ from torsional import (
 )
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.periodic_forces import FourierSeries
 from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.systems import state_matrix
 

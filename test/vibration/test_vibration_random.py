@@ -11,7 +11,7 @@ from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients
 from two_masses import TwoMasses
 
-from mechanism_sim.vibration.excitation import FourierSeries
+from mechanism_sim.vibration.periodic_forces import FourierSeries
 from mechanism_sim.vibration.systems import state_matrix
 
 #: of each kind; ten kinds

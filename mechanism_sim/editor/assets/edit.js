@@ -2,6 +2,7 @@ import { Canvas } from 'canvas';
 import { Curves } from 'curves';
 import { Fields } from 'fields';
 import { lensOf } from 'lens';
+import { Wear, LengthOfRun } from 'wear';
 import { Player, Recording } from 'player';
 import { words } from 'stage';
 import { quantity } from 'svg';
@@ -16,8 +17,8 @@ const BOUNDS = [-0.1, -0.1, 0.3, 0.2]; // [m] of a machine that is begun
 /** Tools that draw nothing: as those of `Tool.to_json`, which the page has from the kinds. */
 const HAND = { name: 'hand', tools: [
   { name: 'move', key: 'V', icon: 'M4 2v11l3-3 2 4 2-1-2-4h4z', hint: 'Drag a joint or a point; drag the sheet to shift it' },
-  { name: 'turn', key: 'T', icon: 'M8 2a6 6 0 1 0 6 6h-2a4 4 0 1 1-4-4v3l5-4-5-4z', hint: 'Drag a joint: the machine moves along its way' },
-  { name: 'remove', key: 'X', icon: 'M4 5h8l-1 10H5zM6 1h4v1h4v2H2V2h4z', hint: 'Click on what is to go' },
+  { name: 'turn', key: 'T', icon: 'M8 2a6 6 0 1 0 6 6h-2a4 4 0 1 1-4-4v3l5-4-5-4z', hint: 'Drag a joint: the machine moves along its path' },
+  { name: 'remove', key: 'X', icon: 'M4 5h8l-1 10H5zM6 1h4v1h4v2H2V2h4z', hint: 'Click on what to remove' },
 ] };
 const GROUPS = [HAND, ...JSON.parse(document.getElementById('tools').textContent)];
 const TOOLS = new Map(GROUPS.flatMap(({ tools }) => tools.map((tool) => [tool.name, tool])));
@@ -38,7 +39,9 @@ let curves = null;
 
 const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
-const heard = { state: show, frame, pose, forces, checked, progress, run: ran, problem, said: ({ text }) => say(text), busy };
+const wear = new Wear(ask);
+const lengthOfRun = new LengthOfRun(ask);
+const heard = { state: show, frame, pose, forces, checked, progress, run: ran, worn, problem, said: ({ text }) => say(text), busy };
 start();
 
 function start() {
@@ -98,7 +101,7 @@ function connect() {
     heard[message.type]?.(message);
   });
   socket.addEventListener('close', () => {
-    if (state) say('The editor has ended; this page looks for it again.');
+    if (state) say('The editor has ended; this page tries to reconnect.');
     flying = false;
     setTimeout(connect, AGAIN);
   });
@@ -256,6 +259,7 @@ function forget() {
   by('run').replaceChildren();
   root.dataset.run = '';
   root.dataset.checked = '';
+  root.dataset.worn = '';
 }
 
 function checked({ data, number }) {
@@ -264,11 +268,20 @@ function checked({ data, number }) {
   tell([data.level, ...driven.map(([c, what]) => `${words(c)} ${what}`)].join('; '));
   const list = (title, items) => (items.length ? `<h3>${title}</h3><ul>${
     items.map((x) => `<li>${escape(x)}</li>`).join('')}</ul>` : '');
-  by('run').innerHTML = `<div id="lenses"></div><div id="figures"><p class="soft">running …</p></div><h3>Model</h3><p>${
+  by('run').innerHTML = `<div id="length"></div><div id="lenses"></div><div id="figures"><p class="soft">running …</p></div><div id="wear"></div><h3>Model</h3><p>${
     escape(data.level)}: ${escape(data.why)}</p>${list('Questions', data.questions)}${
-    list('What may stop it', data.limits)}${list('Gaps', data.gaps)}${
+    list('What limits the motion', data.limits)}${list('Gaps', data.gaps)}${
     list('Notes', data.notes.filter((x) => !data.limits.includes(x)))}`;
+  lengthOfRun.show(by('length'), state.length);
+  wear.show(by('wear'), state.wears);
   root.dataset.checked = number;
+}
+
+/** Loads of the same run with a pin that has worn. */
+function worn({ data, number }) {
+  if (number !== state.number || !run) return;
+  wear.compare(run.data.figures, data);
+  root.dataset.worn = `${data.joint} ${data.radial}`;
 }
 
 function progress({ data }) {
@@ -302,6 +315,8 @@ function ran({ data, number }) {
   run.lenses = by('lenses') ? lenses(recording, data.stage) : [];
   if (Object.keys(shown.traced).length) canvas.trace(traces(recording, data.stage), shown.stage.colours);
   instant(recording.at(recording.start));
+  wear.enable();
+  lengthOfRun.tell(data.end);
   root.dataset.digest = data.digest;
   root.dataset.run = number;
 }
@@ -464,7 +479,7 @@ function open(name) {
 /** Whether the document may be left for another one. */
 function leaves() {
   // eslint-disable-next-line no-alert
-  if (state?.changed && !window.confirm('What was changed is not saved. Leave it?')) return false;
+  if (state?.changed && !window.confirm('Your changes are not saved. Leave the page?')) return false;
   fitted = null;
   return true;
 }

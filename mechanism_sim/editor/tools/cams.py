@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 from mechanism_sim.editor.rounding import degrees, rounded
-from mechanism_sim.editor.sketch import Edit, Sketch, Spot
+from mechanism_sim.editor.sketch import Edit, Sketch, Spot, Way
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.points import GROUND, rotate
 
 
 def _cam(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A roller on a link that swings or slides, or on a new one that slides away from the cam.
 
-    It rises and returns by a quarter of its distance, and starts in a dwell where it is.
+    It rises and returns by a quarter of its distance, and starts in a dwell where it is. A block
+    that slides becomes a cam that slides.
     """
     a, b, apart = sketch.ends(start, end, 'cam')
+    if way := sketch.sliding(start):
+        return _sliding_cam(sketch, way, end)
     cam = sketch.turning(start, 'cam')
     if cam.on != GROUND:
         raise InputError(
@@ -57,6 +61,41 @@ def _cam(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     path = sketch.named(cam.link, follower)
     driven = sketch.driven(cam.link) if cam.edits else []
     return [Edit(path, joint), *cam.edits, *edits, *driven]
+
+
+def _sliding_cam(sketch: Sketch, cam: Way, end: Spot) -> list[Edit]:
+    """A valley between two slopes, and a roller in it that slides across the way of the cam."""
+    (u, v), (x, y) = cam.at, sketch.where(end)
+    x, y = rotate((x - u, y - v), -cam.axis)
+    apart = abs(y)
+    if apart < sketch.grid.step:
+        raise InputError('the follower of a cam that slides is beside its way: drag across it')
+    edits: list[Edit] = []
+    if rail := sketch.sliding(end):
+        follower = rail.own
+    else:
+        follower = sketch.name('follower')
+        foot = rotate((x, 0.0), cam.axis)
+        base, edits = sketch.point(GROUND, (u + foot[0], v + foot[1]))
+        across = cam.axis + math.copysign(0.5 * math.pi, y)
+        guess = Edit(('guess', follower), sketch.long(apart))
+        edits += [sketch.link(follower), *sketch.guide(base, follower, across), guess]
+    places = [cam.along + k * apart for k in (-10.0, -2.25, -0.25, 0.25, 2.25, 10.0)]
+    rise = sketch.size(0.4 * apart)
+    rises = '0 mm', f'-{rise}', '0 mm', rise, '0 mm'
+    joint = {
+        'cam': [cam.own, follower],
+        'follower': 'roller',
+        'roller': sketch.size(0.4 * apart),
+        'base_radius': sketch.size(0.6 * apart),
+        'law': {
+            'segments': [
+                {'from': sketch.long(u), 'to': sketch.long(v), 'rise': rise}
+                for (u, v), rise in zip(pairwise(places), rises, strict=True)
+            ]
+        },
+    }
+    return [Edit(sketch.named(cam.link, follower.partition('.')[0]), joint), *edits]
 
 
 register(

@@ -48,7 +48,7 @@ def _slider(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     if handle is None or GROUND in (pin[0], *(x for x, _ in handle.members if gone)):
         raise InputError(
             'a slider is put on the free end of a link, or on a pin of two links: press there, '
-            'drag its way'
+            'drag along its guide'
         )
     at, own = handle.at, referred(*pin)
     axis = _round_axis(at, end.at) if math.dist(at, end.at) > sketch.grid.step else 0.0
@@ -100,8 +100,8 @@ register(
         'slider',
         'S',
         'M3 5h10v6H3zM0 12.5h16V14H0z',
-        'Press on the free end of a link, drag along the rail; let go on another link, or press '
-        'on a pin of both, and the rail is on that',
+        'Press on the free end of a link, drag along the rail; release on another link, or '
+        'press on a pin of both, and the rail is on that',
         _slider,
         'band',
     ),
@@ -183,7 +183,45 @@ register(
         'rotor',
         'Z',
         'M7 1h2v14H7zM1 7h14v2H1zm3-3h8v8H4z',
-        'Click: an unbalanced disk on a support that gives way',
+        'Click: an unbalanced disk on a compliant support',
         _disk,
+    ),
+)
+
+
+def _stops(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
+    """Stops on both sides of where a pin or a guide is: 30 degrees, or a quarter of its way."""
+    name = start.handle.key if start.handle and start.handle.joint else ''
+    way = sketch.sliding(start)
+    if way and (not name or sketch.scene.joints[name].kind != 'prismatic'):
+        name = way.joint
+    joint = sketch.scene.joints.get(name)
+    if joint is None or joint.kind not in ('revolute', 'prismatic'):
+        raise InputError('stops are put on a pin of two links, or on a block in its guide')
+    if joint.stops or joint.clearance:
+        raise InputError(f'{name} has {"stops" if joint.stops else "a clearance"} already')
+    if joint.kind == 'prismatic':
+        if way is None:
+            raise InputError('stops are put on a block that slides on the frame')
+        reach = max(0.25 * abs(way.along), 20.0 * sketch.grid.step)
+        limits = {k: sketch.long(way.along + d * reach) for k, d in _SIDES}
+    else:
+        one, two = (sketch.poses[x.partition('.')[0]].angle if x.partition('.')[0] != GROUND
+                    else 0.0 for x in joint.points)  # fmt: skip
+        limits = {k: degrees(two - one + d * math.radians(30.0)) for k, d in _SIDES}
+        limits['radius'] = '50 mm'
+    return [Edit(('joints', name, 'stops'), {**limits, 'restitution': 0.5}), *sketch.masses()]
+
+
+_SIDES = ('lower', -1.0), ('upper', 1.0)
+
+register(
+    'stops',
+    Tool(
+        'stops',
+        'Shift+K',
+        'M1 2h2v12H1zm12 0h2v12h-2zM5 6h6v4H5z',
+        'Click on a pin or a block: it stops 30 degrees, or a quarter of its way, to either side',
+        _stops,
     ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from mechanism_sim.editor.rounding import degrees, rounded
 from mechanism_sim.editor.sketch import ORIGIN, Edit, Sketch, Spot
@@ -13,11 +14,33 @@ from mechanism_sim.planar.points import GROUND
 
 def _spring(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     """A spring between two points, relaxed where it is drawn."""
+    values, edits = _straight(sketch, start, end)
+    return [Edit(('springs', sketch.name('spring')), {**values, 'stiffness': '1000 N/m'}), *edits]
+
+
+def _gas_spring(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A gas spring between two points: 100 N where it is drawn, more as it gives."""
+    values, edits = _straight(sketch, start, end)
+    column = sketch.long(0.8 * math.dist(sketch.where(start), sketch.where(end)))
+    values['gas'] = {'force': '100 N', 'column': column, 'exponent': 1.4}
+    return [Edit(('springs', sketch.name('gas_spring')), values), *edits]
+
+
+def _bump_stop(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A spring that pushes below four fifths of the distance that is drawn, and not above."""
+    values, edits = _straight(sketch, start, end, 0.8)
+    values |= {'stiffness': '10 N/mm', 'damping': '20 N s/m', 'acts': 'below'}
+    return [Edit(('springs', sketch.name('bump_stop')), values), *edits]
+
+
+def _straight(
+    sketch: Sketch, start: Spot, end: Spot, free: float = 1.0
+) -> tuple[dict[str, Any], list[Edit]]:
+    """Ends and free length of a spring between two points, and points that are new."""
     (one, new), (two, newer) = sketch.reference(start), sketch.reference(end)
     _two_links(one, two)
-    free = sketch.long(math.dist(sketch.where(start), sketch.where(end)))
-    values = {'between': [one, two], 'stiffness': '1000 N/m', 'free_length': free}
-    return [Edit(('springs', sketch.name('spring')), values), *new, *newer]
+    long = sketch.long(free * math.dist(sketch.where(start), sketch.where(end)))
+    return {'between': [one, two], 'free_length': long}, [*new, *newer, *sketch.masses()]
 
 
 def _torsion(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
@@ -54,6 +77,22 @@ register(
         '9.5 3 3 0 0 1 5 7a5 5 0 1 1 8 4l-1-1a3.6 3.6 0 1 0-5.6-2.5z',
         'Press on a link, drag to another or to the frame: a torsion spring',
         _torsion,
+        'band',
+    ),
+    Tool(
+        'gas_spring',
+        'Shift+H',
+        'M1 6h9v1.3h5v1.4h-5V10H1zm1.4 1.3v1.4h4V7.3z',
+        'Press on one point, drag to another: a gas spring, which pushes them apart',
+        _gas_spring,
+        'band',
+    ),
+    Tool(
+        'bump_stop',
+        'Shift+B',
+        'M1 3h2v10H1zm3 3 3-2 3 2v4l-3 2-3-2zm8-3h2v10h-2z',
+        'Press on one point, drag to another: a buffer that pushes when they come near',
+        _bump_stop,
         'band',
     ),
 )

@@ -33,10 +33,9 @@ import numpy as np
 from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.loads import Load, Wrench, moment_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
-from mechanism_sim.planar.protocols import ForceElement
+from mechanism_sim.planar.protocols import ForceElement, Load, Wrench, moment_of
 from mechanism_sim.planar.view import Draft, circle
 
 

@@ -28,20 +28,20 @@ class BeltKeys(PhaseKeys):
     """A belt or a chain."""
 
     belt: Reference | None = None
-    """Two pulleys, or chain wheels, by their centres."""
+    """Centres of the two pulleys or chain wheels."""
     radii: tuple[Length, Length] | None = None
-    """Of a belt, required: of the first and of the second pulley, to the middle of the belt."""
+    """Radii of the first and the second pulley, to the middle of the belt; required."""
     crossed: bool = False
-    """True if the strands cross, so that the pulleys turn opposite ways."""
+    """True if the strands cross, so that the pulleys turn in opposite directions."""
     stiffness: Annotated[float, si('N/m'), Field(gt=0.0)] | None = None
-    """Of each strand; without it the belt is ideal."""
+    """Stiffness of each strand; without it the belt is ideal."""
     damping: Annotated[float, si('N s/m'), Field(ge=0.0)] = 0.0
-    """Of each strand while it is taut."""
+    """Damping of each strand while it is taut."""
     pretension: Annotated[float, si('N'), Field(ge=0.0)] = 0.0
     """In each strand at the start, or on the mean of both where friction holds the belt; 0 for a
     chain, of which one strand pulls at a time."""
     carrier: str | None = None
-    """Link that carries both shafts; else the ground."""
+    """Link that carries both shafts; the ground if not given."""
 
     firm = 'belts and chains have strands'
     rubs_by = ('groove', 'efficiency'), False
@@ -74,15 +74,15 @@ class BeltKeys(PhaseKeys):
             ratio.numerator > _LARGEST or abs(ratio * Fraction(r2) / Fraction(r1) - 1) > 1e-12
         ):
             raise InputError(
-                f'{where}.radii: {r1:g} m to {r2:g} m is no ratio of whole numbers up to '
+                f'{where}.radii: {r1:g} m to {r2:g} m is not a ratio of whole numbers up to '
                 f"{_LARGEST}: write fewer digits, or give the belt a 'stiffness'"
             )
         held = self._held()
         if held is not None and self.stiffness:
-            raise InputError(f'{where}.friction: strands that give way do not slip: leave out one')
+            raise InputError(f'{where}.friction: elastic strands do not slip: leave out one')
         if held is not None and not self.pretension:
             raise InputError(
-                f"{where}.pretension is missing: what friction can hold goes with it, as '200 N'"
+                f"{where}.pretension is missing: friction depends on it: give it, as '200 N'"
             )
         for key in ('damping', 'pretension'):
             allowed = held is not None and key == 'pretension'

@@ -33,7 +33,7 @@ class SpatialKeys(CarrierKeys):
     pressure_angle: Angle | None = None
     """Of a bevel pair; of a worm pair in the plane normal to the thread; 20 deg without it."""
     facing: tuple[Angle, Angle] | None = None
-    """Where each of such a pair has its mate, seen from its shaft; without it 0 and 180 deg."""
+    """Direction from the shaft of each of such a pair to its mate; 0 and 180 deg if not given."""
     along: tuple[Position, Position] | None = None
     """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
 
@@ -51,15 +51,15 @@ class BevelKeys(SpatialKeys):
     """Straight bevel gears."""
 
     bevel: Reference | None = None
-    """Two links with bevel gears, whose axes point away from the apex: they turn opposite ways."""
+    """Two links with bevel gears; axes point away from the apex: they turn in opposite senses."""
     module: Length | None = None
-    """Of a bevel pair, at the back of its teeth; required."""
+    """Module of a bevel pair, at the back cone; required."""
     face_width: Displacement | None = None
-    """Of a bevel pair: length of its teeth, in whose middle the force acts; required."""
+    """Length of the teeth of a bevel pair; the force acts in their middle; required."""
     shaft_angle: Angle | None = None
-    """Of a bevel pair: between the axes; 90 deg without it."""
+    """Angle between the axes of a bevel pair; 90 deg if not given."""
 
-    firm = 'bevel gears have no play here'
+    firm = 'the backlash of bevel gears is not modelled'
     rubs_by = (), False
 
     def read(self, names: Names, name: str) -> BevelPair:

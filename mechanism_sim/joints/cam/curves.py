@@ -31,7 +31,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise, from_spline
+from mechanism_sim.joints.cam.laws import LawPiece, Piecewise, from_spline
 
 #: the ends of a spline: 'natural', 'clamped', 'not-a-knot', or (order, value) for either end
 Ends = str | tuple[tuple[int, float], tuple[int, float]]
@@ -125,7 +125,7 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
     try:
         return from_spline(scipy.interpolate.CubicSpline(x, y, bc_type=ends))
     except ValueError as error:
-        raise InputError(f'no spline goes through these points: {error}') from error
+        raise InputError(f'no spline passes through these points: {error}') from error
 
 
 class BoundaryCondition(NamedTuple):

@@ -8,28 +8,38 @@ touches, and its derivatives there are those of the true distance, because
 ``dD/dtheta + u' dD/ds = 0`` along the law. In flight D is the distance to the first order; in a
 groove, where the roller has room, to the second, if the acceleration of the law does not jump. The
 angle theta of a cam that slides is its displacement [m].
+
+A law of motion made of pieces becomes a table: one row for every piece, of its polynomial about
+the middle of the piece and of its wave. The equations of motion know the row of the present piece.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import cached_property, lru_cache
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import heyoka as hy
+import numpy as np
+from numpy.polynomial import Polynomial
 
-from mechanism_sim.joints.cam.expressions import displacement
+from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.followers import (
     FlatFaced,
     Oscillating,
     OscillatingFlat,
     Translating,
 )
+from mechanism_sim.joints.cam.laws import Eccentric, Law, Piecewise, Raised
 from mechanism_sim.joints.cam.profiles import Cam
-from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.numerics.symbolic import Term, dense, polynomial
+from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.mechanism import HigherPair
+from mechanism_sim.planar.points import Vector2, rotate
+from mechanism_sim.planar.view import Side
 
+_LONGEST = 0.5 * math.pi  # [rad] of a row: beyond, its own place would be ambiguous
 Pair: TypeAlias = tuple[Jet, Jet]
 
 NONE = Jet(None, {}, None, None)
@@ -104,7 +114,8 @@ class Distance:
         path = self._path(frames, at)
         along = self._along(path, laws)
         square = along[0] * along[0] + along[1] * along[1]
-        speed = _root(square)
+        r = hy.sqrt(dense(square.value))
+        speed = square.chain(r, 0.5 / r, -0.25 / (r * dense(square.value)))
         way = path[1]
         # n . dP/ds with the normal n = -(tangent turned by 90 degrees)
         across = _cross(way, along) * _reciprocal(speed)
@@ -167,6 +178,163 @@ def _reciprocal(x: Jet) -> Jet:
     return x.chain(r, -(r * r), 2.0 * (r * r * r))
 
 
-def _root(x: Jet) -> Jet:
-    r = hy.sqrt(dense(x.value))
-    return x.chain(r, 0.5 / r, -0.25 / (r * dense(x.value)))
+class Rows(NamedTuple):
+    """The pieces of a function as a table.
+
+    Parameters
+    ----------
+    breaks : (k + 1,) [rad] or [m]
+    values : (k, n) the coefficients of the polynomial about the middle of the row, in rising
+        order; with waves anywhere also amplitude, frequency and phase there
+    terms : how many of them are coefficients
+    """
+
+    breaks: Array
+    values: Array
+    terms: int
+
+
+@lru_cache(maxsize=16)
+def rows_of(function: Piecewise) -> Rows:
+    """The rows of a function of pieces; pieces longer than a right angle make several."""
+    terms = max(len(p.polynomial) for p in function.pieces)
+    waves = any(p.amplitude for p in function.pieces)
+    breaks, values = [float(function.breaks[0])], []
+    for piece, start in zip(function.pieces, function.breaks.tolist(), strict=False):
+        count = math.ceil(piece.length / _LONGEST - 1e-9)
+        for i in range(count):
+            breaks.append(start + (i + 1) / count * piece.length)
+            # a piece as a function of the way from `middle`
+            middle = (i + 0.5) / count * piece.length
+            coefficients = piece.polynomial(Polynomial([middle, 1.0])).coef.tolist()
+            phase = math.remainder(piece.frequency * middle + piece.phase, 2.0 * math.pi)
+            padded = [*coefficients, *[0.0] * (terms - len(coefficients))]
+            row = [*padded, piece.amplitude, piece.frequency, phase]
+            values.append(row if waves else row[:terms])
+    breaks[-1] = float(function.breaks[-1])
+    return Rows(np.array(breaks), np.array(values), terms)
+
+
+def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2) -> list[Jet]:
+    """The displacement of a law and its derivatives by the cam angle, `count` in all.
+
+    Parameters
+    ----------
+    name : of the table in `frames`
+    angle : of the cam [rad], of any number of turns; of a cam that slides its displacement [m]
+
+    Raises
+    ------
+    TypeError
+        If the law has no expression.
+    """
+    x = dense(angle.value)
+    if isinstance(law, Eccentric):
+        found = _eccentric(law, x)
+    elif isinstance(law, Raised):
+        found = [law.eccentricity * hy.sin(x + 0.5 * math.pi * k) for k in range(count + 2)]
+        found[0] = found[0] + law.eccentricity
+    elif isinstance(function := getattr(law, 'function', None), Piecewise):
+        rows = rows_of(function)
+        periodic = not law.reciprocating
+        numbers, angle = frames.table(name, angle, rows.breaks, rows.values, periodic)
+        found = _piece(numbers, rows.terms, dense(angle.value), count + 2)
+    else:
+        raise TypeError(f'no expression of {type(law).__name__}')
+    return [angle.chain(*found[k : k + 3]) for k in range(count)]
+
+
+def _piece(
+    numbers: tuple[hy.expression, ...], terms: int, x: hy.expression, orders: int
+) -> list[hy.expression]:
+    """Polynomial and wave, and derivatives, by Horner."""
+    found = polynomial(numbers[:terms], x, orders)
+    if len(numbers) > terms:
+        amplitude, frequency, phase = numbers[terms:]
+        turned = frequency * x + phase
+        wave = [amplitude * hy.cos(turned), -(amplitude * frequency * hy.sin(turned))]
+        for k in range(2, orders):
+            wave.append(-(frequency * frequency * wave[k - 2]))
+        found = [p + w for p, w in zip(found, wave, strict=False)]
+    return found
+
+
+def _eccentric(law: Eccentric, angle: hy.expression) -> list[hy.expression]:
+    """As `Eccentric`: ``q^2 = R^2 - d^2 cos^2`` differentiated again and again."""
+    R, d = law.radius, law.eccentricity
+    c, s = d * hy.cos(angle), d * hy.sin(angle)
+    q = hy.sqrt(R * R - c * c)
+    sine, cosine = 2.0 * c * s, c * c - s * s
+    q1 = 0.5 * sine / q
+    q2 = (cosine - q1 * q1) / q
+    q3 = -(2.0 * sine + 3.0 * q1 * q2) / q
+    q4 = -(4.0 * cosine + 4.0 * q1 * q3 + 3.0 * q2 * q2) / q
+    return [s + q - (R - d), c + q1, q2 - s, q3 - c, q4 + s]
+
+
+@dataclass(frozen=True)
+class PlacedCam(HigherPair):
+    """A cam on `first` and a follower on `second`: where both are.
+
+    `on_first` is the camshaft's axis, `on_second` the centre of the roller, the tip of the knife
+    or a point of the face. The frame of `followers` has its origin on the axis and its x axis
+    along `direction`; the cam angle is ``sense * angle of first + phase``.
+
+    A cam that slides keeps the cam angle 0. What its law goes over is how far it has slid along
+    the negative y axis; `on_first` is the point that is then in the origin, abreast of the pivot
+    of a swinging follower.
+    """
+
+    cam: Cam
+    centre: Vector2  #: [m] of the camshaft, or of the origin in its place, in the world
+    direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
+    sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
+    phase: float = 0.0  #: [rad]
+    arm: Vector2 = (1.0, 0.0)
+    """From the pivot of a swinging follower to its point [m], in its own frame."""
+    beside: float = 0.0  #: [m] from the line through the camshaft to the point of a face
+
+    exact: bool = False  #: distances of a roller to the second order, as grooves with play need
+
+    sides: ClassVar[tuple[Side, ...]] = ('right',)
+    grooved: ClassVar[bool] = False
+
+    @property
+    def arm_angle(self) -> float:
+        """Of the arm or face of a swinging follower, in its own frame [rad]."""
+        return math.atan2(*self.arm[::-1])
+
+    @property
+    def pivot(self) -> Vector2:
+        """Of a swinging follower, in its own frame [m]."""
+        return self.on_second[0] - self.arm[0], self.on_second[1] - self.arm[1]
+
+    @cached_property
+    def distance(self) -> Distance:
+        """Of the follower from the cam."""
+        return Distance(self.name, self.cam, self.beside, self.exact)
+
+    @property
+    def mirror(self) -> int:
+        """-1 where the frame of `followers`, in which cams turn clockwise, is seen mirrored."""
+        return -self.sense
+
+    @property
+    def swing(self) -> int:
+        """1 if the place of a swinging follower grows as it turns counterclockwise."""
+        side: int = getattr(self.cam.follower, 'side', 1)
+        return self.mirror * side
+
+    def world(self, vector: Vector2) -> Vector2:
+        """A vector of the frame of `followers` in the world."""
+        return rotate((vector[0], self.mirror * vector[1]), self.direction)
+
+    def profile(self, points: Array) -> Array:
+        """Points (2, N) of the profile as `Cam` gives them, in the frame of `first` [m]."""
+        x, y = points
+        angle = self.direction + self.sense * self.phase
+        c, s = math.cos(angle), math.sin(angle)
+        y = self.mirror * y
+        placed: Array = np.array([c * x - s * y, s * x + c * y])
+        placed += np.array(self.on_first)[:, None]
+        return placed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -18,7 +18,6 @@ from mechanism_sim.joints.cam.followers import (
     OscillatingFlat,
     Translating,
 )
-from mechanism_sim.joints.cam.guides import Guide, along, around, find_guide
 from mechanism_sim.joints.cam.interference import find_cut_away
 from mechanism_sim.joints.cam.laws import (
     TURN,
@@ -26,13 +25,13 @@ from mechanism_sim.joints.cam.laws import (
     Eccentric,
     Law,
     MeasuredLaw,
+    Piecewise,
     Raised,
     Segment,
     check_smoothness,
     spelled,
 )
 from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
-from mechanism_sim.joints.cam.piecewise import Piecewise
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Reference
@@ -52,9 +51,11 @@ from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.sampled import describe_peaks, determined
 from mechanism_sim.planar.joint_friction import ContactFriction
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import Vector2, rotate
+from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.units import QuantityValue
 
+Frame: TypeAlias = tuple[Vector2, float, Literal[1, -1]]
+"""Centre [m], direction [rad] and sense of a `CamPair`."""
 Way = Annotated[QuantityValue, si_of('rad', 'm')]
 """An angle of a cam, or a displacement if it slides."""
 
@@ -82,7 +83,7 @@ class ConditionPart(Part):
     """Conditions on a polynomial at a place of its segment."""
 
     at: Way
-    """Place, counted as `from` and `to`."""
+    """Position within the segment, counted as `from` and `to`."""
     lift: Rise | None = None
     """Displacement of the follower since the beginning of the segment."""
     velocity: Rise | None = None
@@ -106,11 +107,11 @@ class SegmentPart(Part):
     rise: Rise = QuantityValue(0.0, '')
     """Of the follower, negative for a return; 0 is a dwell."""
     curve: Curve = 'cycloidal'
-    """How it gets there."""
+    """Law of the segment."""
     conditions: tuple[ConditionPart, ...] = ()
-    """Of a polynomial: its degree is one less than their number, with those of its two ends."""
+    """Conditions of a polynomial, of degree one less than their number with those at both ends."""
     points: tuple[tuple[float, float], ...] = ()
-    """Of a spline, from [0, 0] to [1, 1]."""
+    """Points of a spline, from [0, 0] to [1, 1]."""
     ends: Literal['clamped', 'natural', 'not-a-knot'] = 'clamped'
     """Of a spline."""
 
@@ -134,16 +135,16 @@ class NosePart(Part):
     nose: Length
     """Radius of the nose."""
     lift: Length
-    """How far the nose stands out beyond the base circle."""
+    """Height of the nose above the base circle."""
     at: Angle | None = None
-    """Angle of the cam at the nose; without it the rise begins at 0."""
+    """Angle of the cam at the nose; if not given, the rise begins at 0."""
 
 
 class FlankPart(NosePart):
     """A cam of a base circle and a round nose, joined by arcs."""
 
     flank: Position
-    """Radius of the flanks; negative if they are hollow."""
+    """Radius of the flanks; negative if they are concave."""
 
 
 Point = tuple[Position, Position]
@@ -182,7 +183,7 @@ class ProfilePart(Part):
     degree: Literal[3, 5, 7] = 5
     """Of the spline through these points."""
     error: Displacement = 0.0
-    """Standard deviation of measured distances: the spline is smooth, and so far off."""
+    """Standard deviation of measured distances, by which the spline is smoothed."""
     edges: tuple[EdgePart, ...] = ()
     """Instead: lines and arcs, which meet without corners; in any order. Or `file` names a drawing
     (DXF) beside the scene, `layer` one of its layers, and `units` its unit, if it says none.
@@ -208,9 +209,9 @@ class LawPart(Part):
     degree: Literal[1, 3, 5, 7] = 5
     """Of the spline through these points."""
     error: Rise | None = None
-    """Standard deviation of measured displacements: the spline is smooth, and so far off."""
+    """Standard deviation of measured displacements, by which the spline is smoothed."""
     eccentric: Length | None = None
-    """Instead: the cam is a circle, so far off the camshaft."""
+    """Instead: eccentricity of a circular cam."""
     tangent: NosePart | None = None
     """Instead: a base circle and a round nose, joined by tangents."""
     arcs: FlankPart | None = None
@@ -238,15 +239,15 @@ class LiftOffPart(Part):
     """A follower that leaves the cam and strikes it again."""
 
     restitution: Coefficient
-    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    """Coefficient of restitution: 0 without rebound, 1 without loss."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works."""
+    """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient."""
+    """Coefficient of Coulomb friction."""
     pin_radius: Radius = 0.0
     """Of the pin on which a roller turns; required with friction of one."""
     contact: Contact | None = None
-    """A law of force instead of a rigid contact."""
+    """A contact force law instead of a rigid contact."""
 
 
 class GroovePart(Part):
@@ -257,13 +258,13 @@ class GroovePart(Part):
     restitution: Coefficient | None = None
     """Of both walls; required with a clearance."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works."""
+    """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient, on the pin of the roller."""
+    """Coefficient of Coulomb friction, on the pin of the roller."""
     pin_radius: Radius = 0.0
     """Of that pin; required with friction."""
     contact: Contact | None = None
-    """A law of force instead of rigid walls."""
+    """A contact force law instead of rigid walls."""
 
 
 @KINDS.add('cam')
@@ -335,8 +336,8 @@ class CamKeys(PhaseKeys):
         if joint.name not in machine.plan.clearances and not isinstance(joint, GroovePair):
             notes.append(
                 f'{name}: always in contact, so that the cam pulls its follower where the force '
-                "is negative; with 'lift_off' it would part (the command lift-off says from which "
-                'speed)'
+                "is negative; with 'lift_off' it would separate ('mechanism-sim find "
+                "--lift-off' gives the speed)"
             )
         pressure = math.degrees(cam.largest_pressure_angle)
         limit = LARGEST_PRESSURE[joint.distance.swings]
@@ -699,3 +700,73 @@ class _CamReader:
             ways += ['a smaller roller'] if self.joint.roller else []
             ways += [f'a smaller lift than {lift:.4g} {_UNITS[not swings]}']
             raise InputError(f'{flaw}: take {" or ".join(ways)}')
+
+
+class Guide(NamedTuple):
+    """How a cam or a follower moves on the ground."""
+
+    swings: bool  #: or turns
+    at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
+    arm: Vector2  #: [m] from its pivot to its point, in its own frame
+    axis: float = 0.0  #: [rad] along which it slides
+    angle: float = 0.0  #: [rad] of its frame if it slides
+
+
+def find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
+    """How a point `at` [m] of a link is carried by the ground.
+
+    Parameters
+    ----------
+    where : the joint that asks
+    what : ``cam`` or ``follower``
+    """
+    for name, joint in names.scene.joints.items():
+        if joint.kind not in ('revolute', 'prismatic'):
+            continue
+        (a, on_a), (b, on_b) = names.connected(name)
+        if {a, b} != {GROUND, link}:
+            continue
+        if joint.clearance:
+            raise InputError(f'{where}: the joint {name} of its {what} cannot be loose')
+        if joint.revolute:
+            pivot, own = (on_a, on_b) if a == GROUND else (on_b, on_a)
+            return Guide(True, pivot, (at[0] - own[0], at[1] - own[1]))
+        if a == GROUND:
+            x, y = rotate((at[0] - on_b[0], at[1] - on_b[1]), joint.angle)
+            start = on_a[0] + x, on_a[1] + y
+            return Guide(False, start, (0.0, 0.0), joint.axis, joint.angle)
+    moves = 'turn or slide' if what == 'cam' else 'slide or swing'
+    raise InputError(
+        f"{where}: the {what} {link} must {moves} on the ground: add a joint 'prismatic: [ground, "
+        f"{link}]' or 'revolute: [ground, {link}]'"
+    )
+
+
+def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
+    """For a cam that turns, `clockwise` where its angle grows."""
+    if cam.arm != (0.0, 0.0):
+        raise InputError('name the point where the cam turns on the ground')
+    (x, y), (px, py) = cam.at, follower.at
+    direction = math.atan2(py - y, px - x) if follower.swings else follower.axis
+    return cam.at, direction, -1 if clockwise else 1
+
+
+def along(cam: Guide, follower: Guide) -> Frame:
+    """For a cam that slides: the centre is abreast of the pivot of a swinging follower."""
+    (x, y), (px, py) = cam.at, follower.at
+    if follower.swings:
+        way, across = rotate((px - x, py - y), -cam.axis)
+        dx, dy = rotate((way, 0.0), cam.axis)
+        direction = cam.axis + math.copysign(0.5 * math.pi, across)
+        return (x + dx, y + dy), direction, -1 if across > 0.0 else 1
+    across = math.sin(follower.axis - cam.axis)
+    if abs(across) < 1.0 - 1e-15:
+        given, *right = (
+            math.degrees(a) for a in (follower.axis, cam.axis + 0.5 * math.pi,
+                                      cam.axis - 0.5 * math.pi)
+        )  # fmt: skip
+        raise InputError(
+            'a cam that slides moves followers that slide square to it: the axis of its follower '
+            f'must be {right[0]:g} or {right[1]:g} deg, not {given:g} deg'
+        )
+    return cam.at, follower.axis, -1 if across > 0.0 else 1

@@ -20,8 +20,7 @@ from numpy.polynomial import Polynomial
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import FlatFaced, Follower, OscillatingFlat
-from mechanism_sim.joints.cam.laws import TURN, MeasuredLaw, PiecewiseLaw
-from mechanism_sim.joints.cam.piecewise import LawPiece, Piecewise
+from mechanism_sim.joints.cam.laws import TURN, LawPiece, MeasuredLaw, Piecewise, PiecewiseLaw
 from mechanism_sim.joints.cam.touch import turned
 from mechanism_sim.numerics.polynomials import chebyshev_coefficients, chebyshev_nodes, fit_powers
 from mechanism_sim.planar.points import Vector2
@@ -223,8 +222,8 @@ def _fitted(
         if back.any():
             worst = float(np.degrees(angle[:, 1:][back][0])) % 360.0
             raise InputError(
-                f'the follower cannot touch all of the profile: near {worst:.4g} deg of the cam '
-                'it is too hollow'
+                f'the follower cannot touch all of the profile: near {worst:.4g} deg it is too '
+                'concave'
             )
         first = angle[:, :1]
         width = np.remainder(angle[:, -1] - angle[:, 0], TURN)
@@ -279,8 +278,8 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     d = base + lift - nose
     if not 0.0 < nose < base + 0.5 * lift or d <= 0.0:
         raise InputError(
-            f'a nose of {1e3 * nose:g} mm does not fit a base circle of {1e3 * base:g} mm and a '
-            f'lift of {1e3 * lift:g} mm: make it smaller'
+            f'a nose radius of {1e3 * nose:g} mm does not fit a base circle of {1e3 * base:g} mm '
+            f'and a lift of {1e3 * lift:g} mm: make it smaller'
         )
     if math.isinf(flank):
         cosine = (base - nose) / d
@@ -289,7 +288,7 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     if not -1.0 < cosine < 1.0:
         raise InputError(
             f'flanks of {1e3 * flank:g} mm do not touch both a base circle of {1e3 * base:g} mm '
-            f'and a nose of {1e3 * nose:g} mm that lifts by {1e3 * lift:g} mm'
+            f'and a nose radius of {1e3 * nose:g} mm that lifts by {1e3 * lift:g} mm'
         )
     half = math.acos(cosine)
     middle = half if at is None else at

@@ -132,7 +132,8 @@ def smallest_base_radius(
     ----------
     pressure_angle : the limit, between 0 and a right angle [rad]
     """
-    _needs_circle(law)
+    if law.reciprocating:
+        raise InputError('a reciprocating cam has no base circle')
     if not 0 < pressure_angle < 0.5 * math.pi:
         raise InputError('a limit of the pressure angle is between 0 and 90 deg')
     if isinstance(follower, Translating):
@@ -162,11 +163,6 @@ def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> floa
             f'{math.degrees(limit):g} deg'
         )
     return math.sqrt(a**2 + b**2 - 2.0 * a * b * math.cos(least)) - follower.roller
-
-
-def _needs_circle(law: Law) -> None:
-    if law.reciprocating:
-        raise InputError('a reciprocating cam has no base circle')
 
 
 def extent(law: Law) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.cam.placement import PlacedCam
+from mechanism_sim.joints.cam.distance import PlacedCam
 from mechanism_sim.joints.cam.touch import CamTouch, FramePassage
 from mechanism_sim.planar.view import Course, PairView, Told
 

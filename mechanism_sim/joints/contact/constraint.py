@@ -19,13 +19,11 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.view import Draft, Side, circle
 
 _ACROSS = 48

@@ -16,16 +16,16 @@ from mechanism_sim.planar.protocols import MotionBound
 
 @KINDS.add('contact')
 class ContactKeys(TouchingKeys):
-    """Two links that touch, part and strike: detents, latches, bumpers."""
+    """Two links in intermittent contact: detents, latches, bumpers."""
 
     contact: Reference | None = None
-    """Middles of two discs, at a point of a link each, which touch but do not hold each other."""
+    """Centres of two discs, each a point of a link, in unilateral contact."""
     radii: tuple[Length, Length] | None = None
     """Of both pulleys, or of both discs, as [40 mm, 60 mm]; required."""
     to: str | None = None
     """Of a contact, another point LINK.POINT of its second link; from disc to disc between both
     points there is a bar, with the second radius as half of its thickness."""
-    firm = 'links that touch part by themselves'
+    firm = 'links in contact separate by themselves'
     rubs_by = (), False
 
     def read(self, names: Names, name: str) -> DiscPair:

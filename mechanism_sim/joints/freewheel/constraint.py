@@ -17,8 +17,7 @@ from typing import ClassVar
 
 from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
 from mechanism_sim.numerics.symbolic import dense
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.view import Draft, Side
@@ -31,7 +30,7 @@ class Freewheel(Transmission):
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
 
-    parts: ClassVar[str] = 'clutch that holds one way'
+    parts: ClassVar[str] = 'one-way clutch'
 
     sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
     teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel

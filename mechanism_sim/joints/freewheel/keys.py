@@ -24,7 +24,7 @@ class OneWayKeys(PhaseKeys):
     """Of a freewheel or ratchet: how the first turns where it takes the second along,
     counterclockwise without it. Of links that slide that is along their guides."""
 
-    firm = 'it has no play: a ratchet has that of its teeth'
+    firm = 'it has no play; that of a ratchet is in its teeth'
     touches_by = '', 'compliance'
 
     def read(self, names: Names, name: str) -> Freewheel:

@@ -23,11 +23,10 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint
+from mechanism_sim.planar.protocols import Wrench
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import (
     SLOT,

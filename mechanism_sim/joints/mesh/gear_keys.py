@@ -33,7 +33,7 @@ class GearPart(Part):
     module: Length
     """In the plane normal to the teeth."""
     teeth: Annotated[int, Field(ge=3, le=MOST_TEETH)] | None = None
-    """How many; not for racks."""
+    """Number of teeth; not for racks."""
     pressure_angle: Angle = math.radians(20.0)
     """In the plane normal to the teeth."""
     addendum: _Height = 1.0
@@ -193,8 +193,8 @@ def _with_rack(names: Names, one: Wheel, two: Wheel) -> Placed:
     path = path_with_rack(gear, out)
     if path.end - path.start < gear.base_pitch:
         raise InputError(
-            'a pair of teeth lets go before the next one touches: without backlash the pitch line '
-            f'is {tight:.9g} m from the centre'
+            'a pair of teeth separates before the next one engages: without backlash the pitch '
+            f'line is {tight:.9g} m from the centre'
         )
     slope = side * 2.0 / gear.module  # E n . t, with the pitch line on that side of the centre
     return Placed(
@@ -231,7 +231,7 @@ def _axes(names: Names, wheel: Wheel) -> dict[str, _Axis]:
             break
         if names.scene.joints[n].clearance:
             raise InputError(
-                f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is nowhere '
+                f'the shaft of {wheel.name} has a clearance ({n}), so that its centre is not '
                 'fixed: gears need ideal bearings'
             )
     return found

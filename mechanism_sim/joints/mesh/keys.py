@@ -13,9 +13,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints, Reference
 from mechanism_sim.joints.mesh.compliance import Elasticity, middle, touching
+from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.joints.mesh.gear_keys import GearPart, Placed, Wheel, place, read_wheel
 from mechanism_sim.joints.mesh.involute import rounded_up
-from mechanism_sim.joints.mesh.joint import GearMesh
 from mechanism_sim.joints.mesh.pair import Pair, sliding_arm
 from mechanism_sim.joints.mesh.placement import Harmonic, Teeth
 from mechanism_sim.keys.names import Names
@@ -47,13 +47,13 @@ class BacklashPart(Part):
     angle: Annotated[float, si('rad'), Field(gt=0.0)] | None = None
     """Of a transmission of links that turn: free angle of the second from stop to stop."""
     restitution: Coefficient | None = None
-    """Coefficient of restitution: 0 does not bounce, 1 loses nothing."""
+    """Coefficient of restitution: 0 without rebound, 1 without loss."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
-    """Quantities that the coefficient relates: speeds, impulses or works."""
+    """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
-    """Coulomb's coefficient of rigid flanks, at their mean distance from the pitch point."""
+    """Coefficient of friction of rigid flanks, at the mean distance from the pitch point."""
     contact: Contact | None = None
-    """A law of force instead of rigid teeth."""
+    """A contact force law instead of rigid teeth."""
 
 
 class ElasticityPart(Part):
@@ -85,14 +85,14 @@ class MeshKeys(JointKeys):
     mesh: Reference | None = None
     """Two gears, by their names; a rack is named second."""
     backlash: BacklashPart | None = None
-    """Free way of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
-    without it they never part."""
+    """Backlash of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
+    without it they stay in contact."""
     elasticity: ElasticityPart | None = None
-    """Teeth that give way."""
+    """Compliance of the teeth."""
     error: ErrorPart | None = None
     """Transmission error along the line of action, zero at the start."""
 
-    firm = "the play of teeth is their 'backlash'"
+    firm = "the clearance of teeth is their 'backlash'"
     rubs_by = (), False
     rubs_loose = last = True
 
@@ -191,7 +191,7 @@ class MeshKeys(JointKeys):
             if abs(off) > 1e-6:
                 raise InputError(
                     f'joints.{mesh.name}: the train cannot be assembled: the teeth of {one} and '
-                    f'{two} are {abs(off):.3g} pitches off, for other meshes hold both; change '
+                    f'{two} are {abs(off):.3g} pitches off, as other meshes fix both; change '
                     'the angle between the planets, or the numbers of teeth'
                 )
             elasticity = mesh.elasticity and replace(mesh.elasticity, tooth=first)
@@ -230,7 +230,7 @@ class MeshKeys(JointKeys):
             backlash.contact or backlash.friction or backlash.restitution is not None
         ):
             raise InputError(
-                'elastic teeth rebound by themselves, and do not rub: leave out '
+                'elastic teeth rebound by their stiffness and have no friction: leave out '
                 'backlash.restitution, backlash.contact and backlash.friction'
             )
         largest = 0.5 * base_pitch / math.cos(placed.pressure_angle)

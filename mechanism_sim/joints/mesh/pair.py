@@ -66,7 +66,7 @@ class Pair:
                 if g.undercut
             ]
             raise InputError(
-                f'a pair of teeth lets go before the next one touches: the contact ratio is '
+                'a pair of teeth separates before the next one engages: the contact ratio is '
                 f'{"; ".join([f"{self.contact_ratio:.4g}", *cut])}{self._cure() if cut else ""}'
             )
         if start < -self._reach(one) * (1.0 + 1e-12) and not one.undercut:

@@ -83,7 +83,7 @@ def choose(
     ratio : N_driven/N_driving over all stages ([V] eqs. 5.53, 5.7), without sign
     stages : pairs in series
     tolerance : largest relative error of the ratio
-    teeth : fewest and most teeth of a gear; 18 are free of undercut ([V] 5.7)
+    teeth : smallest and largest number of teeth of a gear; 18 are free of undercut ([V] 5.7)
     centre_distance : C [m] of every stage, C = m (N2 + N3)/2 to a micrometre ([V] eq. 5.59)
     modules : that may be used with it [m]
 

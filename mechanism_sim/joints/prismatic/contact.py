@@ -13,13 +13,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from mechanism_sim.numerics.symbolic import Term, dense
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.play import SIDES, MeasuredGap, corner_name
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw
+from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Side
 

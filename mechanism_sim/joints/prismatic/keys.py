@@ -70,7 +70,7 @@ class PrismaticKeys(AxisKeys):
                 "has a clearance that needs 'length' and 'height', those of the block in its guide"
             )
         if wrong := [key for key in OF_PINS if getattr(given, key)]:
-            return f'has a clearance with {wrong[0]}, which is of pins in bushings'
+            return f'has a clearance with {wrong[0]}, which applies to pins in bushings'
         if given.pin_radius:
             return 'has a clearance with pin_radius: a block has none'
         if given.film:

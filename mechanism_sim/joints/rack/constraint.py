@@ -12,11 +12,10 @@ import numpy as np
 from mechanism_sim.joints.geneva.constraint import GenevaReading, IndexingPair, Pair, either
 from mechanism_sim.numerics.symbolic import Term, dense, mul
 from mechanism_sim.planar.closures import HigherClosure
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet, lift
-from mechanism_sim.planar.loads import Wrench, moment_of
+from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.planar.protocols import Wrench, moment_of
 from mechanism_sim.planar.view import (
     Draft,
     PairView,

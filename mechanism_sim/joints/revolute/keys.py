@@ -74,7 +74,7 @@ class RevoluteKeys(StopKeys):
     def wrong_play(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
         if given.height:
-            return 'has a clearance with height, which is of blocks in guides'
+            return 'has a clearance with height, which applies to blocks in guides'
         if (given.misalignment or given.along) and not given.length:
             what = 'misalignment' if given.misalignment else 'along'
             return f"has a clearance with {what}: it needs 'length', that of the bearing"
@@ -149,15 +149,15 @@ class RevoluteKeys(StopKeys):
             worn = zip(('bushing', 'pin'), play.profile.depths(LOOKS), strict=True)
             deep = ', '.join(f'{x} worn up to {d.max():.4g} m' for x, d in worn if d.any())
             found.append(
-                f'{joint.name}: {deep or "round"}; {play.profile.harmonics} harmonics follow '
-                f'where the pin can be to {shape.off:.2g} m'
+                f'{joint.name}: {deep or "round"}; {play.profile.harmonics} harmonics '
+                f'approximate the positions of the pin to {shape.off:.2g} m'
             )
         if not play.length:
             return found
         if leaning(machine.mechanism, joint.name, play) is None:
             return [
                 *found,
-                f'{joint.name}: pin and bushing stay in line: its length changes nothing',
+                f'{joint.name}: pin and bushing stay parallel: its length has no effect',
             ]
         given = play.misalignment or Misalignment()
         said = [

@@ -34,8 +34,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet
 
 Complexes = NDArray[np.complex128]
 _Pair = tuple[Term, Term]  # real and imaginary part
@@ -348,7 +347,7 @@ def worn_shape(
         why = (
             'of a pin and a bushing that are both worn, one must be nearly round'
             if both
-            else 'its grooves are too narrow for the pin; more harmonics follow it nearer'
+            else 'its grooves are too narrow for the pin; more harmonics approximate it better'
         )
         raise ValueError(
             f'has a profile that is off by {error:.3g} m where pin and bushing touch, allowed are '

@@ -12,11 +12,10 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.worn import WornShape, WornSurface
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Wrench, contact_wrench
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import LinkPoint
+from mechanism_sim.planar.protocols import Wrench, contact_wrench
 
 _ROUND = WornShape(0.0, None, None)
 

@@ -25,12 +25,11 @@ import heyoka as hy
 
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.points import LinkPoint
+from mechanism_sim.planar.protocols import Load, Wrench
 from mechanism_sim.planar.view import Draft, Side, circle
 
 

@@ -32,7 +32,7 @@ class PulleyPart(Part):
     """A pulley at a point of a rope, or a drum at its end."""
 
     radius: Length
-    """To the middle of the rope."""
+    """Radius to the middle of the rope."""
     passes: Literal['counterclockwise', 'clockwise'] | None = None
     """How the rope goes round, from its first point on; without it as it bends at the start.
     Required of a drum."""

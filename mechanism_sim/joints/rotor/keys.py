@@ -39,7 +39,7 @@ class SupportPart(Part):
     """A support of a rotor's shaft."""
 
     along: Position = 0.0
-    """Where it is along the shaft, from the link's own disk."""
+    """Position along the shaft, from the link's own disk."""
     stiffness: _Stiffness | None = None
     """In all directions, or along x and along y; without it the support is rigid."""
     damping: _Damping = 0.0
@@ -54,7 +54,7 @@ class DiskPart(Part):
     """A further disk on the shaft of a rotor, which turns with the link."""
 
     along: Position
-    """Where it is along the shaft, from the link's own disk."""
+    """Position along the shaft, from the link's own disk."""
     mass: Mass
     """Its own."""
     inertia: AddedInertia = 0.0
@@ -73,16 +73,16 @@ class ShaftSectionPart(Part):
     begin: Position
     """Where it begins, from the link's own disk."""
     end: Position
-    """Where it ends."""
+    """Its end."""
     diameter: Annotated[float, si('m'), POSITIVE]
-    """How thick it is."""
+    """Diameter."""
 
 
 class RotorShaftPart(Part):
     """A round shaft that bends; its own mass is left out."""
 
     diameter: Annotated[float, si('m'), POSITIVE]
-    """How thick it is."""
+    """Diameter."""
     sections: dict[str, ShaftSectionPart] = Field({})
     """Where it has another diameter, by name."""
     material: str | None = None
@@ -95,7 +95,7 @@ class RotorShaftPart(Part):
 
 @KINDS.add('rotor')
 class RotorKeys(JointKeys):
-    """Disks on a shaft that gives way."""
+    """Disks on a compliant shaft or supports."""
 
     rotor: Reference | None = None
     """The ground where the axis is at rest, and the disk's middle."""
@@ -110,7 +110,7 @@ class RotorKeys(JointKeys):
     external_damping: _Damping = 0.0
     """Of a rotor, at the disk."""
 
-    firm = "what gives way of a rotor is its 'shaft' and its 'supports'"
+    firm = "the compliance of a rotor is in its 'shaft' and its 'supports'"
     gives_way = True
 
     def read(self, names: Names, name: str) -> Revolute:
@@ -265,7 +265,7 @@ def _check(where: str, joint: RotorKeys, support: SupportPart) -> None:
         )
     if joint.shaft and joint.shaft.relaxation and not (rigid or support.mass):
         raise InputError(
-            f"{where}: internal damping of the shaft needs a 'mass' in supports that give way"
+            f"{where}: internal damping of the shaft needs a 'mass' in compliant supports"
         )
 
 

@@ -26,9 +26,9 @@ class SlotKeys(AxisKeys):
     def wrong_play(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
         if given.length or given.height:
-            return 'has a clearance with length or height, which are of blocks in guides'
+            return 'has a clearance with length or height, which apply to blocks in guides'
         if wrong := [key for key in OF_PINS if getattr(given, key)]:
-            return f'has a clearance with {wrong[0]}, which is of pins in bushings'
+            return f'has a clearance with {wrong[0]}, which applies to pins in bushings'
         if given.film:
             return 'has a clearance with a film, which is for pins in bushings'
         return ''

@@ -20,11 +20,10 @@ import numpy as np
 from mechanism_sim.joints.mesh.reading import GearReading, read_ratio
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered, slid
-from mechanism_sim.planar.frames import Frames
-from mechanism_sim.planar.jet import Jet
-from mechanism_sim.planar.loads import Load, Wrench
+from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.protocols import Load, Wrench
 from mechanism_sim.planar.view import PairView, Side
 
 

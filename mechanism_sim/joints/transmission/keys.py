@@ -58,10 +58,10 @@ class TransmissionKeys(CarrierKeys):
     ratio: Ratio | None = None
     """Of a transmission, required: speed of the second over the first, as -3/7."""
     backlash: BacklashPart | None = None
-    """Free way of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
-    without it they never part."""
+    """Backlash of teeth, or between the stops of a transmission, as of dogs on coaxial shafts;
+    without it they stay in contact."""
 
-    firm = "the play of teeth is their 'backlash'"
+    firm = "the clearance of teeth is their 'backlash'"
 
     def read(self, names: Names, name: str) -> Transmission:
         """Two links with a ratio."""

@@ -1,17 +1,148 @@
-"""A worm and its wheel: a ratio of angles, and the forces of their teeth in space ([V] 5.8)."""
+"""A worm and its wheel: a ratio of angles, and the forces of their teeth in space ([V] 5.8).
+
+All forces act at the pitch point. A component's value is its size; its direction: tangential
+against the motion of the driver and with that of the driven gear, radial towards the gear's own
+axis, axial along it, opposite on the two gears in space.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import SpatialPair
-from mechanism_sim.joints.worm.forces import WormPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import PairView
+
+
+class ToothForce(NamedTuple):
+    """Force on the teeth of one gear [N]."""
+
+    tangential: float
+    radial: float
+    axial: float
+
+    @property
+    def total(self) -> float:
+        """Its size [N]; without friction it is the normal force."""
+        return math.hypot(*self)
+
+
+class GearedForces(NamedTuple):
+    """Forces and power that one gear passes on to another."""
+
+    driver: ToothForce
+    driven: ToothForce
+    ratio: float  #: speed of the driver over that of the driven gear, without sign
+    efficiency: float  #: power out over power in
+    torque: float  #: torque that the driven gear gives [N m]
+
+
+def ratio(driver_teeth: int, driven_teeth: int) -> float:
+    """Speed of driver over driven gear, without sign: N3/N2, [V] eqs. 5.7, 5.37, 5.51."""
+    if driver_teeth < 1 or driven_teeth < 1:
+        raise InputError('a gear has teeth, a worm threads')
+    return driven_teeth / driver_teeth
+
+
+def _check(torque: float, size: float, pressure_angle: float) -> None:
+    if not (0.0 <= torque < math.inf):
+        raise InputError('the torque of the driver counts in its direction of motion')
+    if not size > 0.0:
+        raise InputError('a gear has a positive radius')
+    if not 0.0 < pressure_angle < math.pi / 2:
+        raise InputError('a pressure angle lies between 0 and 90 deg')
+
+
+@dataclass(frozen=True)
+class WormPair:
+    """A worm and its wheel on shafts at 90 deg, [V] 5.8.4.
+
+    Parameters
+    ----------
+    threads, teeth : N2 of the worm, N3 of the wheel
+    diameter : pitch diameter d2 of the worm [m]
+    lead_angle : lambda [rad]; the helix angle of the wheel is the same
+    pressure_angle : in the plane normal to the thread [rad]
+    """
+
+    threads: int
+    teeth: int
+    diameter: float
+    lead_angle: float
+    pressure_angle: float = math.radians(20)
+
+    def __post_init__(self) -> None:
+        ratio(self.threads, self.teeth)
+        _check(0.0, self.diameter, self.pressure_angle)
+        if not 0.0 < self.lead_angle < math.pi / 2:
+            raise InputError('a lead angle lies between 0 and 90 deg')
+
+    @property
+    def lead(self) -> float:
+        """Advance of a thread in one turn [m]: pi d2 tan lambda; [V] eq. 5.44 misprints it."""
+        return math.pi * self.diameter * math.tan(self.lead_angle)
+
+    @property
+    def wheel_diameter(self) -> float:
+        """Pitch diameter d3 of the wheel [m], [V] eq. 5.47."""
+        return self.lead * self.teeth / (math.pi * self.threads)
+
+    @property
+    def centre_distance(self) -> float:
+        """Between the shafts [m]."""
+        return (self.diameter + self.wheel_diameter) / 2.0
+
+    @property
+    def locking_friction(self) -> float:
+        """Coefficient of friction from which on the wheel cannot drive: cos phi_n tan lambda."""
+        return math.cos(self.pressure_angle) * math.tan(self.lead_angle)
+
+    def self_locking(self, friction: float) -> bool:
+        """True if the wheel cannot drive the worm."""
+        return friction >= self.locking_friction
+
+    def forces(
+        self, torque: float, friction: float = 0.0, *, wheel_drives: bool = False
+    ) -> GearedForces:
+        """Forces at a torque [N m] of the driver: normal force and Coulomb's friction.
+
+        The threads slide along their helix. The worm's axial force is the wheel's tangential one
+        and the other way round.
+        """
+        _check(torque, self.diameter, self.pressure_angle)
+        if not 0.0 <= friction < math.inf:
+            raise InputError('a coefficient of friction is not negative')
+        mu = -friction if wheel_drives else friction
+        press = math.cos(self.pressure_angle)
+        c, s = math.cos(self.lead_angle), math.sin(self.lead_angle)
+        # per unit of normal force, along the worm's motion and along its axis
+        around, along = press * s + mu * c, press * c - mu * s
+        if min(around, along) <= 0.0:
+            raise InputError(
+                'the worm is self-locking: its wheel cannot drive it'
+                if wheel_drives
+                else 'friction is too large for so steep a worm'
+            )
+        radii = self.diameter / 2.0, self.wheel_diameter / 2.0
+        normal = torque / (along * radii[1] if wheel_drives else around * radii[0])
+        radial = normal * math.sin(self.pressure_angle)
+        worm = ToothForce(normal * around, radial, normal * along)
+        wheel = ToothForce(worm.axial, radial, worm.tangential)
+        driver, driven = (wheel, worm) if wheel_drives else (worm, wheel)
+        speeds = ratio(self.threads, self.teeth)
+        speeds = 1.0 / speeds if wheel_drives else speeds
+        given = driven.tangential * radii[0 if wheel_drives else 1]
+        efficiency = math.tan(self.lead_angle) * along / around
+        if wheel_drives:
+            efficiency = 1.0 / efficiency
+        return GearedForces(driver, driven, speeds, efficiency, given)
+
 
 _UNIT = WormPair(1, 1, 1.0, math.pi / 4)  # fields after others with defaults need one
 

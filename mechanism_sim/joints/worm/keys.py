@@ -11,8 +11,7 @@ from mechanism_sim.joints.bevel.keys import SpatialKeys, needed, placed, pressur
 from mechanism_sim.joints.contact_keys import Friction
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import carrier_of
-from mechanism_sim.joints.worm.constraint import WormDrive
-from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.joints.worm.constraint import WormDrive, WormPair
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, Length
 from mechanism_sim.planar.joint_friction import FlankFriction
@@ -32,7 +31,7 @@ class WormKeys(SpatialKeys):
     hand: Literal['right', 'left'] | None = None
     """Of a worm, right without it: then its wheel turns the same way, each seen on its axis."""
 
-    firm = 'a worm has no play here'
+    firm = 'the backlash of a worm is not modelled'
     rubs_by = (), False
 
     def read(self, names: Names, name: str) -> WormDrive:

@@ -48,7 +48,7 @@ function connect() {
     heard[message.type]?.(message);
   });
   socket.addEventListener('close', () => {
-    if (shown) say('The view has ended; this page looks for it again.');
+    if (shown) say('The view has ended; this page tries to reconnect.');
     setTimeout(connect, AGAIN);
   });
 }

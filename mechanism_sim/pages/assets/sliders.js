@@ -1,7 +1,7 @@
 const EVERY = 150; // [ms] between what is sent while a slider moves
 const PATIENCE = 20_000; // [ms] that a value is shown as asked for while the machine has another
 const WAYS = 1000;
-const ANEW = 'begins the run anew';
+const ANEW = 'restarts the run';
 
 /** Whether a value is that of the machine, but for rounding. */
 const same = ({ known, control: { low, high } }, value) => (

@@ -17,8 +17,7 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.report.charts.lines import OVER_TIME, TURNS, Abscissa, over_turns
 from mechanism_sim.report.charts.thinning import MOST, Envelope, HeldLevels, SampledLine, thinned
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.quantity import Quantity, Shown
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.vibration.shaken_frame import FrameMotion
 

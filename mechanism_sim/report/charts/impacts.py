@@ -1,4 +1,4 @@
-"""Impacts: when, how hard, and where on pin and bushing."""
+"""Loose joints: gaps and modes; impacts: when, how hard, and where on pin and bushing."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.roses import Rose, impact_rose
-from mechanism_sim.analysis.wear import wear_maps
+from mechanism_sim.analysis.roses import Rose, impact_rose, wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (
     TIME,
     Axis,
@@ -21,11 +21,12 @@ from mechanism_sim.report.charts.chart import (
     Panel,
     polar,
 )
-from mechanism_sim.report.charts.contacts import gaps_of
 from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.curves import over_time
 from mechanism_sim.report.charts.thinning import tallest
 from mechanism_sim.units import written
 
+_SHUT = 1e-9  # [mm], never opened
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
 
@@ -80,7 +81,13 @@ def _stems(
     course: ChartedRun, struck: list[Impact], window: ChartWindow, title: str, key: str
 ) -> Chart:
     curves = []
-    for name, number, twin in _places(course):
+    # the gaps with the number of their joint's colour, and whether it is the joint's second
+    joints = course.record.machine.physics.joints
+    for name, number, twin in [
+        (name, joints.index(joint), i > 0)
+        for joint, names in gaps_of(course).items()
+        for i, name in enumerate(names)
+    ]:
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
         sizes = np.array([(i.t, i.normal_impulse) for i in own]).reshape(-1, 2).T
         own = [own[k] for k in tallest(sizes[0], sizes[1], STEMS)]
@@ -93,16 +100,6 @@ def _stems(
     x = replace(TIME, low=window.start, high=window.end)
     panel = Panel(x, Axis('normal impulse', 'mN s', low=0.0), tuple(curves))
     return Chart(key, title, (panel,), 'time')
-
-
-def _places(course: ChartedRun) -> list[tuple[str, int, bool]]:
-    """The gaps with the number of their joint's colour, and whether it is the joint's second."""
-    joints = course.record.machine.physics.joints
-    return [
-        (name, joints.index(joint), i > 0)
-        for joint, names in gaps_of(course).items()
-        for i, name in enumerate(names)
-    ]
 
 
 def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
@@ -181,3 +178,56 @@ def _joint(course: ChartedRun, gap: str) -> tuple[str, int]:
     """The joint of a gap, and the number of its colour."""
     name = joint_of_gap(course.record.machine.mechanism, gap).name
     return name, course.record.machine.physics.joints.index(name)
+
+
+def contacts(course: ChartedRun) -> ChartSection | None:
+    """Gap and mode of every joint with clearance."""
+    gaps = gaps_of(course)
+    if not gaps:
+        return None
+    charts = [
+        _chart(course, window, joint, names, f'{joint}: gap over {when}', key)
+        for joint, names in gaps.items()
+        for window, when, key in course.windows(f'gap-{joint}')
+    ]
+    text = (
+        'The gap is zero while the contact is closed. The band below shows the contact mode; '
+        'where intervals are too short to be told apart, the share of time of each mode.'
+    )
+    return ChartSection('contact', 'Contact', text, tuple(charts))
+
+
+def gaps_of(course: ChartedRun) -> dict[str, list[str]]:
+    """The gaps of each loose joint: of one with two walls there are two."""
+    machine = course.record.machine
+    found: dict[str, list[str]] = {}
+    for name in machine.physics.clearances:
+        found.setdefault(joint_of_gap(machine.mechanism, name).name, []).append(name)
+    return found
+
+
+def _chart(
+    course: ChartedRun, window: ChartWindow, joint: str, names: list[str], title: str, key: str
+) -> Chart:
+    found = over_time(course, key, title, [f'gap.{name}' for name in names], joint, window)
+    panel = found.panels[0]
+    shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
+    # do not make a picture of rounding
+    y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
+    clearances = course.record.machine.physics.clearances
+    rows = {
+        name.removeprefix(joint)[1:] if len(names) > 1 else '':
+        spells(window, clearances.index(name))
+        for name in names
+    }  # fmt: skip
+    return replace(found, panels=(replace(panel, y=y), modes(rows, panel.x)))
+
+
+def spells(window: ChartWindow, gap: int) -> Spells:
+    """The modes of a gap in a window, exact to the last digit: steps end where modes change."""
+    motion = window.record.piece.motion
+    first, last = motion.curve.locate(np.array([window.start, window.end]))
+    modes = motion.modes[first : last + 1, gap]
+    new = np.flatnonzero(np.diff(modes.astype(int), prepend=-1))
+    starts = np.maximum(motion.curve.start[first : last + 1][new], window.start)
+    return Spells(np.append(starts, window.end), modes[new])

@@ -35,7 +35,7 @@ from mechanism_sim.report.charts.chart import (
 from mechanism_sim.report.charts.thinning import Envelope, SampledLine, tallest, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.solution import Piece
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.units import for_people
 
@@ -106,7 +106,7 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
 def check_abscissa(machine: Machine, what: str) -> None:
     """Refuse what a run of the machine cannot be drawn against."""
     if what == 'angle' and machine.plan.main in machine.physics.displacements:
-        raise InputError(f'{machine.plan.main} is driven straight, it has no angle')
+        raise InputError(f'{machine.plan.main} slides: it has no angle')
     if what not in ('time', 'angle'):
         catalogue(machine).find(what)
 
@@ -275,7 +275,10 @@ def _of(
     if reach is None and len(pieces) > TURNS and whole and not s.ideal:
         reach = Envelope.of(x, s.values)
     if s.unit == 'rad':
-        pieces = _within(pieces, newest, offsets, s.name)
+        # angles [deg] less the whole turns that bring each turn nearest to the newest one
+        start = float(pieces[newest][1][0])
+        offset = offsets.setdefault(s.name, start - 360.0 * round(start / 360.0))
+        pieces = [(x, y - 360.0 * round((y[0] - offset) / 360.0), t) for x, y, t in pieces]
     if reach is not None and s.unit != 'rad':
         at, low, high = reach
         quiet = same | {'look': 'range', 'label': ''}
@@ -320,13 +323,6 @@ def _crossing(x: Array, y: Array, t: Array, k: int, turn: Array) -> Array:
     at = 360.0 * max(turn[k - 1], turn[k])
     share = (at - x[k - 1]) / (x[k] - x[k - 1])
     return np.array([[at], *([z[k - 1] + share * (z[k] - z[k - 1])] for z in (y, t))])
-
-
-def _within(pieces: list[Turn], newest: int, offsets: dict[str, float], name: str) -> list[Turn]:
-    """Angles [deg] less the whole turns that bring each turn nearest to the newest one."""
-    start = float(pieces[newest][1][0])
-    offset = offsets.setdefault(name, start - 360.0 * round(start / 360.0))
-    return [(x, y - 360.0 * round((y[0] - offset) / 360.0), t) for x, y, t in pieces]
 
 
 def _curve(pieces: list[Turn], **same: Any) -> ChartCurve:

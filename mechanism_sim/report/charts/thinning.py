@@ -42,7 +42,7 @@ class BinExtremes:
         self._last: tuple[float, Array] | None = None
 
     def add(self, at: Array, values: Array) -> None:
-        """Enter values (C, N) at places (N,) that do not fall; what is no number is left out."""
+        """Enter values (C, N) at places (N,) that do not fall; NaN is left out."""
         if not len(at):
             return
         if self._first is None:

@@ -8,14 +8,13 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
+from mechanism_sim.planar.configuration import Poses
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.planar.poses import Poses
 from mechanism_sim.planar.protocols import MotionBound
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 

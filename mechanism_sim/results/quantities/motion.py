@@ -1,4 +1,4 @@
-"""Coordinates and named points of links: positions, velocities, accelerations."""
+"""Motion of coordinates and points; deformation of links, tilt of joints; forces on the frame."""
 
 from __future__ import annotations
 
@@ -8,10 +8,17 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.points import LinkPoint, Point
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.numerics.symbolic import add, dense
+from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.frames import Frames, Parameters
+from mechanism_sim.planar.mechanism import Mechanism, Prismatic
+from mechanism_sim.planar.points import GROUND, LinkPoint, Point
+from mechanism_sim.planar.protocols import EndGap, moment_of
+from mechanism_sim.planar.switched_functions import SwitchedFunction
+from mechanism_sim.planar.unknowns import Unknowns
+from mechanism_sim.planar.virtual_work import located
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
@@ -108,3 +115,188 @@ def _rates(
 
     for k, (kind, per) in enumerate(RATES.items()):
         yield from vector(f'{kind}.{name}', f'm{per}', f'{kind} of {words}', name, rate(k), shown)
+
+
+def of_elastic_links(machine: Machine) -> Iterator[Quantity]:
+    """``deflection.LINK`` in the middle, and ``stress.LINK``, the largest at the outer fibres."""
+    for link, beam in machine.mechanism.having(Beam).items():
+        yield from _of_beam(link, beam, machine.mechanism.amplitudes(link))
+
+
+def _of_beam(link: str, beam: Beam, own: list[int]) -> Iterator[Quantity]:
+    yield Quantity(
+        f'deflection.{link}', 'm', f'deflection of {link} in the middle', link,
+        lambda view: beam.sag(view.observed.position[own]),
+    )  # fmt: skip
+    if beam.fibre is not None:
+        yield Quantity(
+            f'stress.{link}', 'Pa', f'largest stress in {link}', link,
+            lambda view: beam.largest_stress(view.observed.position[own]),
+        )  # fmt: skip
+
+
+def of_points_of_elastic_links(machine: Machine) -> Iterator[Quantity]:
+    """``deflection.LINK.POINT`` across the link, ``stress.LINK.POINT`` of its left fibre.
+
+    Stress is positive where the fibre is drawn.
+    """
+    for link, beam in machine.mechanism.having(Beam).items():
+        own = machine.mechanism.amplitudes(link)
+        for point in machine.scene.links[link].points:
+            x = min(max(machine.plan.points[link][point][0], 0.0), beam.length)
+            yield from _at_point(f'{link}.{point}', link, beam, own, x)
+
+
+def _at_point(name: str, link: str, beam: Beam, own: list[int], x: float) -> Iterator[Quantity]:
+    def deflection(view: View) -> Array:
+        return np.asarray(beam.deflection(x) @ view.observed.local[own][: beam.modes])
+
+    def stress(view: View) -> Array:
+        strain = beam.strain(x, float(beam.outer_fibre(x))) @ view.observed.local[own]
+        return np.asarray(beam.youngs_modulus * strain)
+
+    yield Quantity(
+        f'deflection.{name}', 'm', f'deflection at {name}', link, deflection, Shown.PARTS
+    )
+    if beam.fibre is not None:
+        yield Quantity(f'stress.{name}', 'Pa', f'stress at {name}', link, stress, Shown.PARTS)
+
+
+def of_tilting_joints(machine: Machine) -> Iterator[Quantity]:
+    """Moments out of the plane and axial forces in bearings that are out of line.
+
+    ``bearing_moment.JOINT.x``, ``.y``, ``.size`` [N m]: on the second link, about the middle;
+    ``axial_force.JOINT`` [N] on it, towards the reader, if there are stops along the axis.
+    """
+    physics = machine.physics
+    if not isinstance(physics, DynamicPhysics):
+        return
+    for joint in physics.tilting:
+        gaps = enumerate(physics.system.gaps)
+        ends = [(k, gap) for k, gap in gaps if isinstance(gap, EndGap) and gap.joint == joint]
+        yield from _of_tilting_joint(joint, ends)
+
+
+def _of_tilting_joint(joint: str, ends: list[tuple[int, EndGap]]) -> Iterator[Quantity]:
+    def moment(view: View) -> Array:
+        o = view.observed
+        each = [gap.moment(o.local, o.normal_force[k], o.friction_force[k]) for k, gap in ends]
+        return np.asarray(np.sum(each, axis=0))
+
+    name, words = f'bearing_moment.{joint}', f'moment out of the plane in {joint}'
+    yield from vector(name, 'N m', words, joint, moment)
+    yield Quantity(
+        f'{name}.size', 'N m', words, joint, lambda view: np.hypot(*moment(view)), part='size'
+    )
+    if any(gap.thrust for _, gap in ends):
+
+        def thrust(view: View) -> Array:
+            each = [gap.thrust * view.observed.normal_force[k] for k, gap in ends]
+            return np.asarray(np.sum(each, axis=0))
+
+        words = f'axial force in {joint}'
+        yield Quantity(f'axial_force.{joint}', 'N', words, joint, thrust)
+
+
+def of_frame(machine: Machine) -> Iterator[Quantity]:
+    """``shaking_force.x``, ``.y``, ``.size``, ``.direction``; ``shaking_moment`` at the origin."""
+    if not machine.physics.has_forces:
+        return
+    shaking = _Shaking(machine)
+
+    def rows(view: View) -> Array:
+        return view.once('shaking', lambda: shaking(view))
+
+    words = 'shaking force on the frame'
+    yield from vector('shaking_force', 'N', words, '', rows, Shown.CYCLE)
+    yield Quantity(
+        'shaking_force.size', 'N', words, '', lambda view: np.hypot(*rows(view)[:2]),
+        Shown.CYCLE, 'size',
+    )  # fmt: skip
+    yield Quantity(
+        'shaking_force.direction', 'rad', f'direction of the {words}', '',
+        lambda view: np.arctan2(*rows(view)[1::-1]), Shown.ASKED, 'direction',
+    )  # fmt: skip
+    yield Quantity(
+        'shaking_moment', 'N m', 'shaking moment on the frame about the origin', '',
+        lambda view: rows(view)[2], Shown.CYCLE,
+    )  # fmt: skip
+
+
+class _Shaking:
+    """Force and moment about the origin that all links and springs put on the frame.
+
+    The torque of a drive acts between frame and link; the force of one that slides between the
+    links of its guide, along it.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._mechanism = mechanism = machine.mechanism
+        self._driven = machine.physics.driven
+        self._on_frame = [
+            (i, joint)
+            for i, joint in enumerate(mechanism.joints)
+            if GROUND in (joint.first, joint.second)
+        ]
+        self._held = tracks(
+            mechanism, [(joint.second, joint.on_second) for _, joint in self._on_frame]
+        )
+        self._machine = machine
+        self._springs: _OnGround | None = None
+
+    def __call__(self, view: View) -> Array:
+        """Force x, y [N] and moment [N m], (3, N)."""
+        o = view.observed
+        self._springs = self._springs or _OnGround(self._machine)
+        fx, fy, moment = self._springs(view)
+        thrust: dict[str, Array] = {}
+        for name, torque in zip(self._driven, o.drive_torque, strict=True):
+            if name in self._mechanism.displacements:
+                thrust[self._mechanism.tree_joints[name].name] = torque
+            else:
+                moment = moment - torque
+        for (i, joint), (x, y) in zip(self._on_frame, self._held(view)[:, 0], strict=True):
+            sign = 1.0 if joint.second == GROUND else -1.0
+            px, py = sign * o.reaction[i]
+            if isinstance(joint, Prismatic) and joint.name in thrust:
+                angle = self._mechanism.frame(joint.first)[1] + joint.axis
+                px = px + sign * thrust[joint.name] * np.cos(angle)
+                py = py + sign * thrust[joint.name] * np.sin(angle)
+            fx, fy = fx + px, fy + py
+            moment = moment + x * py - y * px + sign * o.reaction_moment[i]
+        return np.array([fx, fy, moment])
+
+
+class _OnGround:
+    """Force and moment about the origin of all springs and dampers that end at the frame."""
+
+    def __init__(self, machine: Machine) -> None:
+        mechanism, parameters = machine.mechanism, Parameters()
+        frames = Frames(mechanism.coordinates, parameters)
+        unknowns = Unknowns(mechanism, frames, machine.plan.unknowns(mechanism), {}, [])
+        acting = [x for e in machine.plan.elements(mechanism) for x in e.loads(frames)]
+        loads = [load for load in [*acting, *unknowns.acting] if load.link == GROUND]
+        terms = [
+            add(*(load.force[0] for load in loads)),
+            add(*(load.force[1] for load in loads)),
+            add(
+                *(load.moment for load in loads),
+                *(
+                    moment_of((dense(x.value), dense(y.value)), load.force)
+                    for load in loads
+                    for x, y in [located(load, frames, mechanism)]
+                ),
+            ),
+        ]
+        self._outside = tuple(frames.outside)
+        known = [
+            *frames.q.values(), *frames.v.values(), *frames.outside.values(), *unknowns.sizes
+        ]  # fmt: skip
+        self._function = SwitchedFunction(frames, [terms], known)
+
+    def __call__(self, view: View) -> Array:
+        """Force x, y [N] and moment [N m], (3, N)."""
+        o = view.observed
+        outside = view.outside(self._outside)
+        (found,) = self._function(np.concatenate([o.local, o.velocity, outside, *o.load[:, None]]))
+        return found

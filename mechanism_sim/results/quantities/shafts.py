@@ -13,8 +13,7 @@ from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import TOOTH_PARTS, ToothLoad
-from mechanism_sim.results.quantity import Quantity, Shown, vector
-from mechanism_sim.results.view import View
+from mechanism_sim.results.quantity import Quantity, Shown, View, vector
 from mechanism_sim.scene import Machine
 
 

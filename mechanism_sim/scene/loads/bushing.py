@@ -10,8 +10,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.joint_keys import Reference
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import NOT_NEGATIVE, Part, si
-from mechanism_sim.linkages.bushings import Bushing
-from mechanism_sim.linkages.springs import SpringLaw, TorsionSpring
+from mechanism_sim.linkages.springs import Bushing, SpringLaw, TorsionSpring
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 
@@ -48,7 +47,7 @@ class BushingPart(ElementKeys):
     damping: BushingDamping = BushingDamping()
     """Against the rates of all three."""
     free_angle: Annotated[float, si('rad')] = 0.0
-    """At which it turns nothing."""
+    """Angle without torque."""
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
         """Its force, and its moment."""

@@ -55,14 +55,14 @@ _SIDES = {'both': 0, 'above': 1, 'below': -1}
 
 
 class GasPart(Part):
-    """Gas behind a piston, which pushes by the law of the polytrope."""
+    """Gas behind a piston, with a polytropic force."""
 
     force: Annotated[float, si('N'), POSITIVE]
-    """With which it pushes at the free length."""
+    """Force at the free length."""
     column: Length
     """Height of the gas at the free length; at so much less length there is no room for it."""
     exponent: Annotated[float, si(''), POSITIVE] = 1.0
-    """Of the polytrope: 1 for slow changes, 1.4 for fast ones of nitrogen or air."""
+    """Polytropic exponent: 1 for slow changes, 1.4 for fast ones of nitrogen or air."""
 
 
 class SpringPart(ElementKeys):
@@ -80,13 +80,13 @@ class SpringPart(ElementKeys):
     damping: Damping = QuantityValue(0.0, '')
     """Per speed of the same kind; or a table of force over the rate of the length."""
     free_length: Annotated[float, si('m')] | None = None
-    """Where it pulls nothing; else 0."""
+    """Length without force; 0 if not given."""
     free_angle: Angle | None = None
-    """Where a torsion spring turns nothing; else 0."""
+    """Angle of a torsion spring without torque; 0 if not given."""
     preload: Preload = QuantityValue(0.0, '')
-    """With which it pulls at its free length or angle."""
+    """Force or torque at its free length or angle, positive if it pulls."""
     gas: GasPart | None = None
-    """A gas spring, which pushes."""
+    """A gas spring, in compression."""
     force: ForceOrFormula = 0.0
     """With which it pulls besides: a formula of `length`, `rate`, t, links, states."""
     torque: TorqueOrFormula = 0.0

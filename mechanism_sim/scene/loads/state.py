@@ -59,7 +59,7 @@ class StatePart(ElementKeys):
     rate: str
     """A formula of its rate, as "(supply - p)/(2 s)"; of t, links, LINK_rate and states."""
     scale: AnyQuantity | None = None
-    """Size that matters, which its errors are relative to; else the start, at least 1 bar of a
+    """Scale to which its errors are relative; else the start, at least 1 bar of a
     pressure and 1 in SI units of anything else."""
 
     def states(self, name: str) -> dict[str, str]:

@@ -17,16 +17,16 @@ from mechanism_sim.sensing.point import PointOnLink
 
 @SENSORS.add('accelerometer')
 class AccelerometerKeys(OnLinkKeys, ShockKeys):
-    """An accelerometer, with as much of its chain as matters."""
+    """An accelerometer and its measurement chain."""
 
     at: Offset = 0.0
     """From the link's origin: along the link, as [x, y] in its frame, or a point of it by name."""
     axis: Literal['along', 'across'] = 'across'
     """Direction of its reading: along the link, or 90 degrees counterclockwise from that."""
     instrument: str | None = None
-    """A preset, of which what is given here replaces parts."""
+    """A preset; keys given here replace its parts."""
     gravity: bool = False
-    """It reads acceleration less that of gravity."""
+    """True if it senses acceleration less that of gravity."""
     transducer: Transducer = Transducer()
     """The seismic mass."""
     quantity: Literal['acceleration', 'velocity', 'displacement'] = 'acceleration'
@@ -34,7 +34,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
     integrator: Integrator | None = None
     """The integrating circuit; only where something is integrated."""
     imu: bool = False
-    """It is published as sensor_msgs/Imu, too."""
+    """True to publish it as sensor_msgs/Imu, too."""
 
     def _at(self) -> tuple[float, float]:
         return self.at if isinstance(self.at, tuple) else (self.at, 0.0)

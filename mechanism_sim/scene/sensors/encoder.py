@@ -14,10 +14,8 @@ from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.keys.quantities import Angle
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import SENSORS
-from mechanism_sim.scene.sensors._places import BetweenKeys, angle_between
-from mechanism_sim.sensing.channel import DirectSource
-from mechanism_sim.sensing.sampling import LevelPassage
+from mechanism_sim.scene.sensor_keys import SENSORS, BetweenKeys, angle_between
+from mechanism_sim.sensing.channel import DirectSource, LevelPassage
 
 EDGES = 4
 """Counts of a line: both edges of two tracks that are a quarter of a line apart."""
@@ -95,10 +93,10 @@ class Encoder(DirectSource):
 
 @SENSORS.add('encoder')
 class EncoderKeys(BetweenKeys):
-    """An incremental encoder with two tracks, sampled as often as `sample_rate` says."""
+    """An incremental encoder with two tracks, sampled at `sample_rate`."""
 
     lines: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = 1024
-    """In a turn; four counts each."""
+    """Lines per turn; four counts each."""
     index: Angle | None = None
     """Angle of the index line: counts are from there once it has passed, else from the start."""
 

@@ -6,12 +6,12 @@ from typing import Any
 
 from mechanism_sim.keys.quantities import Offset
 from mechanism_sim.scene.sensor_keys import SENSORS, AnalogueKeys, OnLinkKeys
-from mechanism_sim.sensing.imu import Attitude
+from mechanism_sim.sensing.point import Attitude
 
 
 @SENSORS.add('gyroscope')
 class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
-    """A gyroscope; at an impact what it reads jumps."""
+    """A gyroscope; its reading jumps at an impact."""
 
     at: Offset = 0.0
     """From the link's origin; counts on elastic links, which turn with their cross-sections."""

@@ -22,7 +22,7 @@ from mechanism_sim.scene.sensor_keys import (
     check_joint,
 )
 from mechanism_sim.sensing.channel import DirectSource
-from mechanism_sim.vibration.shaking import VelocitySteps
+from mechanism_sim.vibration.shaken_frame import VelocitySteps
 
 
 class LoadCell(DirectSource):

@@ -12,10 +12,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.scene.sensor_keys import SENSORS
-from mechanism_sim.scene.sensors._places import BetweenKeys, angle_between
-from mechanism_sim.sensing.channel import DirectSource
-from mechanism_sim.sensing.sampling import LevelPassage
+from mechanism_sim.scene.sensor_keys import SENSORS, BetweenKeys, angle_between
+from mechanism_sim.sensing.channel import DirectSource, LevelPassage
 
 
 class Tachometer(DirectSource):
@@ -57,10 +55,10 @@ class Tachometer(DirectSource):
 
 @SENSORS.add('tachometer')
 class TachometerKeys(BetweenKeys):
-    """A pickup that marks of a link pass; the samples are a speed without a sign."""
+    """A pickup that senses marks of a link; the samples are a speed without a sign."""
 
     pulses: Annotated[int, Field(strict=True, ge=1, le=1000)] = 1
-    """In a turn: marks at equal angles, one on the link's x axis."""
+    """Pulses per turn: marks at equal angles, one on the link's x axis."""
 
     reads = 'angular_velocity'
     does = 'a tachometer times'

@@ -239,7 +239,7 @@ def test_drawn_strands_touch_their_pulleys(crossed):
         ({'radii': None}, 'joints.belt.radii is missing'),
         ({'radii': [0.5, 0.05]}, 'no belt goes round pulleys'),
         ({'radii': [0.3, 0.2], 'crossed': True}, 'no crossed belt goes round'),
-        ({'radii': [0.0412345671, 0.1]}, 'no ratio of whole numbers up to 10000'),
+        ({'radii': [0.0412345671, 0.1]}, 'not a ratio of whole numbers up to 10000'),
         ({'pretension': 5}, "pretension needs 'stiffness'"),
         ({'friction': {'coefficient': 0.3}}, 'pretension is missing'),
         ({'friction': {'coefficient': 0.3}, 'stiffness': 1e4, 'pretension': 9}, 'do not slip'),

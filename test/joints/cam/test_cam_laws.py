@@ -277,7 +277,7 @@ RISE = Segment(0, 2, 1, CURVES['HARMONIC'])
     ('segments', 'said'),
     [
         ([], 'needs a segment'),
-        ([RISE], 'does not come back: its rises add up to 1'),
+        ([RISE], 'does not return: its rises add up to 1'),
         ([RISE, Segment(1.5, 3, -1, RISE.curve)], 'overlaps the next one, which begins at 85.94'),
         ([RISE, Segment(4, 7, -1, RISE.curve)], 'overlaps the next one, which begins at 360 deg'),
         ([RISE, Segment(4, 3, -1, RISE.curve)], 'from 229.183 to 171.887 deg has no positive'),

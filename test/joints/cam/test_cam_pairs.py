@@ -11,12 +11,11 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam import curves
-from mechanism_sim.joints.cam.expressions import displacement
+from mechanism_sim.joints.cam.distance import displacement
 from mechanism_sim.joints.cam.laws import Diagram, Eccentric, MeasuredLaw, Raised, Segment
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.configuration import Constraints, poses
-from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.jet import Jet
+from mechanism_sim.planar.frames import Frames, Jet, Parameters
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene.check import check

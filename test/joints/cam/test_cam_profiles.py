@@ -11,8 +11,8 @@ from scipy.optimize import minimize_scalar
 from textbook import smallest_flat_base_radius
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.outline_files import to_svg
 from mechanism_sim.export.outlines import cam_outline
-from mechanism_sim.export.svg import to_svg
 from mechanism_sim.joints.cam.curves import (
     CYCLOIDAL,
     FOUR_SPLINE,

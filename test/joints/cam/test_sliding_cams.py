@@ -378,6 +378,7 @@ def test_metres_for_a_cam_that_turns_are_refused():
         ms.load_scene('valve_train', {'joints.contact.law': law})
 
 
+@pytest.mark.slow
 def test_a_run_that_leaves_the_stroke_ends_with_a_sentence():
     words = r'contact comes to 0\.2 m, but its law goes from 0 to 0\.2 m only \(t = 0\.05'
     with pytest.raises(RunError, match=words):

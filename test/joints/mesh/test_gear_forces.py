@@ -11,7 +11,7 @@ from tooth_forces import bevel, helical, spur
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import pitch_angles
-from mechanism_sim.joints.worm.forces import WormPair, ratio
+from mechanism_sim.joints.worm.constraint import WormPair, ratio
 
 PHI = math.radians(20)
 X, Y, Z = np.eye(3)

@@ -14,7 +14,7 @@ from willis import Mesh, Train
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.mesh.joint import GearMesh
+from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.check import check
 

@@ -8,10 +8,10 @@ from running import run
 from tooth_forces import bevel, helical
 
 import mechanism_sim as ms
-from mechanism_sim.analysis.loads import load_summary
+from mechanism_sim.analysis.summary import load_summary
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import pitch_angles
-from mechanism_sim.joints.worm.forces import WormPair
+from mechanism_sim.joints.worm.constraint import WormPair
 from mechanism_sim.messages import BearingLoads, deserialize
 from mechanism_sim.nodes.publications import bearing_loads
 from mechanism_sim.results.cycle import cycle
@@ -275,7 +275,8 @@ def test_a_scene_with_shafts_is_read_back_as_written():
     ('worm_drive', {'joints.pair.lead_angle': '90 deg'}, 'lead angle lies between'),
     ('worm_drive', {'joints.pair.diameter': None}, 'pair.diameter is missing: a worm pair'),
     ('worm_drive', {'joints.pair.hand': 'both'}, "allowed: 'left' or 'right'"),
-    ('worm_drive', {'joints.pair.clearance': {'radial': 1e-4, 'restitution': 0}}, 'no play here'),
+    ('worm_drive', {'joints.pair.clearance': {'radial': 1e-4, 'restitution': 0}},
+     'is not modelled'),
     ('worm_drive', {'joints.worm_shaft.locating': 'middle'}, 'locating names one of them: left'),
     ('worm_drive', {'joints.worm_shaft.bearings': {'a': 0.0}}, 'two bearings, at different'),
     ('worm_drive', {'joints.worm_shaft.bearings': {'a': 0.0, 'b': 0.0}}, 'at different places'),

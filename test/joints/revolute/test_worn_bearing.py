@@ -362,7 +362,7 @@ def test_a_profile_is_of_dry_pins_in_line():
     scene = four_bar(profile)
     loose = scene['joints']['coupler_rocker']
     loose['slot'] = loose.pop('revolute')
-    with pytest.raises(InputError, match='profile, which is of pins in bushings'):
+    with pytest.raises(InputError, match='profile, which applies to pins in bushings'):
         made(scene)
 
 

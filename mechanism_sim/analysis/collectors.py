@@ -1,0 +1,396 @@
+"""Sums over the messages of a bag: modes of joints, fields, deliveries, signals of sensors."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.analysis.published import PublishedRange
+from mechanism_sim.analysis.series import Field, MessagePath, numeric_paths, recorded
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.hybrid.events import Mode, ModeChange
+from mechanism_sim.recording.reader import Bag
+from mechanism_sim.scene import Machine
+from mechanism_sim.sensing.chain import QUANTITIES
+from mechanism_sim.sensing.indicators import Indicators, Moments
+from mechanism_sim.sensing.spectra import TurnSegments, at_equal_angles, order_spectrum
+
+_KEPT = 2**18  # samples of each sensor, the last ones, of which the strongest orders are sought
+_LONGEST = 1000  # items of an array; more of them are pictures and scans
+
+
+@dataclass(frozen=True)
+class JointModes:
+    """The modes of one joint over a run: `share` by name of the mode sums to 1."""
+
+    joint: str
+    changes: int
+    share: dict[str, float]
+
+
+class ModeShares:
+    """Adds up the time between changes of mode: exact, since every change is recorded."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, ModeChange] = {}
+        self._last: dict[str, ModeChange] = {}
+        self._changes: dict[str, int] = defaultdict(int)
+        self._time: dict[str, dict[Mode, float]] = defaultdict(lambda: defaultdict(float))
+
+    def add(self, changes: Iterable[ModeChange]) -> None:
+        """Enter the changes that follow."""
+        for change in changes:
+            joint = change.joint
+            if joint in self._last:
+                last = self._last[joint]
+                self._time[joint][last.mode] += change.t - last.t
+            else:
+                self._first[joint] = change
+            self._last[joint] = change
+            # the first mode of a run is announced, not changed to
+            self._changes[joint] += change.previous != Mode.UNKNOWN
+
+    def summary(self, start: float, end: float) -> tuple[JointModes, ...]:
+        """The shares over the span of the run from `start` to `end` [s]."""
+        joints = []
+        for joint in sorted(self._first):
+            time = dict(self._time[joint])
+            first, last = self._first[joint], self._last[joint]
+            for lasted, mode in ((first.t - start, first.previous), (end - last.t, last.mode)):
+                time[mode] = time.get(mode, 0.0) + max(0.0, lasted)
+            span = sum(time.values())
+            share = {
+                mode.name.lower(): lasted / span
+                for mode, lasted in sorted(time.items())
+                if lasted > 0
+            }
+            joints.append(JointModes(joint, self._changes[joint], share))
+        return tuple(joints)
+
+
+@dataclass(frozen=True)
+class FieldRange(PublishedRange):
+    """The range of a field, or of an item of an array, whose path is `quantity`."""
+
+    unit: str
+    samples: int
+    start: float  #: [s] of the first of them
+    end: float  #: [s]
+
+
+def field_ranges(bag: Bag) -> tuple[FieldRange, ...]:
+    """The ranges of all numeric fields that the first message of a topic has."""
+    lost, paths = bag.unreadable(), []
+    for topic in (t.name for t in bag.topics.values() if t.count and t.name not in lost):
+        for _, message, _ in bag.messages(topic):
+            paths += [
+                MessagePath(f'{topic}.{".".join(fields)}', topic, tuple(map(Field, fields)))
+                for fields in numeric_paths(message, _LONGEST)
+            ]
+            break
+    if not paths:
+        raise InputError(f'{bag.path} holds nothing that can be analysed: {bag.contents()}')
+    found = []
+    for s in (s for group in recorded(bag, paths) for s in group):
+        if np.isfinite(s.values).any():
+            low, high = int(np.nanargmin(s.values)), int(np.nanargmax(s.values))
+            ends = [(float(s.values[k]), float(s.t[k])) for k in (low, high)]
+            found.append(
+                FieldRange(s.name, *ends[0], *ends[1], s.unit, len(s.t), *map(float, s.t[[0, -1]]))
+            )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class TopicAccount:
+    """One topic: `sent` sums over the nodes that publish it; `lost` are those not in the bag."""
+
+    topic: str
+    sent: int
+    recorded: int
+    lost: int
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """The accounts of all topics that a node claims.
+
+    A node that did not finish may have sent more than its last message says.
+    """
+
+    topics: tuple[TopicAccount, ...]
+    finished: tuple[str, ...]  #: nodes
+    unfinished: tuple[str, ...]  #: nodes
+    lost: int  #: messages sent and not recorded, on all topics
+
+
+class LedgerCollector:
+    """Keeps the last Progress message of every node; a finished one is final."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, Any] = {}
+        self.end: float | None = None  #: [s] time up to which the furthest node came
+
+    def add(self, message: Any) -> None:
+        """Enter what a node says."""
+        self.end = max(float(message.time), self.end if self.end is not None else -float('inf'))
+        last = self._last.get(message.node)
+        if last is None or not last.finished:
+            self._last[message.node] = message
+
+    def summary(self, recorded: Mapping[str, int]) -> Ledger | None:
+        """The accounts; None without a message.
+
+        Parameters
+        ----------
+        recorded : messages in the bag by full name of the topic
+        """
+        if not self._last:
+            return None
+        sent: Counter[str] = Counter()
+        for message in self._last.values():
+            for topic, count in zip(message.topics, message.counts, strict=True):
+                sent[_full_name(topic, recorded)] += int(count)
+        accounts = []
+        for name in sorted(sent):
+            held = recorded.get(name, 0)
+            accounts.append(TopicAccount(name, sent[name], held, max(0, sent[name] - held)))
+        finished, unfinished = (
+            tuple(sorted(node for node, m in self._last.items() if bool(m.finished) is wanted))
+            for wanted in (True, False)
+        )
+        return Ledger(tuple(accounts), finished, unfinished, sum(x.lost for x in accounts))
+
+
+def _full_name(topic: str, recorded: Mapping[str, int]) -> str:
+    """The name in the bag of what a node may call by a relative name."""
+    if topic in recorded or topic.startswith('/'):
+        return topic
+    matches = [name for name in recorded if name.endswith(f'/{topic}')]
+    return matches[0] if len(matches) == 1 else f'/{topic}'
+
+
+@dataclass(frozen=True)
+class SensorSummary(Indicators):
+    """The signal of one sensor, with its indicators.
+
+    orders: the strongest lines over the crank's orders as (order, amplitude), of the last quarter
+    of a million samples or fewer; empty where no whole turn is recorded.
+    """
+
+    sensor: str
+    link: str
+    quantity: str
+    unit: str
+    sample_rate: float  #: [Hz]
+    missing: int  #: samples between blocks that should meet and do not
+    overloads: int  #: samples cut at the end of the range
+    orders: tuple[tuple[float, float], ...]
+
+
+class VibrationCollector:
+    """Gathers SensorBlock messages by sensor."""
+
+    def __init__(self) -> None:
+        self._sensors: dict[str, tuple[SignalCollector, Moments]] = {}
+        self._overloads: Counter[str] = Counter()
+
+    def add(self, message: Any) -> None:
+        """Enter the block that follows."""
+        name = message.sensor
+        if name not in self._sensors:
+            self._sensors[name] = SignalCollector(_KEPT), Moments()
+        signal, moments = self._sensors[name]
+        moments.add(signal.add(message))
+        self._overloads[name] += int(getattr(message, 'overloads', 0))
+
+    def summary(self, turned: Callable[[Array], Array]) -> tuple[SensorSummary, ...]:
+        """The sensors in alphabetical order, those without a sample left out.
+
+        Parameters
+        ----------
+        turned : revolutions of the crank by times (N,) [s]; nan where they are not known
+        """
+        found = []
+        for name, (collector, moments) in sorted(self._sensors.items()):
+            if (signal := collector.signal()) is None:
+                continue
+            turns = signal.over_turns(turned)
+            found.append(
+                SensorSummary(
+                    **vars(moments.indicators()),
+                    sensor=name,
+                    link=signal.link,
+                    quantity=signal.quantity,
+                    unit=signal.unit,
+                    sample_rate=signal.rate,
+                    missing=collector.missing,
+                    overloads=self._overloads[name],
+                    orders=tuple(order_spectrum(turns).strongest(3)) if turns else (),
+                )
+            )
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Samples of one sensor, in runs of samples without a gap.
+
+    Attributes
+    ----------
+    quantity : one of `QUANTITIES`
+    rate : [Hz]
+    starts : of the first sample of each run [s]
+    runs : the samples (N,) of each
+    """
+
+    sensor: str
+    link: str
+    quantity: str
+    rate: float
+    starts: tuple[float, ...]
+    runs: tuple[Array, ...]
+
+    @property
+    def unit(self) -> str:
+        """Of the samples."""
+        return QUANTITIES[self.quantity]
+
+    @property
+    def times(self) -> list[Array]:
+        """When the samples of each run were due [s]."""
+        pairs = zip(self.starts, self.runs, strict=True)
+        return [start + np.arange(len(run)) / self.rate for start, run in pairs]
+
+    @property
+    def longest(self) -> Array:
+        """The run with the most samples; the first of them if there are several."""
+        return max(self.runs, key=len)
+
+    def since(self, t: float) -> Signal:
+        """The samples from a time [s] on."""
+        found = self.between(t, np.inf)
+        if found is None:
+            raise InputError(f'sensor {self.sensor} has no samples after {t:.6g} s')
+        return found
+
+    def between(self, start: float, end: float) -> Signal | None:
+        """The samples from one time [s] to another; None if there are none."""
+        found = []
+        for begin, t, run in zip(self.starts, self.times, self.runs, strict=True):
+            # a sample that is due at the start but for rounding is due there
+            first, last = np.searchsorted(t, [start - 1e-6 / self.rate, end])
+            if first < last:
+                found.append((begin + float(first) / self.rate, run[first:last]))
+        if not found:
+            return None
+        starts, runs = zip(*found, strict=True)
+        return replace(self, starts=starts, runs=runs)
+
+    def over_turns(
+        self, turned: Callable[[Array], Array], per_turn: int | None = None
+    ) -> TurnSegments | None:
+        """The signal over the angle of a shaft; None if it has no whole turn, or turns back.
+
+        Parameters
+        ----------
+        turned : revolutions of the shaft by times (N,) [s]; nan where they are not known
+        per_turn : angles in a turn, see `at_equal_angles`
+        """
+        angles = [turned(t) for t in self.times]
+        known = [k for k, run in enumerate(angles) if np.isfinite(run).all()]
+        try:
+            return at_equal_angles(
+                [angles[k] for k in known], [self.runs[k] for k in known], per_turn
+            )
+        except ValueError:
+            return None
+
+
+class SignalCollector:
+    """Puts the signal of one sensor together from its blocks.
+
+    Parameters
+    ----------
+    most : samples to keep; older ones are forgotten when there are more
+    """
+
+    def __init__(self, most: int | None = None) -> None:
+        self.missing = 0  #: samples between blocks that should meet and do not
+        self._most = most
+        self._about: tuple[str, str, str, float] | None = None
+        self._blocks: deque[tuple[float, bool, Array]] = deque()  # start, begins a run, samples
+        self._kept = 0
+        self._due: float | None = None
+
+    def add(self, message: Any) -> Array:
+        """Add the SensorBlock that follows, and return its samples (N,)."""
+        samples = np.asarray(message.samples, np.float64)
+        about = message.sensor, message.link, message.quantity, float(message.sample_rate)
+        self.add_samples(about, float(message.time), samples, bool(message.triggered))
+        return samples
+
+    def add_samples(
+        self, about: tuple[str, str, str, float], time: float, samples: Array, triggered: bool
+    ) -> None:
+        """Add samples (N,) from a time [s] on, `about` being sensor, link, quantity and rate."""
+        if not len(samples):
+            return
+        rate = about[3]
+        late = 0 if self._due is None else round((time - self._due) * rate)
+        if not triggered:
+            self.missing += max(0, late)
+        apart = self._due is None or late != 0 or triggered
+        self._about, self._due = about, time + len(samples) / rate
+        self._blocks.append((time, apart, samples))
+        self._kept += len(samples)
+        while self._most and self._kept - len(self._blocks[0][2]) >= self._most:
+            self._kept -= len(self._blocks.popleft()[2])
+
+    def signal(self) -> Signal | None:
+        """The signal so far; None without a sample."""
+        if self._about is None:
+            return None
+        starts: list[float] = []
+        runs: list[list[Array]] = []
+        for time, apart, values in self._blocks:
+            if apart or not runs:
+                starts.append(time)
+                runs.append([])
+            runs[-1].append(values)
+        return Signal(*self._about, tuple(starts), tuple(map(np.concatenate, runs)))
+
+
+class SignalCollectors(dict[str, SignalCollector]):
+    """Signals of several sensors by name."""
+
+    def add(self, message: Any) -> None:
+        """Add the SensorBlock that follows, of any of them."""
+        self.setdefault(message.sensor, SignalCollector()).add(message)
+
+    def signals(self) -> dict[str, Signal]:
+        """Those that have samples, in alphabetical order."""
+        return {name: s for name, c in sorted(self.items()) if (s := c.signal())}
+
+
+def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
+    """The signal of a sensor of the scene, computed from a motion from the start of a run on.
+
+    It is what the node `sensors` publishes, to the last bit.
+    """
+    scene, channel = machine.scene.sensors[sensor], machine.channel(sensor)
+    collector = SignalCollector()
+    channel.take(motion)
+    for block in channel.blocks(final=True):
+        about = sensor, scene.carrier(machine), scene.measures, scene.sample_rate
+        collector.add_samples(about, block.time, block.samples, block.triggered)
+    signal = collector.signal()
+    if signal is None:
+        raise InputError(f'sensor {sensor} takes no sample in this run')
+    return signal

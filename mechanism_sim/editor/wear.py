@@ -1,0 +1,31 @@
+"""A machine with a pin that has worn, beside the one that is drawn."""
+
+from __future__ import annotations
+
+from mechanism_sim.editor.rounding import rounded
+from mechanism_sim.editor.sketch import PLAY, Edit, Grid, Sketch
+from mechanism_sim.scene.schema import Scene
+
+LEAST, MOST = 1e-6, 1e-2
+"""[m] of a radial clearance."""
+
+GRID = Grid(1e-3, 'mm')
+"""Of masses that a loose machine needs and nobody has given."""
+
+
+def joints(scene: Scene) -> dict[str, float | None]:
+    """The pins that may wear, with the radial clearance [m] that they have; None of ideal ones."""
+    return {
+        name: joint.clearance.radial if joint.clearance else None
+        for name, joint in scene.joints.items()
+        if joint.kind == 'revolute' and not joint.stops
+    }
+
+
+def edits(sketch: Sketch, joint: str, radial: float) -> list[Edit]:
+    """A clearance of a pin, with the masses that the links need who fly then."""
+    text = rounded(radial, 1e-7, 'mm')
+    path = 'joints', joint, 'clearance'
+    if sketch.scene.joints[joint].clearance:
+        return [Edit((*path, 'radial'), text)]
+    return [Edit(path, {**PLAY, 'radial': text}), *sketch.masses()]

@@ -1,0 +1,147 @@
+"""Signals measured on a machine, and those of runs with other values at the same instants."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.results.derivatives import RunDerivative
+from mechanism_sim.results.run import Piece, run
+from mechanism_sim.scene import Machine
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.sensing.channel import Analogue
+from mechanism_sim.sensing.indicators import FEWEST, features
+
+STRETCHES = 6
+"""Parts of a signal that are looked at apart, where the speed changes."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorRecord:
+    """The signal of a sensor of a machine in one experiment.
+
+    Attributes
+    ----------
+    machine : with its drive and its chain; the values of parameters to be found do not matter
+    sensor : a name of the scene
+    start : of the first sample, after the start of the run [s]
+    samples : (N,) as the chain gives them, without a gap
+    instants : (N,) [s] of samples that are not taken at the sensor's rate
+    """
+
+    machine: Machine
+    sensor: str
+    start: float
+    samples: Array
+    instants: Array | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the sensor."""
+        return self.sensor
+
+    @property
+    def times(self) -> Array:
+        """Of the samples (N,) [s]."""
+        if self.instants is not None:
+            return self.instants
+        return self.start + np.arange(len(self.samples)) / self.rate
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of what the chain adds to a sample, as the scene has it."""
+        chain = self.machine.scene.sensors[self.sensor].chain()
+        hum = chain.noise.hum.amplitude.value if chain.noise.hum else 0.0
+        return math.sqrt(chain.noise.rms.value**2 + hum**2 / 2.0 + chain.adc.step**2 / 12.0)
+
+    def of_run(self, run: Piece, t: Array) -> Array:
+        """Samples (M,) of a run from its start on at times [s], without noise and converter."""
+        keys = run.machine.scene.sensors[self.sensor]
+        return Analogue(keys.source(run.machine), keys.chain()).response(run.motion)(t)
+
+    def slope(self, run: RunDerivative, t: Array) -> Array:
+        """Derivative (M,) of `of_run`."""
+        return run.of(lambda piece: self.of_run(piece, t))
+
+    @property
+    def rate(self) -> float:
+        """Of sampling [Hz]."""
+        return float(self.machine.scene.sensors[self.sensor].sample_rate)
+
+    @property
+    def steady(self) -> bool:
+        """True if the main drive has one speed."""
+        return self.machine.drive.steady and not self.machine.torque_driven
+
+    def admit_features(self) -> None:
+        """Refuse signals that have none: too short, or not sampled evenly."""
+        needed = FEWEST * (1 if self.steady else STRETCHES)
+        if len(self.samples) < needed or self.instants is not None:
+            count = f'{len(self.samples)} samples of {self.sensor}'
+            why = f'are too few: {needed} are needed'
+            raise InputError(
+                f'{count} {why if self.instants is None else "are not evenly spaced"} to compare '
+                'features of a signal'
+            )
+
+    @property
+    def features(self) -> Array:
+        """Of the samples."""
+        return self.features_of(self.samples)
+
+    def features_of(self, samples: Array) -> Array:
+        """Of other samples of the same experiment."""
+        return features(samples, self.rate, 1 if self.steady else STRETCHES)
+
+    def repeat(self, overrides: dict[str, float], seed: int) -> Array:
+        """Samples (N,) of the same experiment on a machine with other values and other noise."""
+        given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
+        content = self.machine.scene.to_document()
+        machine = build(self.machine.name, check_scene(self.machine.name, content, given))
+        wanted = len(self.samples)
+        end = self.start + (wanted + 1) / self.rate
+        channel, blocks = machine.channel(self.sensor), []
+        for piece in run(machine, end):
+            channel.take(piece.motion)
+            blocks += channel.blocks(final=False)
+        blocks += channel.blocks(final=True)
+        first = self.start - 0.5 / self.rate
+        parts = []
+        for block in blocks:
+            early = max(0, math.ceil((first - block.time) * self.rate))
+            parts.append(block.samples[early:])
+        return np.concatenate(parts)[:wanted]
+
+
+@dataclass(frozen=True, eq=False)
+class QuantityRecord:
+    """A quantity of the catalogue as it was measured, by whatever means.
+
+    Attributes
+    ----------
+    name : of the quantity
+    times : (N,) [s] after the start of the run, rising
+    samples : (N,) SI units
+    """
+
+    machine: Machine
+    name: str
+    times: Array
+    samples: Array
+    noise = 0.0  #: not known
+
+    def of_run(self, run: Piece, t: Array) -> Array:
+        """The quantity (M,) at times [s] of a run."""
+        return np.asarray(run.sample(t, self.name)[self.name], dtype=float)
+
+    def slope(self, run: RunDerivative, t: Array) -> Array:
+        """Derivative (M,) of `of_run`."""
+        return np.asarray(run.sample(t, self.name)[self.name], dtype=float)
+
+
+Measured = SensorRecord | QuantityRecord

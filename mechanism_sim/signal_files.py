@@ -1,0 +1,231 @@
+"""Measured signals in files: instants, values and unit of a channel.
+
+=========  ==================================================================================
+``.csv``   a column of time (``t``, ``time``) and channels, with units in brackets; cells that are
+           empty or not numbers are samples that are missing
+``.wav``   channels ``1``, ``2``; whole numbers are parts of the full scale, which must be given
+``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
+``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
+=========  ==================================================================================
+
+Instants are those of the file: they may be uneven.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.csv_tables import read_csv
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.packages import needed
+from mechanism_sim.units import to_si
+
+_LARGER = 128  # as tables of scenes
+_TIMES = 't', 'time', 'times', 'timestamp', 'x-axis', 'zeit'
+_JITTER = 1e-3
+"""Of the interval between samples, by which evenly taken ones are off in a file."""
+_STANDARD_GRAVITY = 9.80665
+_PURPOSE = 'this kind of signal'
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelSamples:
+    """A channel of a file.
+
+    Attributes
+    ----------
+    name : of the channel
+    times : (N,) [s], rising
+    values : (N,) in `unit`
+    unit : as the file has it; empty if it has none
+    """
+
+    name: str
+    times: Array
+    values: Array
+    unit: str = ''
+
+    @property
+    def rate(self) -> float | None:
+        """Of sampling [Hz]; None if it is uneven."""
+        gaps = np.diff(self.times)
+        mean = float(gaps.mean()) if len(gaps) else 0.0
+        return 1.0 / mean if mean and np.abs(gaps - mean).max() <= _JITTER * mean else None
+
+    def in_unit(self, unit: str) -> Array:
+        """Values (N,) in an SI unit; those without a unit are in it already."""
+        # 'g' is a gram, but not of an accelerometer
+        known = self.unit
+        if known in ('g', 'gn', 'g_0') and unit == 'm/s^2':
+            return _STANDARD_GRAVITY * self.values
+        if not known:
+            return self.values
+        try:
+            return to_si(f'1 {known}', unit) * self.values
+        except (ValueError, KeyError) as error:
+            raise InputError(f"channel '{self.name}' is in '{known}', but '{unit}' is measured: "
+                             'write its unit in the file') from error  # fmt: skip
+
+
+def read_signal(
+    path: Path | str, channel: str | None = None, full_scale: str = ''
+) -> ChannelSamples:
+    """A channel of a file; its only one, if none is named.
+
+    Parameters
+    ----------
+    full_scale : quantity with a unit of the largest whole number of a WAV, as ``'50 m/s^2'``
+    """
+    found = read_signals(path, full_scale)
+    if channel is None and len(found) > 1:
+        raise InputError(f'{path} has several channels ({", ".join(found)}): choose one')
+    name = channel or next(iter(found))
+    if name not in found:
+        raise InputError(f"{path} has no channel '{name}'{nearest(name, found)}; it has: "
+                         f'{", ".join(found)}')  # fmt: skip
+    return found[name]
+
+
+def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSamples]:
+    """All channels of a file by name."""
+    path = Path(path)
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f'{path} is no file of signals: expected {", ".join(READERS)}')
+    if not path.is_file():
+        raise InputError(f'{path} does not exist')
+    if full_scale and reader is not _wav:
+        raise InputError(f'{path} has units of its own: a full scale is for WAV')
+    channels = reader(path, full_scale) if reader is _wav else reader(path)
+    found = {c.name: _checked(path, c) for c in channels}
+    if not found:
+        raise InputError(f'{path} has no channel that is a function of time')
+    return found
+
+
+def is_signal_file(path: Path | str) -> bool:
+    """True if a file is of a kind that `read_signal` reads, by its ending."""
+    return Path(path).suffix.lower() in READERS
+
+
+def _checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
+    """The channel without samples that are missing; InputError if its times do not rise."""
+    t, y = (np.asarray(x, dtype=float).ravel() for x in (channel.times, channel.values))
+    known = np.isfinite(t) & np.isfinite(y)
+    t, y = t[known], y[known]
+    if len(t) < 2:
+        raise InputError(f"{path}: channel '{channel.name}' has {len(t)} samples: at least 2 are "
+                         'needed')  # fmt: skip
+    if back := np.flatnonzero(np.diff(t) <= 0.0).tolist():
+        raise InputError(f"{path}: times of channel '{channel.name}' must rise, but "
+                         f'{t[back[0] + 1]:g} s follows {t[back[0]]:g} s')  # fmt: skip
+    return replace(channel, times=t, values=y)
+
+
+def _csv(path: Path) -> list[ChannelSamples]:
+    table = read_csv(path, 'signal', _LARGER)
+    time = next((c for c in table.cells if c.lower() in _TIMES), None)
+    if time is None:
+        raise InputError(f"{table.where} has no column of time: name one 't [s]'")
+    try:
+        seconds = to_si(f'1 {table.units[time] or "s"}', 's')
+    except ValueError as error:
+        raise InputError(f"{table.where}: column '{time}' {error}") from error
+    t = seconds * table.numbers(time)[:, 0]
+    return [
+        ChannelSamples(name, t, np.array([_number(x) for x in cells]), table.units[name])
+        for name, cells in table.cells.items()
+        if name != time
+    ]
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _wav(path: Path, full_scale: str) -> list[ChannelSamples]:
+    from scipy.io import wavfile  # noqa: PLC0415 - slow to load
+
+    try:
+        rate, data = wavfile.read(path)
+    except (ValueError, OSError, struct.error) as error:
+        raise InputError(f'{path} cannot be read: {error}') from error
+    values, unit = np.atleast_2d(data.T).astype(float), ''
+    if data.dtype.kind in 'iu':
+        number, _, unit = full_scale.strip().partition(' ')
+        if not unit or not np.isfinite(_number(number)):
+            raise InputError(
+                f'{path} has whole numbers: give what the largest is, as with '
+                "--full-scale '50 m/s^2'"
+            )
+        bits = 8 * data.dtype.itemsize
+        middle = 2.0 ** (bits - 1) if data.dtype.kind == 'u' else 0.0
+        values = (values - middle) * (float(number) / 2.0 ** (bits - 1))
+    t = np.arange(values.shape[1]) / rate
+    return [ChannelSamples(str(k + 1), t, y, unit) for k, y in enumerate(values)]
+
+
+def _uff(path: Path) -> list[ChannelSamples]:
+    pyuff = needed('pyuff', _PURPOSE)
+    try:
+        sets = pyuff.UFF(str(path)).read_sets()
+    except Exception as error:  # it raises whatever a broken line leads to
+        raise InputError(f'{path} cannot be read: {error}') from error
+    found: list[ChannelSamples] = []
+    for k, one in enumerate(sets if isinstance(sets, list) else [sets]):
+        time = one.get('abscissa_spec_data_type') in (0, 17) and not np.iscomplexobj(one['data'])
+        if one.get('type') == 58 and one.get('func_type') in (0, 1) and time:
+            name = str(one.get('id1', '')).strip()
+            name = name if name and name != 'NONE' else str(one.get('rsp_ent_name', '')).strip()
+            taken = {c.name for c in found}
+            name = name if name and name not in taken else f'{name or "set"} {k + 1}'
+            unit = str(one.get('ordinate_axis_units_lab', '')).strip()
+            unit = '' if unit in ('NONE', 'NO_UNITS') else unit
+            found.append(ChannelSamples(name, one['x'], one['data'], unit))
+    return found
+
+
+def _tdms(path: Path) -> list[ChannelSamples]:
+    nptdms = needed('nptdms', _PURPOSE)
+    try:
+        groups = nptdms.TdmsFile.read(path).groups()
+        return [c for group in groups for c in _tdms_group(group)]
+    except InputError:
+        raise
+    except Exception as error:  # it raises whatever a broken file leads to
+        raise InputError(f'{path} cannot be read: {error}') from error
+
+
+def _tdms_group(group: Any) -> list[ChannelSamples]:
+    """Channels with a waveform's interval, or beside a channel of time."""
+    time = next((c for c in group.channels() if c.name.lower() in _TIMES), None)
+    found = []
+    for c in group.channels():
+        if c is time or not len(c) or np.asarray(c[:]).dtype.kind not in 'iuf':
+            continue
+        if 'wf_increment' in c.properties:
+            t = c.time_track()
+        elif time is not None and len(time) == len(c):
+            t = time[:]
+        else:
+            raise InputError(f"channel '{c.name}' has neither an interval (wf_increment) nor a "
+                             "channel of time beside it")  # fmt: skip
+        unit = str(c.properties.get('unit_string', '')).strip()
+        found.append(ChannelSamples(f'{group.name}/{c.name}', t, c[:], unit))
+    return found
+
+
+READERS: dict[str, Callable[..., list[ChannelSamples]]] = {
+    '.csv': _csv, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
+}  # fmt: skip
+"""By the ending of a file."""

@@ -1,0 +1,408 @@
+"""Parameters of a machine by least squares between a run and the samples of signals.
+
+Where a run can be repeated, every sample says something: residuals are samples less those of a run
+at the same instants, their derivatives by the parameters are exact (`results/derivatives.py`), and
+Gauss-Newton steps within a trust region (SciPy's `least_squares`) lead to the minimum. Two things
+make a minimum of it that is the right one, and limits that hold:
+
+1. The first window is so short that residuals depend on parameters in one way over the whole
+   range; it begins with the best of many values. Each window is twice as long as the one before,
+   with what was found there: the same reason as for multiple shooting (H. G. Bock, 1983).
+2. Chaos, or another order of impacts, shows as a block of residuals far above those before it.
+   Such a window is refused, and what the one before says, holds.
+
+Limits are those of the information matrix (Fisher) with the variance of the residuals; correlated
+ones count as fewer (their integrated autocorrelation). A range is weighed as what it is: a uniform
+distribution's variance, so that what the signal does not tell keeps its range.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from scipy.stats import qmc
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.results.derivatives import RunDerivative
+from mechanism_sim.results.measured import Measured
+from mechanism_sim.results.run import Piece
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene
+from mechanism_sim.studies.parameters import Parameter
+
+LEVEL = 0.95
+"""Of confidence, for all parameters together."""
+
+_FIRST, _LONGER = 1.0 / 32.0, 2.0
+"""Of the signal: the first window; and by how much each is longer."""
+_LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the root of the last
+_ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
+_STEP = 0.1  # of a standard deviation: step of differences
+_BROAD, _DRAWS = 0.3, 16
+"""Of a range: hardly known; places that are tried around what a window says."""
+_FEWEST = 16  # samples of a first window, for each parameter
+_STARTS, _TRIED = 32, 3  # values that are tried, and from how many of them steps begin
+_BLOCKS = 32  # of the residuals of a window
+_SIGMAS = 6.0  # by which a mean square of noise is hardly ever off
+_RANGE = 12.0  # information of a uniform distribution of width 1
+_EDGE = 1e-9  # of a range, beyond its ends: bounds have a width
+_STEPS = 10  # at most, in a window
+_ROUGH, _SPARE = 0.5, 0.01
+"""By which a sum of squares, over the variance, may exceed the least: in between, at the end."""
+_GOOD, _LIKE = 0.1, 0.8
+"""Of the promised fall of the sum of squares: a step is taken; derivatives are still good."""
+
+
+@dataclass(frozen=True, eq=False)
+class WindowFit:
+    """The least squares of a window.
+
+    Attributes
+    ----------
+    place : (k,) shares of the ranges of the parameters, on their scales
+    part : of every signal, from its first sample on
+    residuals, slopes : (M,) and (M, k) of each signal, in its unit
+    """
+
+    place: Array
+    part: float
+    residuals: list[Array]
+    slopes: list[Array]
+
+    @property
+    def sizes(self) -> Array:
+        """Root mean squares of the residuals of each signal."""
+        spare = [max(1, len(r) - len(self.place) / len(self.residuals)) for r in self.residuals]
+        return np.array([math.sqrt(r @ r / n) for r, n in zip(self.residuals, spare, strict=True)])
+
+    @property
+    def memories(self) -> Array:
+        """Samples of each signal that count as one, 1 of white residuals."""
+        return np.array([_memory(r) for r in self.residuals])
+
+    @property
+    def white(self) -> bool:
+        """True if residuals know nothing of each other (von Neumann's ratio)."""
+        return all(_is_white(r) for r in self.residuals)
+
+    def widths(self, level: float = LEVEL) -> Array:
+        """(k,) of the limits that hold for all parameters together, in parts of the ranges."""
+        count = len(self.place)
+        spare = max(1.0, sum(len(r) for r in self.residuals) - count)
+        sigmas = scipy.stats.t.isf((1.0 - level) / (2 * count), spare)
+        return np.asarray(2.0 * sigmas * np.sqrt(self.covariance().diagonal()))
+
+    def covariance(self) -> Array:
+        """(k, k) of the place."""
+        information = _RANGE * np.eye(len(self.place))
+        for slope, size, memory in zip(self.slopes, self.sizes, self.memories, strict=True):
+            information += slope.T @ slope / max(size**2 * memory, 1e-300)
+        return np.asarray(np.linalg.inv(information))
+
+
+class LeastSquares:
+    """Least squares of signals by parameters.
+
+    Parameters
+    ----------
+    measurements : signals; those of one machine are of one run
+    parameters : numbers of scenes, within their limits
+    seed : of the values tried first
+    """
+
+    def __init__(
+        self, measurements: Sequence[Measured], parameters: Sequence[Parameter], seed: int = 0
+    ) -> None:
+        self.measurements, self.parameters = tuple(measurements), tuple(parameters)
+        self.low = np.array([p.to_scale(p.low) for p in parameters])
+        self.width = np.array([p.to_scale(p.high) for p in parameters]) - self.low
+        self.runs = self.failed = self.differences = 0
+        self._seed, self._struck = seed, False
+        for p in parameters:
+            if p.choices:
+                raise InputError(f'{p.name} has values of a list, by which there is no derivative')
+
+    def find(self) -> WindowFit:
+        """The longest window that a run explains, else the best of the first."""
+        part, fits = self._first(), []
+        for place in self._starts(part):
+            fits.append(self._solve(place, part, self._scales))
+            if self.explains(fits[-1]):
+                return self._settled(self._grow(fits[-1]))
+        return min(fits, key=self._cost)
+
+    def explains(self, fit: WindowFit) -> bool:
+        """True if noise is left, or what the scene has of it, or little of the signal."""
+        for m, r, size in zip(self.measurements, fit.residuals, fit.sizes, strict=True):
+            allowed = 1.0 + _SIGMAS / math.sqrt(2.0 * len(r))
+            signal = float(np.std(m.samples[: len(r)]))
+            if not (_is_white(r) or size < allowed * m.noise or size < 0.3 * signal):
+                return False
+        return True
+
+    def values(self, place: Array) -> list[float]:
+        """Of the parameters at shares of their ranges."""
+        scaled = (self.low + self.width * place).tolist()
+        return [p.value(x) for p, x in zip(self.parameters, scaled, strict=True)]
+
+    @property
+    def _scales(self) -> list[float]:
+        """By which residuals of signals are compared before anything is known of them."""
+        return [m.noise or float(np.std(m.samples)) or 1.0 for m in self.measurements]
+
+    def _first(self) -> float:
+        fewest = min(len(m.samples) for m in self.measurements)
+        return min(1.0, max(_FIRST, _FEWEST * (len(self.parameters) + 1) / fewest))
+
+    def _starts(self, part: float) -> list[Array]:
+        """The best of many places, for the first window."""
+        count, scales = len(self.parameters), self._scales
+        spread = qmc.Sobol(count, rng=self._seed).random(_STARTS)
+        places = np.concatenate([np.full((1, count), 0.5), spread])
+        costs = [self._sum(self._residuals(place, part), scales) for place in places]
+        if not np.isfinite(costs).any():
+            raise RunError(f'none of {len(places)} runs with values in the ranges can be finished')
+        return [places[k] for k in np.argsort(costs)[:_TRIED] if math.isfinite(costs[k])]
+
+    def _grow(self, fit: WindowFit) -> WindowFit:
+        """The fit of the longest window whose residuals are like those of the ones before."""
+        longer = _LONGER
+        while fit.part < 1.0 and longer > _LEAST_LONGER:
+            if self._struck and fit.widths().max() < _ENOUGH:
+                break
+            sizes = [max(m.noise, s) for m, s in zip(self.measurements, fit.sizes, strict=True)]
+            part = min(1.0, longer * fit.part)
+            steps = np.minimum(1e-3, _STEP * np.sqrt(fit.covariance().diagonal()))
+            found: list[WindowFit] = []
+            for place in self._continuations(fit, part, sizes):
+                try:
+                    more = self._solve(place, part, sizes, steps)
+                except RunError:
+                    continue
+                if self._follows(more, sizes, fit.white):
+                    found.append(more)
+                    # what is told for the first time may be told wrong, by another minimum
+                    if not ((fit.widths() > _BROAD) & (more.widths() < 0.5 * fit.widths())).any():
+                        break
+            if found:
+                fit = min(found, key=lambda x: self._sum(x.residuals, sizes))
+            else:
+                longer = math.sqrt(longer)
+        return fit
+
+    def _settled(self, fit: WindowFit) -> WindowFit:
+        """The minimum itself, by the derivatives that are known."""
+        return self._solve(fit.place, fit.part, fit.sizes.tolist(), begun=fit)
+
+    def _continuations(
+        self, fit: WindowFit, part: float, sizes: Sequence[float]
+    ) -> Iterator[Array]:
+        """Places from which a longer window is tried: where it was, then the best around there.
+
+        What the signal has not told yet, the longer window may tell, and where one run has no
+        derivatives, its neighbours do: around is where the parameters may be.
+        """
+        yield fit.place
+        random = np.random.default_rng(self._seed)
+        places = random.multivariate_normal(fit.place, fit.covariance(), _DRAWS, method='eigh')
+        evenly = qmc.Sobol(len(fit.place), rng=self._seed).random(_DRAWS)
+        places = np.clip(np.where(fit.widths() > 1.0, evenly, places), 0.0, 1.0)
+        order = np.argsort([self._sum(self._residuals(u, part), sizes) for u in places])
+        yield from places[order[:_TRIED]]
+
+    @staticmethod
+    def _sum(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
+        return sum(float(r @ r) / s**2 for r, s in zip(residuals, sizes, strict=True))
+
+    def _follows(self, fit: WindowFit, sizes: Sequence[float], white: bool) -> bool:
+        """True if no block of residuals is larger than those of the windows before."""
+        for r, size in zip(fit.residuals, sizes, strict=True):
+            blocks = np.array_split(r, min(_BLOCKS, max(1, len(r) // _FEWEST)))
+            largest = max(float(b @ b) / len(b) for b in blocks)
+            allowed = 1.0 + _SIGMAS * math.sqrt(2.0 / len(blocks[-1]))
+            if largest > size**2 * allowed * (1.0 if white else 4.0):
+                return False
+        return True
+
+    def _solve(
+        self,
+        place: Array,
+        part: float,
+        sizes: Sequence[float],
+        steps: Array | float = 1e-4,
+        begun: WindowFit | None = None,
+    ) -> WindowFit:
+        """Least squares of a window from a place on, by damped steps within the ranges.
+
+        Derivatives cost many runs, so those of a place serve as long as steps do what they say.
+
+        Parameters
+        ----------
+        steps : (k,) of differences where there are no derivatives
+        begun : of this place and window, to be made as exact as its derivatives allow
+        """
+
+        def weighted(parts: Sequence[Array]) -> Array:
+            return np.concatenate([r / s for r, s in zip(parts, sizes, strict=True)])
+
+        u, spare = np.clip(place, 0.0, 1.0), _SPARE if begun else _ROUGH
+        found, slopes = (begun.residuals, begun.slopes) if begun else self._slopes(u, part, steps)
+        r, fresh, damping = weighted(found), True, 0.0
+        q, upper = np.linalg.qr(weighted(slopes))
+        for _ in range(_STEPS):
+            size = max(1.0, float(r @ r) / len(r))  # the signal may have more noise than is known
+            step, promised = _bounded_step(u, upper, q.T @ r, damping)
+            if promised < spare * size:
+                break
+            others = self._residuals(u + step, part)
+            new = weighted(others)
+            gain = (float(r @ r) - float(new @ new)) / promised if np.isfinite(new).all() else -1.0
+            taken = gain > _GOOD
+            if taken:
+                u, r, found, damping = u + step, new, others, damping / 10.0
+            if gain < _LIKE and not begun and (taken or not fresh):
+                found, slopes = self._slopes(u, part, steps)
+                r, fresh = weighted(found), True
+                q, upper = np.linalg.qr(weighted(slopes))
+            elif taken:
+                fresh = False
+            elif begun:
+                break
+            else:
+                damping = max(10.0 * damping, 1e-3)
+        return WindowFit(u, part, found, slopes)
+
+    def _residuals(self, place: Array, part: float) -> list[Array]:
+        """Of each signal in a window; infinite if the run fails."""
+        return self._of_runs(place, part, (), lambda m, run, t, y: m.of_run(run, t) - y)
+
+    def _slopes(
+        self, place: Array, part: float, steps: Array | float
+    ) -> tuple[list[Array], list[Array]]:
+        """Residuals and their derivatives by the place; differences where a run has none."""
+        paths = [p.path for p in self.parameters]
+        # of the value by the place
+        scales = [
+            w * x if p.logarithmic else w
+            for p, w, x in zip(self.parameters, self.width, self.values(place), strict=True)
+        ]
+
+        def both(m: Measured, run: Piece, t: Array, y: Array) -> Array:
+            known: Mapping[str, RunDerivative] = run.derivatives  # type: ignore[attr-defined]
+            slopes = [scale * m.slope(known[p], t) for p, scale in zip(paths, scales, strict=True)]
+            return np.column_stack([m.of_run(run, t) - y, *slopes])
+
+        found = self._of_runs(place, part, paths, both)
+        if not all(np.isfinite(x).all() for x in found):
+            return [x[:, 0] for x in found], self._differences(place, part, steps)
+        return [x[:, 0] for x in found], [x[:, 1:] for x in found]
+
+    def _differences(self, place: Array, part: float, steps: Array | float) -> list[Array]:
+        """Derivatives by differences of runs; it is `steps` over which a signal tells anything."""
+        slopes = []
+        for way in np.diag(np.broadcast_to(steps, place.shape)):
+            more, less = np.minimum(place + way, 1.0), np.maximum(place - way, 0.0)
+            pairs = zip(self._residuals(more, part), self._residuals(less, part), strict=True)
+            apart = float((more - less).sum())
+            slopes.append([(a - b) / apart for a, b in pairs])
+        found = [np.column_stack(columns) for columns in zip(*slopes, strict=True)]
+        if not all(np.isfinite(x).all() for x in found):
+            raise RunError('runs beside the values found so far cannot be finished')
+        self.differences += 1
+        return found
+
+    def _of_runs(
+        self,
+        place: Array,
+        part: float,
+        paths: Sequence[str],
+        take: Callable[[Measured, Piece, Array, Array], Array],
+    ) -> list[Array]:
+        """From each signal, with the run of its machine at a place up to the end of the window."""
+        given = {p.path: x for p, x in zip(self.parameters, self.values(place), strict=True)}
+        times = [_until(m, part) for m in self.measurements]
+        runs: dict[int, Piece | None] = {}
+        found = []
+        for m, t in zip(self.measurements, times, strict=True):
+            key = id(m.machine)
+            if key not in runs:
+                end = max(
+                    float(x[-1])
+                    for o, x in zip(self.measurements, times, strict=True)
+                    if o.machine is m.machine
+                )
+                runs[key] = self._run(m, given, end, paths)
+            run = runs[key]
+            y = m.samples[: len(t)]
+            found.append(np.full(len(t), np.inf) if run is None else take(m, run, t, y))
+        return found
+
+    def _run(
+        self, measured: Measured, given: dict[str, float], end: float, paths: Sequence[str]
+    ) -> Piece | None:
+        """A run with other values; None if it fails, unless its derivatives are asked for."""
+        self.runs += 1
+        name, content = measured.machine.name, measured.machine.scene.to_document()
+        try:
+            machine = build(name, check_scene(name, content, given))
+            # a run ends a little after the last sample, which rounding may put behind it
+            run = simulate(machine, duration=end * (1.0 + 1e-9) + 1e-9, derivatives=paths)
+        except (RunError, InputError):
+            if paths:
+                raise
+            self.failed += 1
+            return None
+        self._struck = bool(run.impacts)
+        return run
+
+    def _cost(self, fit: WindowFit) -> float:
+        return float(sum((fit.sizes / self._scales) ** 2))
+
+
+def _bounded_step(u: Array, upper: Array, r: Array, damping: float) -> tuple[Array, float]:
+    """A step (k,) that stays in the ranges, and by how much the sum of squares is to fall.
+
+    Parameters
+    ----------
+    upper, r : (k, k) and (k,) triangle of the derivatives, and residuals in its directions
+    """
+    damped = np.diag(np.sqrt(damping) * np.linalg.norm(upper, axis=0) + 1e-9)
+    step = scipy.optimize.lsq_linear(
+        np.vstack([upper, damped]), np.concatenate([-r, np.zeros(len(u))]),
+        (-u - _EDGE, 1.0 - u + _EDGE),
+    ).x  # fmt: skip
+    step = np.clip(u + step, 0.0, 1.0) - u
+    return step, float(r @ r - ((r + upper @ step) ** 2).sum())
+
+
+def _until(measured: Measured, part: float) -> Array:
+    """Instants of the samples in a window."""
+    t = measured.times
+    return t if part >= 1.0 else t[: max(2, math.ceil(part * len(t)))]
+
+
+def _is_white(r: Array) -> bool:
+    """True if neighbours are as far apart as strangers; von Neumann 1941."""
+    size = float(r @ r)
+    ratio = float((np.diff(r) ** 2).sum()) / size if size else 2.0
+    return abs(ratio - 2.0) < _SIGMAS / math.sqrt(len(r))
+
+
+def _memory(r: Array) -> float:
+    """Integrated autocorrelation time, up to where correlations are as small as chance's."""
+    n = len(r)
+    r = r - r.mean()
+    lines = np.abs(np.fft.rfft(r, 2 * n)) ** 2
+    correlation = np.fft.irfft(lines)[:n]
+    if not correlation[0] > 0.0:
+        return 1.0
+    correlation /= correlation[0]
+    small = np.flatnonzero(correlation < 2.0 / math.sqrt(n))
+    last = int(small[0]) if small.size else n
+    return max(1.0, 1.0 + 2.0 * float(correlation[1:last].sum()))

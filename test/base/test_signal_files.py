@@ -1,0 +1,162 @@
+"""Signals of files: written by others where there are others, read back in SI units."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.signal_files import is_signal_file, read_signal, read_signals
+
+T = np.arange(200) / 1000.0
+Y = 3.0 * np.sin(40.0 * T)
+
+
+def table(folder, text, name='a.csv'):
+    file = folder / name
+    file.write_text(text, encoding='utf-8')
+    return file
+
+
+def test_csv_has_units_and_leaves_out_what_is_missing(tmp_path):
+    rows = '\n'.join(f'{1e3 * t:.9g};{y:.9g};{2 * y:.9g}' for t, y in zip(T, Y, strict=True))
+    text = f'# a logger\nTime [ms];rod [mm];acc [g]\n{rows}\n200;nan;1\n201;;1\n'
+    file = table(tmp_path, text)
+    rod = read_signal(file, 'rod')
+    assert (rod.name, rod.unit, len(rod.values)) == ('rod', 'mm', 200)
+    assert rod.times == pytest.approx(T)
+    assert rod.in_unit('m') == pytest.approx(1e-3 * Y)
+    assert rod.rate == pytest.approx(1000.0)
+    acc = read_signal(file, 'acc')
+    assert len(acc.values) == 202  # its cells are there
+    assert acc.in_unit('m/s^2')[:200] == pytest.approx(2.0 * 9.80665 * Y)
+    with pytest.raises(InputError, match=r"channel 'rod' is in 'mm', but 'N' is measured"):
+        rod.in_unit('N')
+
+
+def test_uneven_instants_are_kept(tmp_path):
+    t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 50))
+    rows = '\n'.join(f'{a!r},{a * a!r}' for a in t.tolist())
+    found = read_signal(table(tmp_path, f't [s],x [m]\n{rows}\n'))
+    assert np.array_equal(found.times, t)
+    assert found.rate is None
+
+
+@pytest.mark.parametrize(
+    ('text', 'channel', 'words'),
+    [
+        ('a [s],x\n0,1\n1,2\n', None, "no column of time: name one 't"),
+        ('t,x\n0,1\n0,2\n', None, 'times of channel .x. must rise, but 0 s follows 0 s'),
+        ('t,x\n0,1\n1,nan\n', None, "'x' has 1 samples"),
+        ('t,x,y\n0,1,1\n1,2,2\n', None, r'several channels \(x, y\): choose one'),
+        ('t,rod,y\n0,1,1\n1,2,2\n', 'rot', "no channel 'rot'; did you mean 'rod'"),
+        ('t [kg],x\n0,1\n1,2\n', None, "column 't'"),
+    ],
+)
+def test_csv_that_is_no_signal_is_refused(tmp_path, text, channel, words):
+    with pytest.raises(InputError, match=words):
+        read_signal(table(tmp_path, text), channel)
+
+
+def test_other_endings_are_refused(tmp_path):
+    assert is_signal_file('a.WAV')
+    assert not is_signal_file('a.mcap')
+    with pytest.raises(InputError, match=r'expected .csv, .wav, .uff, .unv, .tdms'):
+        read_signals(tmp_path / 'a.txt')
+    with pytest.raises(InputError, match='does not exist'):
+        read_signals(tmp_path / 'a.wav')
+
+
+@pytest.mark.parametrize('kind', ['int16', 'int32', 'uint8', 'float32'])
+def test_wav_of_every_kind(tmp_path, kind):
+    file = tmp_path / 'a.wav'
+    full = {'int16': 2.0**15, 'int32': 2.0**31, 'uint8': 128.0, 'float32': 1.0}[kind]
+    stored = Y / 4.0 * full if kind != 'float32' else Y
+    stored = stored + (128.0 if kind == 'uint8' else 0.0)
+    wavfile.write(file, 1000, np.column_stack([stored, stored]).astype(kind))
+    scale = '' if kind == 'float32' else '4 m/s^2'
+    found = read_signal(file, '2', scale)
+    assert found.times == pytest.approx(T)
+    assert found.in_unit('m/s^2') == pytest.approx(Y, abs=8.0 / 256.0 if kind == 'uint8' else 2e-4)
+    if scale:
+        with pytest.raises(InputError, match='--full-scale'):
+            read_signal(file, '2')
+
+
+def test_wav_with_the_other_byte_order(tmp_path):
+    data = np.round(Y / 4.0 * 2**15).astype('>i2').tobytes()
+    form = struct.pack('>HHIIHH', 1, 1, 1000, 2000, 2, 16)
+    body = (
+        b'WAVE' + b'fmt ' + struct.pack('>I', 16) + form + b'data' + struct.pack('>I', len(data))
+    )
+    file = tmp_path / 'a.wav'
+    file.write_bytes(b'RIFX' + struct.pack('>I', len(body) + len(data)) + body + data)
+    assert read_signal(file, full_scale='4 N').in_unit('N') == pytest.approx(Y, abs=2e-4)
+
+
+def test_a_wav_that_is_none_is_refused(tmp_path):
+    file = tmp_path / 'a.wav'
+    file.write_bytes(b'nothing of the kind')
+    with pytest.raises(InputError, match=r'a.wav cannot be read'):
+        read_signals(file, '1 N')
+
+
+@pytest.mark.parametrize('order', ['', '<', '>'])
+def test_universal_files_of_text_and_both_byte_orders(tmp_path, order):
+    pyuff = pytest.importorskip('pyuff', reason='the extra signals is not installed')
+    file = tmp_path / 'a.uff'
+    for k, (name, unit) in enumerate([('rocker', 'mm/s^2'), ('NONE', '')]):
+        one = pyuff.prepare_58(
+            func_type=1, id1=name, x=T + 0.5, data=(k + 1.0) * Y, return_full_dict=True, binary=0,
+            rsp_ent_name='point 7', abscissa_spacing=1, abscissa_min=0.5, abscissa_inc=1e-3,
+            abscissa_spec_data_type=17, ordinate_spec_data_type=12, ordinate_axis_units_lab=unit,
+            orddenom_spec_data_type=0,
+        )  # fmt: skip
+        one = {key: 0 if value is None else value for key, value in one.items()}
+        pyuff.UFF(str(file)).write_sets(one, 'add' if k else 'overwrite')
+    if order:  # its head is text, too
+        head = file.read_text(encoding='utf-8').splitlines()[2:13]
+        data = np.asarray(Y, f'{order}f8').tobytes()
+        first = f'    58b{1 + (order == ">"):6d}     2          11{len(data):12d}     0     0'
+        lines = ['    -1', f'{first}           0           0', *head]
+        text = ''.join(f'{line:80}\n' for line in lines).encode()
+        file.write_bytes(text + data + b'\n    -1\n')
+    found = read_signals(file)
+    assert [*found] == (['rocker'] if order else ['rocker', 'point 7'])
+    assert found['rocker'].times == pytest.approx(T + 0.5)
+    assert found['rocker'].in_unit('m/s^2') == pytest.approx(1e-3 * Y, rel=1e-5, abs=1e-7)
+
+
+def test_tdms_with_its_scaling_and_a_channel_of_time(tmp_path):
+    nptdms = pytest.importorskip('nptdms', reason='the extra signals is not installed')
+    file = tmp_path / 'a.tdms'
+    scaled = {
+        'wf_increment': 1e-3, 'wf_start_offset': 0.25, 'unit_string': 'mm',
+        'NI_Number_Of_Scales': 1, 'NI_Scale[0]_Scale_Type': 'Linear',
+        'NI_Scale[0]_Linear_Slope': 0.001, 'NI_Scale[0]_Linear_Y_Intercept': 0.0,
+        'NI_Scale[0]_Linear_Input_Source': 0xFFFFFFFF,
+    }  # fmt: skip
+    raw = np.round(1000.0 * Y).astype(np.int16)
+    channels = [
+        nptdms.ChannelObject('rig', 'rod', raw, properties=scaled),
+        nptdms.ChannelObject('slow', 'Time', T),
+        nptdms.ChannelObject('slow', 'force', Y),
+    ]
+    with nptdms.TdmsWriter(file) as writer:
+        writer.write_segment(channels)
+    found = read_signals(file)
+    assert [*found] == ['rig/rod', 'slow/force']
+    assert found['rig/rod'].times == pytest.approx(T + 0.25)
+    assert found['rig/rod'].in_unit('m') == pytest.approx(1e-3 * Y, abs=1e-6)
+    assert found['slow/force'].times == pytest.approx(T)
+
+
+@pytest.mark.parametrize('ending', ['uff', 'tdms'])
+def test_a_missing_extra_is_named(tmp_path, ending, monkeypatch):
+    module = {'uff': 'pyuff', 'tdms': 'nptdms'}[ending]
+    monkeypatch.setitem(__import__('sys').modules, module, None)
+    with pytest.raises(InputError, match=r'mechanism_sim\[signals\]'):
+        read_signals(table(tmp_path, 'x', f'a.{ending}'))

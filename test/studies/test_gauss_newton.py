@@ -1,0 +1,205 @@
+"""Identification sample by sample: closed forms, known noise, counted coverage."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import scipy
+from running import run, run_json
+
+import mechanism_sim as ms
+from mechanism_sim.analysis.measurements import measurements
+from mechanism_sim.errors import InputError
+from mechanism_sim.report.studies import fit_text
+from mechanism_sim.results.measured import QuantityRecord, SensorRecord
+from mechanism_sim.studies.identification import identify
+from mechanism_sim.studies.parameters import parameters
+
+pytestmark = pytest.mark.usefixtures('in_this_process')
+
+STIFFNESS, DAMPING = 'springs.spring.stiffness', 'springs.spring.damping'
+LIMITS = {STIFFNESS: ('200 N/m', '1500 N/m'), DAMPING: ('0.5 N s/m', '20 N s/m')}
+TRUTH = {STIFFNESS: 520.0, DAMPING: 4.4}
+
+
+def oscillation(t, stiffness=520.0, damping=4.4):
+    """Position of the mass of `mass_on_spring`, let go at rest at 240.76 mm [m]."""
+    mass = 2.0
+    decay = damping / (2.0 * mass)
+    omega = math.sqrt(stiffness / mass - decay**2)
+    rest = 0.3 - mass * 9.81 / stiffness
+    wave = np.cos(omega * t) + decay / omega * np.sin(omega * t)
+    return rest + (0.24076 - rest) * np.exp(-decay * t) * wave
+
+
+def measured(seed, noise=2e-4, count=300):
+    """The formula at uneven instants, with noise."""
+    random = np.random.default_rng(seed)
+    t = np.sort(random.uniform(0.0, 3.0, count))
+    y = oscillation(t) + noise * random.standard_normal(count)
+    return QuantityRecord(ms.load_scene('mass_on_spring'), 'position.mass', t, y)
+
+
+def wanted(record, limits=LIMITS):
+    return parameters(record.machine, [*limits], record.name, limits=limits)
+
+
+def inside(found):
+    return [e.low <= TRUTH[e.parameter.path] <= e.high for e in found.estimates]
+
+
+def test_an_oscillator_is_found_in_its_closed_form():
+    record = measured(1)
+    found = identify([record], wanted(record), seed=1)
+    assert all(inside(found))
+    assert found.method == 'gauss-newton'
+    assert found.window == pytest.approx(record.times[-1] - record.times[0])
+    assert found.plausible
+    stiffness, damping = found.estimates
+    # limits of the linear theory: those of the formula's own derivatives
+    slopes = [
+        (oscillation(record.times, 520.0 + a, 4.4 + b) - oscillation(record.times)) / (a + b)
+        for a, b in ((1e-3, 0.0), (0.0, 1e-5))
+    ]
+    j = np.column_stack(slopes) / 2e-4
+    sigma = np.sqrt(np.linalg.inv(j.T @ j).diagonal())
+    z = scipy.stats.norm.isf(0.05 / 4.0)
+    for e, s in zip((stiffness, damping), sigma, strict=True):
+        assert e.high - e.low == pytest.approx(2.0 * z * s, rel=0.15)
+    assert 'gauss-newton: runs follow the whole signal' in fit_text(found)
+
+
+@pytest.mark.slow
+def test_limits_hold_as_often_as_they_say():
+    count, hits = 60, 0
+    for seed in range(count):
+        record = measured(100 + seed)
+        hits += all(inside(identify([record], wanted(record), seed=seed)))
+    # both within theirs with 95 %; a rarer count than one in 200 is no chance
+    assert scipy.stats.binom.cdf(hits, count, 0.95) > 0.005
+
+
+@pytest.mark.slow
+def test_correlated_errors_widen_the_limits():
+    """A drift that no run has: limits of white noise would exclude the truth."""
+    record = measured(3)
+    drift = 4e-4 * np.sin(2.0 * np.pi * record.times / 1.5)
+    drifting = QuantityRecord(record.machine, record.name, record.times, record.samples + drift)
+    sharp, wide = (identify([r], wanted(r), seed=1).estimates for r in (record, drifting))
+    for a, b in zip(sharp, wide, strict=True):
+        assert b.high - b.low > 2.0 * (a.high - a.low)
+    assert all(inside(identify([drifting], wanted(drifting), seed=1)))
+
+
+def test_a_signal_of_another_machine_is_said_to_be_none():
+    record = measured(1)
+    walk = np.cumsum(np.random.default_rng(2).standard_normal(len(record.times)))
+    other = QuantityRecord(record.machine, record.name, record.times, 0.25 + 0.05 * walk)
+    found = identify([other], wanted(other), seed=1)
+    assert not found.plausible
+    assert 'not to be trusted' in fit_text(found)
+
+
+def test_what_has_no_effect_keeps_its_range():
+    record = measured(1)
+    limits = LIMITS | {'links.base.mass': ('0.5 kg', '2 kg')}
+    *_, base = identify([record], wanted(record, limits), seed=1).estimates
+    assert not base.identified
+    assert (base.low, base.high) == pytest.approx((0.5, 2.0), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('paths', 'method', 'words'),
+    [
+        ([STIFFNESS], 'regression', 'reads sensors of the scene'),
+        (['solver.rtol'], 'gauss-newton', "'solver.rtol' is no number"),
+    ],
+)
+def test_a_method_that_does_not_apply_is_refused(paths, method, words):
+    record = measured(1)
+    limits = {p: LIMITS.get(p, ('1e-12', '1e-8')) for p in paths}
+    with pytest.raises(InputError, match=words):
+        identify([record], wanted(record, limits), method)
+
+
+def test_derivatives_of_samples_are_those_of_whole_runs():
+    """Through impacts and the filters of a measurement chain."""
+    path = 'joints.coupler_rocker.clearance.radial'
+    machine = ms.load_scene(
+        'bearing_run_up', {'drive.profile.points': [['0 s', '500 rpm'], ['1 s', '700 rpm']]}
+    )
+    t = np.arange(0.0, 0.25, 1e-4)
+    record = SensorRecord(machine, 'rocker', 0.0, np.zeros(len(t)))
+    whole = ms.simulate(machine, duration=0.25, derivatives=[path])
+    slope = record.slope(whole.derivatives[path], t)
+    step, value = 1e-10, whole.derivatives[path].value
+    more, less = (
+        record.of_run(ms.simulate(ms.load_scene(machine, {path: value + x}), duration=0.25), t)
+        for x in (step, -step)
+    )
+    differences = (more - less) / (2.0 * step)
+    off = np.abs(slope - differences) / np.abs(differences).max()
+    assert np.median(off) < 1e-8
+    assert np.quantile(off, 0.99) < 1e-5  # differences are worse right behind an impact
+
+
+@pytest.mark.slow
+def test_a_bearing_is_found_from_its_run_up_with_its_noise():
+    truth = {
+        'joints.coupler_rocker.clearance.restitution': 0.4,
+        'joints.coupler_rocker.clearance.friction': 0.06,
+        'joints.coupler_rocker.clearance.radial': 0.00017,
+    }
+    machine = ms.load_scene('bearing_run_up')
+    blank = SensorRecord(machine, 'rocker', 0.0, np.zeros(25000))
+    record = SensorRecord(machine, 'rocker', 0.0, blank.repeat(truth, 77))
+    names = 'restitution', 'friction', 'radial', 'noise'
+    found = identify([record], parameters(machine, names, 'rocker'), seed=3)
+    assert found.method == 'gauss-newton'
+    for e in found.estimates:
+        assert e.low <= (truth | {'sensors.rocker.noise.rms': 5.0})[e.parameter.path] <= e.high
+        assert e.identified
+
+
+def test_the_command_reads_a_file_of_two_channels(tmp_path):
+    file = tmp_path / 'rig.csv'
+    t = np.arange(0.0, 3.0, 0.01)
+    random = np.random.default_rng(6)
+    y = 1e3 * (oscillation(t) + 2e-4 * random.standard_normal(len(t)))
+    rows = '\n'.join(f'{a!r},{b!r},1.5' for a, b in zip(t.tolist(), y.tolist(), strict=True))
+    file.write_text(f't [s],position.mass [mm],temperature\n{rows}\n', encoding='utf-8')
+    given = [x for p, (a, b) in LIMITS.items() for x in ('--range', f'{p}={a}:{b}')]
+    found = run_json(
+        'analyze', str(file), '--scene', 'mass_on_spring', '--fit', ','.join(LIMITS), *given
+    )
+    assert found['method'] == 'gauss-newton'
+    assert found['plausible']
+    for path, value in TRUTH.items():
+        assert found['parameters'][path]['low'] <= value <= found['parameters'][path]['high']
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({}, 'rig.csv holds no machine: give --scene'),
+        ({'scenes': ['mass_on_spring']}, 'has no channel that is named like a sensor'),
+        ({'scenes': ['mass_on_spring'], 'channel': 'y'}, "neither a sensor nor a quantity 'y'"),
+        (
+            {'scenes': ['mass_on_spring'], 'channel': 'y', 'sensor': 'position.mas'},
+            "did you mean 'position.mass'",
+        ),
+    ],
+)
+def test_files_that_cannot_be_understood_are_refused(tmp_path, options, words):
+    file = tmp_path / 'rig.csv'
+    file.write_text('t,y\n0,1\n1,2\n2,3\n', encoding='utf-8')
+    with pytest.raises(InputError, match=words):
+        measurements([file], **options)
+
+
+def test_a_wrong_method_is_refused_in_one_sentence(tmp_path):
+    done = run('analyze', str(tmp_path / 'a.csv'), '--fit', STIFFNESS, '--method', 'gaus-newton')
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert "did you mean 'gauss-newton'" in done.stderr
