@@ -10,7 +10,7 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.studies.life import _ROUNDEST, PLACES, room_for_pin
+from mechanism_sim.studies.life import _ROUNDEST, PLACES, LifePlan, room_for_pin, wear_in
 
 PIN, CLEARANCE, WIDTH, WEAR, MASS, GRAVITY = 8e-3, 0.1e-3, 10e-3, 1e-16, 2.0, 9.81
 ANGLES = 2.0 * np.pi / PLACES * np.arange(PLACES)
@@ -112,6 +112,30 @@ def test_the_command_goes_on_from_its_journal_and_writes_scenes(tmp_path):
     assert worn.scene.joints['axle'].clearance.profile.bushing is not None
     said = run(*args[:3], 'depth.axle > 5 um', *args[4:10]).stdout
     assert 'depth.axle > 5 um after' in said
+
+
+@pytest.mark.slow
+def test_several_bearings_wear_at_once():
+    """Each as the run has it that they share; then with the shapes of all of them."""
+    bearing = {
+        'radial': CLEARANCE, 'restitution': 0.5, 'pin_radius': 6e-3, 'profile': {'harmonics': 8},
+        'wear': {'width': WIDTH, 'bushing': '1e-6 mm^3/(N m)', 'pin': '3e-7 mm^3/(N m)'},
+    }  # fmt: skip
+    joints = 'coupler_rocker', 'crank_coupler'
+    machine = ms.load_scene(
+        'four_bar_clearance', overrides={f'joints.{j}.clearance': bearing for j in joints}
+    )
+    content, plan = machine.scene.to_document(), LifePlan(revolutions=2, skip=1)
+    both = wear_in(machine.name, content, joints, plan, [])
+    for joint in joints:
+        alone = wear_in(machine.name, content, (joint,), plan, [])
+        assert both['depths'][joint] == alone['depths'][joint]
+        assert np.array(both['depths'][joint]).max(axis=1).min() > 0.0
+    found = ms.life(machine, 'clearance > 0.102 mm', revolutions=2, skip=1)
+    last = found.stages[-1]
+    assert found.cycles > 0.0
+    assert (last.clearance > CLEARANCE).all()
+    assert last.clearance.max() == pytest.approx(0.102e-3, rel=1e-3)
 
 
 @pytest.mark.parametrize(

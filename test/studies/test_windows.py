@@ -400,3 +400,22 @@ def test_folders_that_would_mix_data_sets_are_refused(reference, tmp_path):
         assert done.returncode == 2, done.stderr
         assert said in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_the_data_set_has_twenty_machines_and_the_same_bytes_for_any_workers(tmp_path):
+    """Two of its motions, shorter; as many windows as it says in all."""
+    text = (ROOT / 'config/sweeps/loose_machines.yaml').read_text(encoding='utf-8')
+    content = yaml.safe_load(text)
+    runs, speeds = content['runs'], content['grid']['drive.speed']
+    assert len(runs) * len(speeds) * content['windows']['per_run'] == 100_000
+    assert len({run['title'] for run in runs}) == 20
+    assert {len({r['description'] for r in runs if r['title'] == t['title']}) for t in runs} == {5}
+    content['runs'], content['grid']['drive.speed'] = [runs[3], runs[8]], speeds[:1]
+    content['windows']['per_run'], content['duration'], content['skip'] = 2, '0.5 s', '0.2 s'
+    file, bytes_of = sweep_file(tmp_path, yaml.safe_dump(content), 'loose_machines.yaml'), []
+    for workers in ('1', '2'):
+        table = tmp_path / f'{workers}.parquet'
+        run_json('sweep', file, '-o', str(table), '--workers', workers)
+        bytes_of.append(contents(folder_of(table)))
+    assert len(bytes_of[0]) == 2
+    assert bytes_of[0] == bytes_of[1]
