@@ -114,7 +114,7 @@ def test_what_has_no_effect_keeps_its_range():
     ('paths', 'method', 'words'),
     [
         ([STIFFNESS], 'regression', 'reads sensors of the scene'),
-        (['solver.rtol'], 'gauss-newton', "'solver.rtol' is no number"),
+        (['solver.rtol'], 'gauss-newton', "'solver.rtol' is not a number"),
     ],
 )
 def test_a_method_that_does_not_apply_is_refused(paths, method, words):
