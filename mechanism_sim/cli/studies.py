@@ -67,8 +67,9 @@ def add(command: Command) -> None:
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     text = 'local: from the best of the values tried; global: by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
-    text = 'exact, where there are such; or of cycles, which may take less time'
-    sub.add_argument('--gradients', choices=('exact', 'differences'), default='exact', help=text)
+    text = 'differences of cycles, the faster way; or exact ones, where there are some'
+    kinds = 'differences', 'exact'
+    sub.add_argument('--gradients', choices=kinds, default=kinds[0], help=text)
     text = 'largest number of cycles computed by a global search, or for a front'
     option(sub, '--evaluations', 'N', text, 400)
     text = 'the scene (.yaml), a table of the designs tried, the curve or the front; several times'
