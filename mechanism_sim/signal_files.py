@@ -124,7 +124,7 @@ def _checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
         raise InputError(f"{path}: channel '{channel.name}' has {len(t)} samples: at least 2 are "
                          'needed')  # fmt: skip
     if back := np.flatnonzero(np.diff(t) <= 0.0).tolist():
-        raise InputError(f"{path}: times of channel '{channel.name}' must rise, but "
+        raise InputError(f"{path}: times of channel '{channel.name}' must increase, but "
                          f'{t[back[0] + 1]:g} s follows {t[back[0]]:g} s')  # fmt: skip
     return replace(channel, times=t, values=y)
 

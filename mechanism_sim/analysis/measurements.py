@@ -141,7 +141,7 @@ def _of_sensor(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:
     if (scene.sample_rate, scene.measures) != (signal.rate, signal.quantity):
         raise InputError(
             f'{bag.path} has {signal.quantity} of {name} at {signal.rate:g} Hz, but '
-            f'{machine.name} says {scene.measures} at {scene.sample_rate:g} Hz'
+            f'{machine.name} has {scene.measures} at {scene.sample_rate:g} Hz'
         )
     if len(signal.runs) > 1 or scene.trigger:
         raise InputError(

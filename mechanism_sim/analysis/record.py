@@ -144,8 +144,7 @@ class Revolutions:
         """The whole turns without the first `skip` of them."""
         if self.slides:
             raise InputError(
-                f'{self.machine.name}: {self.machine.plan.main} moves in a straight line: it '
-                'makes no turns'
+                f'{self.machine.name}: {self.machine.plan.main} slides: it makes no turns'
             )
         first, last = self.turns
         if first + skip >= last:

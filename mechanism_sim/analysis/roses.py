@@ -241,9 +241,7 @@ def wear_maps(
             f'{play.pin_radius:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
         )
     if sectors < 1 or radius < 0.0:
-        raise InputError(
-            'a wear map needs at least one sector, and a pin radius that is not negative'
-        )
+        raise InputError('a wear map needs a sector or more, and a pin radius of at least 0')
     edges = np.linspace(-np.pi, np.pi, sectors + 1)
     rose = impact_rose(record, joint, skip)
     times = np.array([record.begin(skip), np.inf])

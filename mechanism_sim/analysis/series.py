@@ -374,7 +374,7 @@ class MessagePath:
         """A field of a message."""
         known = field_names(message)
         if known is None:
-            raise InputError(f"'{self.text}': there is no '{name}' in a number")
+            raise InputError(f"'{self.text}': a number has no field '{name}'")
         if name not in known:
             error = MissingFieldError if isinstance(message, dict) else InputError
             raise error(

@@ -251,9 +251,7 @@ class Crank:
             known = [n for n in (*self._preferred, *names[0]) if n in names[0]]
             self._index = names[0].index(known[0])
         if names != self._names:
-            raise InputError(
-                'coordinates or joints of the recorded motion change during the recording.'
-            )
+            raise InputError('coordinates or joints change during the recording.')
         curve, own = piece.motion.curve, slice(self._index, self._index + 1)
         # a motion of low degree, as of a crank at constant speed, should not cost the memory of
         # the others

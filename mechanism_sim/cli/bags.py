@@ -44,7 +44,7 @@ def add(command: Command) -> None:
     option(sub, '--timeout', 'S', 'longest time to wait for subscriptions', 10.0)
     sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')
-    sub = command('analyze', _analyze, 'summarise a recorded run, or fit a bearing to it')
+    sub = command('analyze', _analyze, 'summarise a recorded run, or identify a bearing from it')
     sub.add_argument(
         'bags', nargs='+', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag'
     )
@@ -125,7 +125,7 @@ def _analyze(options: argparse.Namespace) -> int:
         quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
     )  # fmt: skip
     if not (wanted or plots or options.against):
-        what = 'a detail such as --average, or with --plots: the summary is of the whole run'
+        what = 'a detail such as --average, or --plots: the summary covers the whole run'
         refuse_options(options, ['skip'], f'needs {what}')
     details: Details | None = None
     if wanted or plots or options.against:
@@ -229,12 +229,12 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     more.add_argument(
         '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
-        help='machine and sensor, one for each bag or one for all; those in the bag if not given',
+        help='scene with machine and sensor, for each bag or all; that in the bag if not given',
     )  # fmt: skip
     set_option(more)
     more.add_argument(
         '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
-        help="where it is looked for, for example 'radial=0.1 mm:0.4 mm'; several times",
+        help="range of a parameter, for example 'radial=0.1 mm:0.4 mm'; several times",
     )  # fmt: skip
     option(more, '--joint', 'J', 'the loose joint, where there are several')
     option(more, '--sensor', 'S', 'the sensor, where there are several; of files also a quantity')
@@ -245,7 +245,7 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         'gauss-newton (sample by sample) or regression (features of the signal, for chaos); by '
         'itself the first, if runs follow the signal',
     )  # fmt: skip
-    option(more, '--seed', 'N', 'of the random numbers of the search', 0)
+    option(more, '--seed', 'N', 'seed of the random numbers of the search', 0)
     option(more, '--rounds', 'N,...', 'simulations in each round; 128,48,48,48 if not given')
     workers_options(more)
 
@@ -253,22 +253,23 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
 def _detail_options(sub: argparse.ArgumentParser) -> None:
     more = sub.add_argument_group('instead of the summary; each may be given several times')
     for name, metavar, text in (
-        ('spectrum', 'SENSOR', 'power spectral density of its signal'),
-        ('orders', 'SENSOR', 'amplitudes over multiples of the speed of the drive'),
+        ('spectrum', 'SENSOR', 'power spectral density of a signal'),
+        ('orders', 'SENSOR', 'order spectrum: amplitudes at multiples of the drive speed'),
         ('envelope', 'SENSOR', 'spectrum of the squared envelope'),
         (
             'average',
             'NAME',
-            'over a turn of the drive: of a sensor, or a quantity such as acceleration.LINK',
+            'average over a turn, of a sensor or a quantity such as acceleration.LINK',
         ),
-        ('impacts-on', 'JOINT', 'by direction on pin and bushing, and turn by turn'),
+        ('impacts-on', 'JOINT', 'impacts by direction on pin and bushing, and turn by turn'),
         ('wear', 'JOINT', 'impulses and sliding by direction on pin and bushing'),
-        ('deviation', 'NAME', 'of this quantity from that of the machine without clearance'),
+        ('deviation', 'NAME', 'deviation of a quantity from that of the ideal machine'),
     ):
         more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
     how = sub.add_argument_group('how')
     option(how, '--against', 'BAG', 'divide deviations by those of this other bag')
-    option(how, '--band', 'A:B', "frequencies of envelopes, as '500 Hz:2 kHz'")
+    option(how, '--band', 'A:B', "frequency band of envelopes, as '500 Hz:2 kHz'")
     skip_option(how, "with --fit as '2 s'")
-    option(how, '--pin-radius', 'R', "for wear, as '6 mm'; that of the scene if not given")
+    text = "radius of the pin for wear, as '6 mm'; that of the scene if not given"
+    option(how, '--pin-radius', 'R', text)
     option(how, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')

@@ -131,7 +131,7 @@ def _sound(options: argparse.Namespace) -> int:
     from mechanism_sim.sensing.sound import Listener, strikes  # noqa: PLC0415
 
     refuse_options(
-        options, ['from', 'to', 'skip'], 'does not apply to a sound: it is of the whole run'
+        options, ['from', 'to', 'skip'], 'does not apply to a sound, which covers the whole run'
     )
     listener = Listener(
         quantity('--distance', options.distance, 'm')[0],
@@ -177,7 +177,7 @@ def _plot(options: argparse.Namespace) -> int:
         refuse_options(options, ['against'], 'applies to a picture: give one to --output, too')
     if options.ideal and options.against not in ('time', 'angle'):
         raise InputError('--ideal is drawn over time or --against angle: the ideal machine has '
-                         f'a {options.against} of its own')  # fmt: skip
+                         f'its own {options.against}')  # fmt: skip
     in_bag, record = is_bag(options.scene), None
     start, end = options.start, options.end
     if not in_bag or any(

@@ -31,7 +31,7 @@ def add(command: Command) -> None:
     """The commands of this file."""
     text = "quantities of the section, as velocity.rocker; of impacts 'approach_speed'"
     sub = command(
-        'bifurcation', _bifurcation, 'periods and sections of the motion over a parameter'
+        'bifurcation', _bifurcation, 'periods and Poincaré sections of the motion over a parameter'
     )
     vary = 'a key, its limits and the number of values'
     _shared(sub, f'{vary}; two of them: which response each pair leads to')
@@ -48,7 +48,7 @@ def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
     scene_options(sub)
     several(sub, '--vary', 'PATH=LOW:HIGH:N', vary, 'vary')
     option(sub, '--at-impacts', 'JOINT', 'sections at impacts in this joint, not once a turn')
-    option(sub, '--transient', 'N', 'turns of the drive until it has settled', 60)
+    option(sub, '--transient', 'N', 'turns of the drive left out for settling', 60)
     option(sub, '--keep', 'N', 'turns in which sections are taken', 60)
     option(sub, '--longest', 'P', 'longest period to look for, in turns', 16)
     option(sub, '-o --output', 'TABLE', f'a row for each point: {TABLES}')

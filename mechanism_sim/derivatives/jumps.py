@@ -516,7 +516,7 @@ class Jumps:
         opening : second derivatives of these gaps
         """
         if not len(gaps.values):
-            raise NoDerivativeError('closed contacts are struck by none')
+            raise NoDerivativeError('closed contacts take part in no impact')
         along, size = gaps.slopes.T @ flow, self._system.mechanism.size
         # not deeper than the error of a step: whether it touches at all is rounding
         grazes = along**2 <= 2.0 * opening * _DEPTH * size

@@ -107,7 +107,7 @@ def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
         raise
     except (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError,
             ValueError) as error:  # fmt: skip
-        raise InputError(f'{path.name} is not what its ending says ({reason(error)})') from error
+        raise InputError(f'{path.name} does not match its ending ({reason(error)})') from error
 
 
 def _text(path: Path) -> str:

@@ -87,7 +87,7 @@ def read_svg(path: Path, text: str, unit: str | None) -> Blueprint:
 def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:
     """The machine of the curves of a drawing; its links have outlines but no masses yet."""
     if not unit:
-        raise InputError(f'{title}: the drawing does not say its unit: give --unit mm')
+        raise InputError(f'{title}: the drawing does not state its unit: give --unit mm')
     made = Blueprint(title, unit)
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:

@@ -276,8 +276,8 @@ class LinkageMotion:
         known = slope is not None and ends and self._continues(last, q, slope * shift[0])
         if failed or not known:
             raise failed or RunError(
-                f'the mechanism comes to a singular position at {self._positions_text(now[0])}, '
-                'and the branch on which it goes on is not decided'
+                f'the mechanism reaches a singular position at {self._positions_text(now[0])}, '
+                'and the branch of its further motion is not determined'
             )
         return q, None
 

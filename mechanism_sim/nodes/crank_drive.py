@@ -313,4 +313,6 @@ class ContentPropagation:
         if {SCENE, OVERRIDES} & {parameter.name for parameter in parameters}:
             asked = Content.of(self._drive)
             values = ', '.join(asked.lines) or 'no overrides'
-            self._drive.get_logger().info(f'{asked.scene} ({values}) holds from the next reset on')
+            self._drive.get_logger().info(
+                f'{asked.scene} ({values}) applies from the next reset on'
+            )

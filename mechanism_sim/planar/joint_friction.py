@@ -37,7 +37,7 @@ _MECHANISM = TOLERANCES.mechanism
 _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
 
 
-_AGAINST = '; where {1} slips, it is as large as that and against the slip'
+_AGAINST = '; where {1} slips, it has this size and opposes the slip'
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 

@@ -235,7 +235,7 @@ class SwitchTable:
     def _outside(self, place: float) -> RunError:
         first, last = self._breaks[[0, -1]]
         return RunError(
-            f'{self.name} comes to {place:.6g} m, but its law goes from {first:.6g} to '
+            f'{self.name} reaches {place:.6g} m, but its law is defined from {first:.6g} to '
             f'{last:.6g} m only'
         )
 

@@ -1,4 +1,4 @@
-"""Contents of a bag at a glance; closing one whose recorder was killed, which gives it an index."""
+"""Contents of a bag at a glance; closing one whose recorder was killed, with an index."""
 
 from __future__ import annotations
 

@@ -273,9 +273,7 @@ def decoder(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
             raise
         except _WRONG as error:
             name = schema.name if schema else channel.message_encoding
-            raise MessageError(
-                f'a message does not match {name} says ({reason(error)})'
-            ) from error
+            raise MessageError(f'a message does not match {name} ({reason(error)})') from error
 
     return checked
 

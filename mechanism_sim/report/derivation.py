@@ -392,8 +392,8 @@ def _condition(gap: Gap) -> str:
         text += f'; while closed it never slips, u_{j} = 0'
     elif gap.friction:
         text += (
-            f'; |T_{j}| <= {gap.friction:g} N_{j}, and where u_{j} is not zero T_{j} is as large '
-            'as that and against it'
+            f'; |T_{j}| <= {gap.friction:g} N_{j}, and where u_{j} is not zero T_{j} has this '
+            'size and opposes it'
         )
     return text + '.'
 

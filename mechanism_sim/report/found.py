@@ -43,13 +43,15 @@ def chart(found: Finding | Optimum, title: str) -> Chart:
 
 def four_bars_text(found: Sequence[PathFourBar]) -> str:
     """A line for each four-bar that takes a path."""
+    posed = any(one.orientation for one in found)
     rows = [['rms [mm]', 'largest [mm]', 'ground, crank, coupler, rocker [mm]', 'point [mm]',
-             'transmission [deg]', 'branch']]  # fmt: skip
+             'transmission [deg]', 'branch', *['turned [deg]'] * posed]]  # fmt: skip
     for one in found:
         lengths, point = ([f'{1e3 * x:.6g}' for x in row] for row in (one.lengths, one.point))
         angles = [f'{math.degrees(x):.1f}' for x in one.transmission]
         rows.append([f'{1e3 * one.rms:.4g}', f'{1e3 * one.largest:.4g}', ', '.join(lengths),
-                     ', '.join(point), ' to '.join(angles), one.branch])  # fmt: skip
+                     ', '.join(point), ' to '.join(angles), one.branch,
+                     *[f'{math.degrees(one.turned):.4g}'] * posed])  # fmt: skip
     return '\n'.join(text_table.lines(rows, 0))
 
 

@@ -48,8 +48,8 @@ def speed_of(machine: Machine, f: Figure) -> str:
     driven = machine.physics.driven
     if kind != 'drive_torque' or f.names != (f.argument,):
         raise InputError(
-            f'work({f.argument}): it is of drive_torque or drive_torque.COORDINATE; of anything '
-            "else write 'integral(FORCE * SPEED)'"
+            f'work({f.argument}): it applies to drive_torque or drive_torque.COORDINATE; '
+            "otherwise write 'integral(FORCE * SPEED)'"
         )
     return f'velocity.{coordinate or driven[0]}'
 

@@ -174,7 +174,7 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
     for m in measures:
         if any(f.since or f.until for f in m.figures):
             raise InputError(
-                f"'{m.text}': a window does not apply to statistics, which are of every revolution"
+                f"'{m.text}': a window does not apply to statistics, which cover every revolution"
             )
         figures = tuple(
             replace(f, since=Bound(float(skip), True), per_revolution=True) for f in m.figures

@@ -46,8 +46,8 @@ _WHY = {
     'free: equations of motion with closed loops',
     Level.NONSMOOTH: '{contacts}: equations of motion with gaps, and an event loop for free '
     'flight, impact and following',
-    Level.COMPLIANT: '{contacts} and a law of contact force, or teeth or belts give '
-    'way: equations of motion with forces where parts overlap',
+    Level.COMPLIANT: '{contacts} and a law of contact force, or compliant teeth or belts: '
+    'equations of motion with forces where parts overlap',
 }
 
 
@@ -440,9 +440,9 @@ def undetermined_accelerations(machine: Machine) -> Iterator[str]:
             rises = np.diff([x.value for _, x in course.given])
             if (stops := int((rises[1:] * rises[:-1] > 0.0).sum())) >= _CURVE:
                 yield (
-                    f'{key}.ramp: smooth takes the acceleration to zero at {stops} points between '
-                    "which the speed goes on: through points of a curve take 'interpolation: "
-                    "cubic'"
+                    f'{key}.ramp: smooth takes the acceleration to zero at {stops} points '
+                    'between which the speed continues: through points of a curve take '
+                    "'interpolation: cubic'"
                 )
         if (peaks := _peaks(course)) and not determined(peaks):
             yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'

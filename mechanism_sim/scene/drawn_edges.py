@@ -30,7 +30,7 @@ def drawn_edges(path: Path, where: str, layer: str | None, unit: str | None) -> 
         raise InputError(f'{where} cannot be read as DXF: {error}') from error
     unit = unit or DXF_UNITS.get(document.units)
     if unit is None:
-        raise InputError(f"{where} does not say its unit: add 'units: mm'")
+        raise InputError(f"{where} does not state its unit: add 'units: mm'")
     layers = dict.fromkeys(str(x.dxf.layer) for x in parts)
     if layer is None and len(layers) > 1:
         raise InputError(

@@ -237,7 +237,7 @@ class Machine(Rich):
         """A run that goes on where another of this machine stood, bit by bit."""
         if snapshot.machine != self.fingerprint:
             raise InputError(
-                f'the snapshot is of another machine than {self.name}: give the same scene with '
+                f'the snapshot is of a machine other than {self.name}: give the same scene with '
                 'the same overrides'
             )
         run = self.start()
@@ -391,8 +391,7 @@ class MainDrive:
             )
         if self.law.straight:
             raise InputError(
-                f'{main} moves in a straight line: it makes no revolutions: give a duration in '
-                f'seconds: {cure}'
+                f'{main} slides: it makes no revolutions: give a duration in seconds: {cure}'
             )
         t = time_of_angle(unrolled(self.laws, self.source), 2.0 * math.pi * revolutions)
         if t is None:

@@ -89,7 +89,7 @@ class CoursePart(Part):
             if beside and any(
                 getattr(self, k) != type(self).model_fields[k].default for k in beside
             ):
-                raise ValueError(f"has a formula and '{beside[0]}', which is of points")
+                raise ValueError(f"has a formula and '{beside[0]}', which applies to points")
             self.tree()
             return self
         if not all(math.isfinite(t) and math.isfinite(x.value) for t, x in points):
@@ -156,8 +156,9 @@ class CoursePart(Part):
                 if called not in FUNCTIONS:
                     known = nearest(called, FUNCTIONS)
                     raise InputError(
-                        f"calls '{called}'{known}, which is no function of formulas of motions: "
-                        "points of a table stand here themselves, as 'points' or 'file'"
+                        f"calls '{called}'{known}, which is not a function of formulas of "
+                        "motions: points of a table stand here themselves, as 'points' or "
+                        "'file'"
                     )
             root = formula.read(text)
             for name in root.names:

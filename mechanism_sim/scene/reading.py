@@ -59,7 +59,7 @@ def read_rotors(names: Names) -> dict[str, Rotor]:
         own = names.scene.links[link]
         if link in found or own.elastic or own.tilt:
             raise InputError(
-                f'joints.{name}: {link} gives way already, as a rotor in another joint or by '
+                f'joints.{name}: {link} is compliant already, as a rotor in another joint or by '
                 "its key 'elastic' or 'tilt': leave one of them out"
             )
         found[link] = rotor

@@ -286,7 +286,7 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
     """
     file = Path(name if name.endswith(('.yaml', '.yml')) else f'{name}.yaml')
     if file.stem.startswith('.') or not Path(name).name or name.endswith('/'):
-        raise InputError(f"'{name}' is not a valid name for a scene: write for example my_machine")
+        raise InputError(f"'{name}' is not a scene name: write for example my_machine")
     with output.errors_as_sentences(file):
         there = file.exists()
     if there:

@@ -140,7 +140,7 @@ def check_joint(where: str, joint: str | None, known: Iterable[str], what: str) 
     known = list(known)
     if joint not in known:
         raise InputError(
-            f"{where}.joint: '{joint}' is no {what}{nearest(str(joint), known)}; those are: "
+            f"{where}.joint: '{joint}' is not a {what}{nearest(str(joint), known)}; those are: "
             f'{", ".join(known) or "none"}'
         )
 

@@ -59,8 +59,8 @@ def begin(
     count = len(found.width)
     if not count:
         raise InputError(
-            f'the start is a singular position from which {driven} cannot go on; start beside it, '
-            "or give another 'guess'"
+            f'the start is a singular position from which {driven} cannot move on; start beside '
+            "it, or give another 'guess'"
         )
     # places (B, n, K) that the branches come to, the way the drive goes
     shift = np.linspace(0.0, math.copysign(1.0, pace), 64) * found.width[:, None]

@@ -373,8 +373,8 @@ class Start:
         names = ideal.deformations
         if given := [c for part in self.plan.given[:2] for c in part if c in names]:
             raise InputError(
-                'initial.elastic = smooth says how elastic links start, and so does initial for '
-                f'{given[0]}: leave one of them out'
+                'initial.elastic = smooth determines how elastic links start, as does initial '
+                f'for {given[0]}: leave one of them out'
             )
         if not names:
             return start

@@ -97,8 +97,8 @@ def split(
             and name not in tree.coordinates
         ):
             raise InputError(
-                f'{key} = {said.value:g} {said.unit}: {point_name} is a point of {link}: say '
-                f'where it is, as {name}: [x, y]'.replace(' :', ':')
+                f'{key} = {said.value:g} {said.unit}: {point_name} is a point of {link}: give '
+                f'its position, as {name}: [x, y]'.replace(' :', ':')
             )
         straight = name in tree.displacements
         if straight and said.unit == 'rad' and where == 'guess':

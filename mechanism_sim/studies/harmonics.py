@@ -167,7 +167,9 @@ def _own_units(one: LinearMachine, quantities: Sequence[str]) -> dict[str, str]:
     units = {name: unit_of(one, name) for name in names}
     for name in names:
         if name.partition('.')[0] not in DERIVATIVES:
-            raise InputError(f"{one.machine.name}: '{name}': harmonics are of coordinates only")
+            raise InputError(
+                f"{one.machine.name}: '{name}': harmonics are available for coordinates only"
+            )
     return units
 
 

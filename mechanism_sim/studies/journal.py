@@ -41,7 +41,7 @@ class Journal(FinishedRows):
         fresh = not self.path.exists() or restart
         if fresh and table.exists() and not restart:
             raise InputError(
-                f"the table '{table}' exists already and has no journal to go on from: choose "
+                f"the table '{table}' exists already and has no journal to continue from: choose "
                 'another name, or give --restart to replace it'
             )
         with output.errors_as_sentences(self.path):

@@ -298,8 +298,8 @@ def _asked(
         joint = ends.figure.partition('.')[2]
         if joint and joint not in worn:
             raise InputError(
-                f"--until: '{joint}' is no bearing that wears{nearest(joint, worn)}; known are "
-                f'{", ".join(worn)}'
+                f"--until: '{joint}' is not a bearing that wears{nearest(joint, worn)}; known "
+                f'are {", ".join(worn)}'
             )
     elif ends and ends.figure not in asked:
         asked.append(ends.figure)

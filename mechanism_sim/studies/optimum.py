@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.studies.front import evolve, undominated
@@ -32,6 +33,8 @@ _STARTS = 3
 """Best places from which a search goes on until one has reached the goals."""
 _ENDED = 1e-8
 """Of the limits: places that a search no longer tells apart."""
+_AT_END = 1e-6
+"""Of the limits: values that least squares leave beside one of them belong to it."""
 _ACTIVE, _FLAT = 1e-7, 1e-5
 """Distance from a limit that is none, and slope of a cost that is none."""
 
@@ -247,11 +250,25 @@ class _Problem:
             held = above & (self._scaled(x)[kept] <= 0.0)
             return np.where(held[:, None], 0.0, self._slopes(x)[kept])
 
-        with suppress(ValueError):  # of SciPy, where all about a place has no value
-            scipy.optimize.least_squares(
-                rest, np.clip(x, 1e-9, 1.0 - 1e-9), slopes, bounds=(0.0, 1.0),
+        def solve(x: Array, free: NDArray[np.bool_]) -> Array:
+            def whole(y: Array) -> Array:
+                found = x.copy()
+                found[free] = y
+                return found
+
+            y = scipy.optimize.least_squares(
+                lambda y: rest(whole(y)), np.clip(x[free], 1e-9, 1.0 - 1e-9),
+                lambda y: slopes(whole(y))[:, free], bounds=(0.0, 1.0),
                 xtol=1e-14, ftol=1e-15, gtol=1e-15, max_nfev=60,
-            )  # fmt: skip
+            ).x  # fmt: skip
+            return whole(y)
+
+        with suppress(ValueError):  # of SciPy, where all about a place has no value
+            found = solve(x, np.full(len(x), True))
+            free = np.abs(found - np.round(found)) > _AT_END
+            if not self._search.reached and not free.all():
+                found = np.where(free, found, np.round(found))  # SciPy stays within the limits
+                rest(found if not free.any() else solve(found, free))
 
     def simplex(self, x: Array) -> None:
         """The least value without constraints, by the simplex of Nelder and Mead."""

@@ -335,9 +335,9 @@ DESCRIPTOR = b'\n\x13\x12\x01a"\x0e\n\x01B\x12\x09\n\x01x\x18\x01 \x01(\x01'
 @pytest.mark.parametrize(
     ('encoding', 'kind', 'text', 'data', 'words'),
     [
-        ('json', 'jsonschema', b'', b'{"speed": ', 'a message is not what a.B says'),
+        ('json', 'jsonschema', b'', b'{"speed": ', 'a message does not match a.B'),
         ('json', 'jsonschema', b'', b'[1, 2]', 'a message is not a JSON object'),
-        ('json', 'jsonschema', b'', b'[' * 10**5, 'a message is not what a.B says'),
+        ('json', 'jsonschema', b'', b'[' * 10**5, 'a message does not match a.B'),
         ('protobuf', 'protobuf', b'\xff', b'', 'its schema cannot be read'),
         ('protobuf', 'protobuf', b'', b'', 'its schema does not describe a.B'),
         ('protobuf', 'protobuf', DESCRIPTOR, b'\x09\x00', 'extends beyond its message'),

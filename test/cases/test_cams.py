@@ -455,7 +455,7 @@ def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
     ({'file': 'lift.csv', 'units': 'deg'}, 'units must be a list of two names'),
     ({'file': 'lift.csv', 'columns': ['1', 'lift']}, "no column 'lift'"),
     ({'file': 'lost.csv'}, "'lost.csv' cannot be read"),
-    ({'profile': {'file': 'cam.dxf'}}, "does not say its unit: add 'units: mm'"),
+    ({'profile': {'file': 'cam.dxf'}}, "does not state its unit: add 'units: mm'"),
     ({'profile': {'file': 'cam.dxf', 'units': 'mm'}}, "name one as 'layer': 0, bore"),
     ({'profile': {'file': 'cam.dxf', 'units': 'mm', 'layer': 'bohr'}}, "did you mean 'bore'"),
     ({'profile': {'file': 'lift.dxf'}}, 'cannot be read as DXF'),

@@ -538,7 +538,8 @@ def test_scenes_with_points_are_written_and_read_back():
 
 WRONG = {
     'a point as one number': (
-        {'initial.position': {'b.end': '2 m'}}, r'end is a point of b: say where it is, as b\.end',
+        {'initial.position': {'b.end': '2 m'}},
+        r'end is a point of b: give its position, as b\.end',
     ),
     'a point that cannot be there': (
         {'initial.position': {'b.end': ['2 m', '-1 m']}},

@@ -402,7 +402,7 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
         (['impacts{joint=="x"}.time'], 'no value with joint=="x" on /impacts'),
         (['scene.data'], 'is text, not a number'),
         (['impacts.header'], 'is a message: choose one of stamp, frame_id'),
-        (['impacts.time.x'], "there is no 'x' in a number"),
+        (['impacts.time.x'], "a number has no field 'x'"),
         (['impacts.time[0]'], 'is not an array'),
         (['gap', '--from', '5'], 'is not within the run'),
         (['impacts.time', '--from', '5'], 'there are no values of impacts.time between'),

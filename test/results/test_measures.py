@@ -201,7 +201,7 @@ def test_sensors_are_measured_by_their_samples():
         ('largest(impacts.pin)', 'loose joints: none'),
         ('rms(sensors.here)', 'has no sensor'),
         ('percentile(drive_torque, 101)', 'from 0 to 100'),
-        ('work(position.rocker)', 'it is of drive_torque'),
+        ('work(position.rocker)', 'it applies to drive_torque'),
         ('largest(motor.torque)', 'is not a motor'),
         ('largest(', 'never closed'),
         ('largest(drive_torque[0])', 'is not made of'),

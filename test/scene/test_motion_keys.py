@@ -37,7 +37,7 @@ def refusal(drive):
         ({'position': 'sin(omega*t)'}, ["drive.position", "'omega'", 'it may name the time t']),
         ({'position': '90 deg + 60 mm*sin(t)'}, ['drive.position', 'the units differ in kind']),
         ({'position': '60 mm*sin(pi*t)'}, ['is in m', 'arm turns', 'give it in rad']),
-        ({'position': 'floor(t)'}, ["calls 'floor'", 'no function of formulas of motions']),
+        ({'position': 'floor(t)'}, ["calls 'floor'", 'not a function of formulas of motions']),
         ({'position': '2*lift(t)'}, ["calls 'lift'", "stand here themselves, as 'points' or"]),
         ({'position': 'sinn(t)'}, ["calls 'sinn'; did you mean 'sin'?"]),
         ({'position': 'abs(t - 1)'}, ['drive.position jumps in place or speed at t = 1 s']),

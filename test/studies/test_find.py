@@ -397,6 +397,7 @@ def test_exact_gradients_lead_where_differences_lead_in_fewer_cycles():
     both = ['highest(position.piston) = 0.4 m', 'lowest(position.piston) = 300 mm']
     ideal = find('slider_crank', lengths, both, samples=3)
     assert ideal.gradients == 'differences'
+    assert ideal.reached  # although it is at a limit, 50 mm
     assert 'follows from its drives' in ideal.refused
 
 

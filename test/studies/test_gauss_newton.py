@@ -99,7 +99,7 @@ def test_a_signal_of_another_machine_is_said_to_be_none():
     other = QuantityRecord(record.machine, record.name, record.times, 0.25 + 0.05 * walk)
     found = identify([other], wanted(other), seed=1)
     assert not found.plausible
-    assert 'not to be trusted' in fit_text(found)
+    assert 'not reliable' in fit_text(found)
 
 
 def test_what_has_no_effect_keeps_its_range():
@@ -114,7 +114,7 @@ def test_what_has_no_effect_keeps_its_range():
     ('paths', 'method', 'words'),
     [
         ([STIFFNESS], 'regression', 'reads sensors of the scene'),
-        (['solver.rtol'], 'gauss-newton', "'solver.rtol' is no number"),
+        (['solver.rtol'], 'gauss-newton', "'solver.rtol' is not a number"),
     ],
 )
 def test_a_method_that_does_not_apply_is_refused(paths, method, words):

@@ -16,7 +16,7 @@ from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report.studies import fit_text
 from mechanism_sim.results.measured import SensorRecord
 from mechanism_sim.studies.identification import Identification, identify
-from mechanism_sim.studies.parameters import NAMES, parameters, ranges
+from mechanism_sim.studies.parameters import NAMES, parameters, read_limits
 from mechanism_sim.studies.runs import Workers
 
 SCENE = 'bearing_run_up'
@@ -234,5 +234,5 @@ def test_joints_and_noise_must_be_there():
     with pytest.raises(InputError, match='must be larger'):
         parameters(silent, ['noise'], 'rocker')
     with pytest.raises(InputError, match='--range'):
-        ranges(['radial=0.1 mm'])
+        read_limits('--range', ['radial=0.1 mm'])
     assert [p.name for p in parameters(machine, NAMES, 'rocker')] == list(NAMES)

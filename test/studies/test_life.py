@@ -145,7 +145,7 @@ def test_several_bearings_wear_at_once():
         (
             wheel(),
             'clearance.axel > 1 mm',
-            "'axel' is no bearing that wears; did you mean 'axle'?",
+            "'axel' is not a bearing that wears; did you mean 'axle'?",
         ),
         (wheel(), 'clearance > 1 kg', 'the limit 1 kg'),
         (wheel(law='friction_work'), 'clearance > 1 mm', "needs 'friction'"),

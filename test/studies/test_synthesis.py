@@ -102,7 +102,7 @@ def test_a_function_of_the_drive_is_a_distance_of_a_coordinate(tmp_path, monkeyp
     ('text', 'said'),
     [
         ('distance(position.coupler.far)', 'of the form distance(EXPRESSION, FILE.csv)'),
-        ('distance(velocity.coupler.far, path.csv)', 'is of a position'),
+        ('distance(velocity.coupler.far, path.csv)', 'needs a position'),
         ('distance(position.coupler.far, none.csv)', 'cannot be read'),
         ('distance(position.coupler.fat, path.csv)', 'position.coupler'),
         ('distance(position.coupler.far, units.csv)', "'y' needs a unit of m"),

@@ -192,7 +192,7 @@ def contacts(course: ChartedRun) -> ChartSection | None:
     ]
     text = (
         'The gap is zero while the contact is closed. The band below shows the contact mode; '
-        'where intervals are too short to be told apart, the share of time of each mode.'
+        'where intervals are too short to be distinguished, the share of time of each mode.'
     )
     return ChartSection('contact', 'Contact', text, tuple(charts))
 

@@ -94,8 +94,8 @@ def loads(course: ChartedRun) -> ChartSection | None:
         if (line := kind if drive else name) in run.quantities:
             levels.setdefault('drive' if drive else of, run.levels.reached(line, SHARE))
     text = (
-        'Forces and torques between impacts, whose impulses are no forces. The duration is the '
-        'time around the largest value in which the load is above half of it, the impulse that of '
+        'Forces and torques between impacts, without their impulses. The duration is the time '
+        'around the largest value in which the load is above half of it, the impulse that of '
         'this time.'
     )
     notes = [f' {note}.' for note in peaks_of(known, levels)]

@@ -344,8 +344,8 @@ def test_readings_balance(kind):
 @pytest.mark.parametrize(
     ('overrides', 'words'),
     [
-        ({'links.crank.length': '60 mm'}, 'but its law goes from 0.095 to 0.205 m only'),
-        ({'links.rod.length': '180 mm'}, 'at the start contact comes to 0.22 m, but its law'),
+        ({'links.crank.length': '60 mm'}, 'but its law is defined from 0.095 to 0.205 m only'),
+        ({'links.rod.length': '180 mm'}, 'at the start contact reaches 0.22 m, but its law'),
         ({'joints.contact.phase': '3 deg'}, 'phase has no meaning for a cam that slides'),
         ({'joints.contact.sense': 'clockwise'}, 'sense has no meaning for a cam that slides'),
         ({'joints.guide.axis': '80 deg'}, 'must be 90 or -90 deg, not 80 deg'),
@@ -380,7 +380,7 @@ def test_metres_for_a_cam_that_turns_are_refused():
 
 @pytest.mark.slow
 def test_a_run_that_leaves_the_stroke_ends_with_a_sentence():
-    words = r'contact comes to 0\.2 m, but its law goes from 0 to 0\.2 m only \(t = 0\.05'
+    words = r'contact reaches 0\.2 m, but its law is defined from 0 to 0\.2 m only \(t = 0\.05'
     with pytest.raises(RunError, match=words):
         ms.simulate(thrown(0.4), duration=0.3)
     steady = {'coordinate': 'wedge', 'speed': 3.5, 'start_position': '5 mm'}
