@@ -71,7 +71,7 @@ def beside(
     if found is None:
         return None
     M[n:], right[n:] = found
-    both = np.asarray(np.linalg.solve(M, right))
+    both = np.asarray(np.linalg.solve(M, right), dtype=float)
     every = np.concatenate([x, T])
     dx, dT = both[:n], both[n:]
     moved = np.einsum('kp,n->knp', dT, x) + np.einsum('k,np->knp', T, dx)

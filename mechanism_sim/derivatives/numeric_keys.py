@@ -53,6 +53,7 @@ class NumericKey:
 
     def at(self, value: float) -> Machine:
         """The machine with another value."""
+        value = float(value)  # not as NumPy writes it
         text = f'{value!r} {self.unit}' if self.unit else value
         return load_scene(self.machine, {self.path: text})
 

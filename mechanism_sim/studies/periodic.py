@@ -227,21 +227,26 @@ def find_periodic(
 def _refine(
     section: PoincareMap, state: State, period: int, tolerance: float
 ) -> PeriodicResponse | None:
-    """Newton's method on what a period changes."""
-    residual = np.inf
+    """Newton's method on what a period changes, down to its rounding: multipliers depend on it."""
+    best: tuple[float, State, int, float] | None = None
     for _ in range(12):
         state = section.start(state)
         end, impacts, impulse = section.map(state, period)
         change = section.difference(state, end)
         residual = float(np.abs(change).max())
-        if residual <= tolerance or end.closed != state.closed:
+        if best and best[0] <= tolerance and residual > 0.5 * best[0]:
+            break
+        if best is None or residual < best[0]:
+            best = residual, state, impacts, impulse
+        if end.closed != state.closed:
             break
         basis, (J, _) = section.directions(state), section.growth(state, period)
         J = basis.T @ J @ basis
         step = np.linalg.lstsq(J - np.eye(len(J)), -basis.T @ change, rcond=None)[0]
         state = section.displace(state, basis @ step)
-    if residual > tolerance:
+    if best is None or best[0] > tolerance:
         return None
+    residual, state, impacts, impulse = best
     section.map(state, period, audited=True)
     count = section.directions(state).shape[1]  # closed contacts may leave nothing free at all
     J, end = section.growth(state, period)

@@ -51,7 +51,7 @@ def test_multipliers_are_known_to_their_last_digits() -> None:
     response = find_periodic(machine)
     assert response is not None
     assert response.period == 2
-    assert response.spread < 1e-7
+    assert response.spread < 1e-9
 
 
 def test_fixed_points_move_with_keys_as_those_of_other_machines() -> None:
