@@ -39,40 +39,37 @@ if TYPE_CHECKING:
 
 def add(command: Command) -> None:
     """The commands of this file."""
-    sub = command('statistics', _statistics, 'figures per revolution, with confidence intervals')
+    sub = command('statistics', _statistics, 'means per revolution, with confidence intervals')
     scene_options(sub)
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
-    text = (
-        'instead: this number of the largest Lyapunov exponents, and how long the digits of '
-        'a run are significant'
-    )
+    text = 'instead: N largest Lyapunov exponents, and how long digits of a run are significant'
     option(sub, '--exponents', 'N', text, int)
     sub = command('lyapunov', _exponents, 'how fast neighbouring motions part, with intervals')
     scene_options(sub)
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     option(sub, '--exponents', 'N', 'number of the largest Lyapunov exponents', 1)
-    sub = command('find', _find, 'find values of keys for which measures have wanted values')
+    sub = command('find', _find, 'find values of keys that give wanted values of measures')
     scene_options(sub, count='?')
     text = 'a key and the limits of its value, or PATH=VALUE,VALUE,...; several times'
     several(sub, '--vary', 'PATH=LOW:HIGH', text, 'vary')
-    text = "as 'largest(reaction.ram_pin) = 20 kN'; several times"
+    text = "wanted value of a measure, as 'largest(reaction.ram_pin) = 20 kN'; several times"
     several(sub, '--so-that', 'GOAL', text, 'so_that')
-    text = "instead: as 'rms(drive_torque)'; several times for a Pareto front"
+    text = "instead: a measure to minimise, as 'rms(drive_torque)'; several times: a front"
     several(sub, '--minimise', 'MEASURE', text)
-    several(sub, '--maximise', 'MEASURE', 'instead, or beside it; several times')
+    several(sub, '--maximise', 'MEASURE', 'a measure to maximise; several times')
     text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
     several(sub, '--subject-to', 'GOAL', text, 'subject_to')
-    option(sub, '--values', 'N', 'values at which the curve is computed, or that are tried', 17)
-    time_option(sub, '--duration', 'length of a cycle; a turn of a steady drive if not given')
+    option(sub, '--values', 'N', 'number of values of the curve, or to try at first', 17)
+    time_option(sub, '--duration', 'length of a cycle; one turn of the drive if not given')
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
-    text = 'global: between all limits, by differential evolution'
+    text = 'local: from the best of the values tried; global: by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
     text = 'exact, where there are such; or of cycles, which may take less time'
     sub.add_argument('--gradients', choices=('exact', 'differences'), default='exact', help=text)
-    text = 'cycles after which a global search, or a front, ends'
+    text = 'largest number of cycles computed by a global search, or for a front'
     option(sub, '--evaluations', 'N', text, 400)
     text = 'the scene (.yaml), a table of the designs tried, the curve or the front; several times'
     several(sub, '-o --output', 'FILE', text)
@@ -81,7 +78,7 @@ def add(command: Command) -> None:
     flag(sub, '--lift-off', 'instead: the speed from which followers lift off their cams')
     flag(sub, '--periodic', 'instead: the periodic response of the machine, and its stability')
     option(sub, '--longest', 'P', 'with --periodic: longest period, in revolutions', 8)
-    option(sub, '--transient', 'N', 'with --periodic: revolutions until it has settled', 60)
+    option(sub, '--transient', 'N', 'with --periodic: revolutions left out for settling', 60)
     text = "instead: four-bars for a path ('x [mm]', 'y [mm]') or a body ('orientation [deg]' too)"
     option(sub, '--path', 'FILE.csv', text)
     text = 'with --path: least transmission angle'
@@ -99,18 +96,18 @@ def add(command: Command) -> None:
     measure_option(sub)
     tables_option(sub)
     workers_options(sub)
-    option(sub, '--bags', 'DIR', 'folder in which to record every run, too')
+    option(sub, '--bags', 'DIR', 'also record every run, in this folder')
     option(sub, '--windows', 'DIR', 'folder for windows of signals; TABLE.windows if not given')
     flag(sub, '--restart', 'discard what was computed before')
-    option(sub, '--plot', 'FILE', 'draw the figures over the last swept value')
+    option(sub, '--plot', 'FILE', 'draw the measures over the last swept value')
     option(sub, '--over', 'PATH', 'with --plot and --plots: over this swept value')
     option(sub, '--effects', 'FILE', 'draw the main effects of swept values on measures')
     flag(sub, '--first-order', "instead: shares of variance and worst case of the tolerances in "
          "'vary', by one run with derivatives, and runs that say if that is enough")  # fmt: skip
     option(sub, '--plots', 'PLACE', 'draw all charts: these, tornados and response surfaces; to a '
            'folder, a .pdf, or NAME.svg for NAME_*.svg')  # fmt: skip
-    option(sub, '--pareto', 'A,B', 'with --plots: runs that are best in two measures, the least '
-           'of each, or as -A the greatest')  # fmt: skip
+    option(sub, '--pareto', 'A,B', 'with --plots: Pareto front of two measures, each minimised, '
+           'or maximised as -A')  # fmt: skip
 
 
 def _periodic(options: argparse.Namespace) -> int:
@@ -296,12 +293,12 @@ def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path | None, Pat
 
 def _teeth_options(sub: argparse.ArgumentParser) -> None:
     more = sub.add_argument_group('numbers of teeth, without a scene')
-    option(more, '--teeth', 'RATIO', "of speeds, without sign, as 3.5 or '7/2'; the best first")
-    option(more, '--stages', 'N', 'pairs of gears in series', 1)
+    option(more, '--teeth', 'RATIO', "ratio of speeds, without sign, as 3.5 or '7/2'")
+    option(more, '--stages', 'N', 'number of pairs of gears in series', 1)
     option(more, '--tolerance', 'X', 'largest relative error of the ratio', 0.0)
-    option(more, '--teeth-range', 'A:B', 'fewest and most teeth of a gear', '18:120')
+    option(more, '--teeth-range', 'A:B', 'least and largest number of teeth of a gear', '18:120')
     option(more, '--centre-distance', 'C', "of every stage, as '60 mm'; with --modules")
-    option(more, '--modules', 'M,...', "to choose from, as '2 mm,2.5 mm'")
+    option(more, '--modules', 'M,...', "modules to choose from, as '2 mm,2.5 mm'")
 
 
 def _teeth(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Contents of a bag at a glance; an index for one whose recorder was killed."""
+"""Contents of a bag at a glance; closing one whose recorder was killed, with an index."""
 
 from __future__ import annotations
 

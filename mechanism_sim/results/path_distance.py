@@ -83,7 +83,7 @@ def names_of(text: str, path: TargetPath) -> tuple[str, ...]:
     """Positions, velocities and accelerations that distances of ``position.NAME`` need."""
     kind, _, rest = text.partition('.')
     if kind != 'position' or not rest:
-        raise InputError(f'distance is of a position, as position.LINK.POINT, not {quoted(text)}')
+        raise InputError(f'distance needs a position, as position.LINK.POINT, not {quoted(text)}')
     axes = ('.x', '.y') if len(path.points[0]) > 1 else ('',)
     return tuple(f'{k}.{rest}{a}' for k in ('position', 'velocity', 'acceleration') for a in axes)
 

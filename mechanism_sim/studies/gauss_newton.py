@@ -13,7 +13,7 @@ make a minimum of it that is the right one, and limits that hold:
 
 Limits are those of the information matrix (Fisher) with the variance of the residuals; correlated
 ones count as fewer (their integrated autocorrelation). A range is weighed as what it is: a uniform
-distribution's variance, so that what the signal does not tell keeps its range.
+distribution's variance, so that parameters that the signal does not determine keep their range.
 """
 
 from __future__ import annotations
