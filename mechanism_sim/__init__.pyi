@@ -8,6 +8,7 @@ from mechanism_sim.scene import schema as _schema
 from mechanism_sim.report.shown import animate as animate
 from mechanism_sim.studies.basins import basins as basins
 from mechanism_sim.studies.bifurcation import bifurcation as bifurcation
+from mechanism_sim.studies.continuation import branches as branches
 from mechanism_sim.results.cycle import cycle as cycle
 from mechanism_sim.report.shown import draw as draw
 from mechanism_sim.studies.ensemble import ensemble as ensemble

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.editor import turn_chart
+from mechanism_sim.editor import turn_chart, wear
 from mechanism_sim.editor.motion import Turn
-from mechanism_sim.editor.sketch import Poses
+from mechanism_sim.editor.sketch import Edit, Poses, Sketch
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.schema import Scene
@@ -20,10 +20,12 @@ class BesideDocument:
 
     Attributes
     ----------
+    pin : ``joint`` and ``radial`` clearance [m] of the pin that is worn beside the run, if one is
     lain : poses of links by the text of the document, also of texts that undo goes back to
     """
 
     def __init__(self) -> None:
+        self.pin: dict[str, Any] = {}
         self.lain: dict[str, Poses] = {}
         self._quantity = ''
         self._colours: dict[str, int] = {}
@@ -45,6 +47,20 @@ class BesideDocument:
     def choose(self, quantity: str) -> None:
         """Chart a quantity, as of `turn_chart.names`; of another name none."""
         self._quantity = quantity
+
+    def wear(self, message: Mapping[str, Any], scene: Scene) -> None:
+        """Let a pin be worn to a radial clearance [m] beside the run; none for nothing."""
+        joint, radial = str(message['joint']), float(message['radial'])
+        if joint not in wear.joints(scene):
+            raise InputError(f'{joint} does not wear here: choose a pin of two links')
+        size = min(max(radial, wear.LEAST), wear.MOST)
+        self.pin = {'joint': joint, 'radial': size} if radial > 0.0 else {}
+
+    def worn(self, sketch: Sketch) -> list[Edit]:
+        """Edits that wear the pin; none where none is worn."""
+        if self.pin.get('joint') not in sketch.scene.joints:
+            return []
+        return wear.edits(sketch, **self.pin)
 
     def chart(self, turn: Turn | None) -> dict[str, Any] | None:
         """The quantity of a machine that is charted; None if there is none."""

@@ -80,7 +80,6 @@ class Session:
         self._arrows, self._forces_of = ForceArrows(), 0  # the state whose forces are shown
         self._pulled: Array | None = None  # coordinates of a machine that is turned by hand
         self._found: dict[str, dict[str, Any]] = {}
-        self._worn: tuple[str, float] | None = None  # a joint, and its radial clearance [m]
         try:
             self._refresh()
             self._shown = self.state()
@@ -96,7 +95,8 @@ class Session:
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
             'select': self._select, 'trace': self._trace,
             'chart': lambda m: self._beside.choose(str(m['quantity'])),
-            'wear': self._wear, 'save': self._save, 'open': self._open, 'import': self._open,
+            'wear': lambda m: self._beside.wear(m, self._picture.scene),
+            'save': self._save, 'open': self._open, 'import': self._open,
             'undo': lambda _: self.document.undo(), 'redo': lambda _: self.document.redo(),
             'text': lambda m: self.document.replace(str(m['text'])),
         }  # fmt: skip
@@ -177,29 +177,13 @@ class Session:
         """Document to be checked and run, as it is dragged; None if it is none."""
         try:
             content = self.document.whole(self._tried)
-            return Job(self.number, self.document.name, content, self._with_wear())
+            scene, worn = self._picture.scene, None
+            if edits := self._beside.worn(Sketch(scene, self._picture.poses, wear.GRID)):
+                whole = self.document.whole([*self._written_out(), *self._tried, *edits])
+                worn = whole, self._beside.pin
+            return Job(self.number, self.document.name, content, worn)
         except InputError:
             return None
-
-    def _with_wear(self) -> tuple[dict[str, Any], dict[str, Any]] | None:
-        """Document with a pin that has worn, and which that is; None where nobody asks for it."""
-        if self._worn is None or self._worn[0] not in self._picture.scene.joints:
-            return None
-        joint, radial = self._worn
-        edits = wear.edits(
-            Sketch(self._picture.scene, self._picture.poses, wear.GRID), joint, radial
-        )
-        whole = self.document.whole([*self._written_out(), *self._tried, *edits])
-        return whole, {'joint': joint, 'radial': radial}
-
-    def _wear(self, message: Mapping[str, Any]) -> None:
-        joint, radial = str(message['joint']), float(message['radial'])
-        if not radial > 0.0:
-            self._worn = None
-            return
-        if joint not in wear.joints(self._picture.scene):
-            raise InputError(f'{joint} does not wear here: choose a pin of two links')
-        self._worn = joint, min(max(radial, wear.LEAST), wear.MOST)
 
     def found(self, number: int, kind: str, data: Any) -> None:
         """Show what came of a job, if it is of the document as it is."""
@@ -416,7 +400,6 @@ class Session:
         self.document = document
         watch('opened', document)
         self._path, self._traced, self._beside = (), {}, BesideDocument()
-        self._worn = None
         self._picture = nothing(Document().scene())
         self._of = None
 

@@ -31,7 +31,7 @@ _HOW = {
 }  # fmt: skip
 """Options of a search and their defaults.
 
-Differences cost a run for each key, exact slopes 11 to 28: these need half the runs, and more time.
+Differences cost a run for each key, exact slopes 11 to 28: half the cycles, thrice the time.
 """
 _OF_CYCLE = 'duration', 'periods', 'start'
 _KNOWN = *_HOW, *_OF_CYCLE, 'so_that', 'minimise', 'subject_to', 'workers', 'show'
