@@ -101,7 +101,8 @@ class EventLoop:
             _STEPS.defect * rtol * _STEPS.rate * fastest,
             _STEPS.stabilisation * fastest,
         )
-        if compact and len(system.gaps) > 1 and not (system.compliant or system.steep):
+        # few contacts chatter too little for a second integrator to be worth its compilation
+        if compact and len(system.gaps) > 3 and not (system.compliant or system.steep):
             self._steps.short = ShortSteps(
                 system,
                 self._ta,
