@@ -65,6 +65,11 @@ napoleon_google_docstring = False
 napoleon_use_ivar = True
 
 html_favicon = 'site/static/favicon.svg'
+myst_html_meta = {
+    'description lang=en': 'Simulator of real (loose, rattling, vibrating) planar machines',
+    'property=og:title': 'mechanism_sim',
+    'property=og:image': '_static/social.png',
+}
 html_theme = 'furo'
 html_title = 'mechanism_sim'
 html_math_renderer = 'mathml'

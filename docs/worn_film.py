@@ -1,6 +1,7 @@
-"""The film of the README: ``python docs/worn_film.py`` writes docs/pictures/worn.gif.
+"""The film of the README, and the picture by which others link to the site.
 
-A bearing at four clearances, seen through a lens, and measured by an accelerometer.
+``python docs/worn_film.py`` writes docs/pictures/worn.gif and docs/site/static/social.png: a bearing
+at four clearances, seen through a lens, and measured by an accelerometer.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from worn import RADII, SENSOR, SHOWN, run_at, spectrum_of
 from mechanism_sim.analysis.record import Record
 
 FILE = Path(__file__).parent / 'pictures' / 'worn.gif'
+SOCIAL = Path(__file__).parent / 'site' / 'static' / 'social.png'
 FPS, FRAMES = 10, 20
 CHOSEN = 0.0254, 0.0762, 0.1778, 0.254
 BLUE, RED, GREY = '#1f5f99', '#c4342d', '0.75'
@@ -60,6 +62,9 @@ def main() -> None:
 
     film = FuncAnimation(figure, frame, frames=FRAMES * len(CHOSEN))
     film.save(FILE, writer=PillowWriter(fps=FPS))
+    figure.set_size_inches(8.0, 4.0)
+    heading.set_text('mechanism_sim: machines as loose as they are')
+    figure.savefig(SOCIAL, dpi=160)  # 1280 by 640, as those who show links want it
 
 
 def _lens(axes: Axes, record: Record, now: float, radial: float) -> None:
