@@ -1,7 +1,7 @@
 """The film of the README, and the picture by which others link to the site.
 
-``python docs/worn_film.py`` writes docs/pictures/worn.gif and docs/site/static/social.png: a bearing
-at four clearances, seen through a lens, and measured by an accelerometer.
+``python docs/worn_film.py`` writes docs/pictures/worn.gif and docs/site/static/social.png, a
+bearing at four clearances, seen through a lens, and measured by an accelerometer.
 """
 
 from __future__ import annotations

@@ -98,7 +98,8 @@ def _objections(kind: Any) -> tuple[Objection, ...]:
         find = _about_numbers(kind)
         found.append(
             lambda message: (
-                (field := find(message)) and f'{field} holds a number that no machine has'
+                (field := find(message))
+                and f'{field} holds a number outside the range of machines'
             )
         )
         if name in rules.contradictions:

@@ -333,7 +333,7 @@ class Estimate(NamedTuple):
             return 'it is not finite for a part of the time'
         if self.error <= _AUDIT.promised * self.size:
             return EXACT
-        return f'its error may be {self.error:.1g} {unit}'.rstrip()
+        return f'its error may be up to {self.error:.1g} {unit}'.rstrip()
 
 
 class TimeIntegrals:

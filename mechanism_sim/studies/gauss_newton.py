@@ -58,6 +58,8 @@ _ROUGH, _SPARE = 0.5, 0.01
 _GOOD, _LIKE = 0.1, 0.8
 """Of the promised fall of the sum of squares: a step is taken; derivatives are still good."""
 
+_EXACT = 1e-9  # of a signal: what is left of one without noise that runs give exactly
+
 
 @dataclass(frozen=True, eq=False)
 class WindowFit:
@@ -176,7 +178,7 @@ class LeastSquares:
         while fit.part < 1.0 and longer > _LEAST_LONGER:
             if self._struck and fit.widths().max() < _ENOUGH:
                 break
-            sizes = [max(m.noise, s) for m, s in zip(self.measurements, fit.sizes, strict=True)]
+            sizes = self._sizes(fit, [m.noise for m in self.measurements])
             part = min(1.0, longer * fit.part)
             steps = np.minimum(1e-3, _STEP * np.sqrt(fit.covariance().diagonal()))
             found: list[WindowFit] = []
@@ -198,7 +200,12 @@ class LeastSquares:
 
     def _settled(self, fit: WindowFit) -> WindowFit:
         """The minimum itself, by the derivatives that are known."""
-        return self._solve(fit.place, fit.part, fit.sizes.tolist(), begun=fit)
+        return self._solve(fit.place, fit.part, self._sizes(fit), begun=fit)
+
+    def _sizes(self, fit: WindowFit, noise: Sequence[float] = ()) -> list[float]:
+        """Of residuals, at least of the noise, and of rounding where a signal has none at all."""
+        least = [_EXACT * scale for scale in self._scales]
+        return np.max([fit.sizes, least, *([noise] if noise else [])], axis=0).tolist()
 
     def _continuations(
         self, fit: WindowFit, part: float, sizes: Sequence[float]

@@ -196,7 +196,7 @@ def _by_least_squares(
         share = (p.to_scale(high) - p.to_scale(low)) / (p.to_scale(p.high) - p.to_scale(p.low))
         estimates.append(IdentifiedParameter(p, value, low, high, share))
     known = [
-        float(r @ r) / len(r) / (m.noise or size) ** 2
+        float(r @ r) / len(r) / (m.noise or size or 1.0) ** 2  # nothing is left of an exact signal
         for m, r, size in zip(measurements, fit.residuals, fit.sizes, strict=True)
     ]
     covariance = fit.covariance()

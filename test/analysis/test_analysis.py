@@ -522,7 +522,7 @@ def test_namespaces_are_matched_and_told_apart(tmp_path, summary):
     assert found.digest == summary.digest
     assert found.ledger.lost == 2
     assert analyze(path, namespace='/plant').digest == summary.digest
-    with pytest.raises(InputError, match='nothing of a machine in namespace /right'):
+    with pytest.raises(InputError, match='has no machine in namespace /right'):
         analyze(path, namespace='/right')
 
     both = whole_run()
@@ -546,7 +546,7 @@ def test_text_and_json_say_the_same(summary):
     for part in (
         '3 revolutions, 300 rpm',
         'impacts                        5',
-        'hardest in a: 0.016',
+        'hardest impact in a: 0.016',
         '2 of 13 are LOST',
     ):
         assert part in text

@@ -49,7 +49,7 @@ def test_uneven_instants_are_kept(tmp_path):
     ('text', 'channel', 'words'),
     [
         ('a [s],x\n0,1\n1,2\n', None, "no column of time: name one 't"),
-        ('t,x\n0,1\n0,2\n', None, 'times of channel .x. must rise, but 0 s follows 0 s'),
+        ('t,x\n0,1\n0,2\n', None, 'times of channel .x. must increase, but 0 s follows 0 s'),
         ('t,x\n0,1\n1,nan\n', None, "'x' has 1 samples"),
         ('t,x,y\n0,1,1\n1,2,2\n', None, r'several channels \(x, y\): choose one'),
         ('t,rod,y\n0,1,1\n1,2,2\n', 'rot', "no channel 'rot'; did you mean 'rod'"),

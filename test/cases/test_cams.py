@@ -573,7 +573,7 @@ def one(**condition):
 
 
 WRONG = [
-    ({'tangent': {'nose': '60 mm', 'lift': '15 mm'}}, {}, 'nose of 60 mm does not fit'),
+    ({'tangent': {'nose': '60 mm', 'lift': '15 mm'}}, {}, 'a nose radius of 60 mm does not fit'),
     ({'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '26 mm'}}, {}, 'do not touch both'),
     ({'tangent': {'nose': '10 mm'}}, {}, "'joints.contact.law.tangent.lift' is missing"),
     ({**TANGENT, 'eccentric': '5 mm'}, {}, "exactly one of 'segments', 'points'"),

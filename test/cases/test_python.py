@@ -208,7 +208,7 @@ def test_a_machine_of_python_runs_as_nodes_and_comes_back_from_its_bag(tmp_path)
     ('source', 'said'),
     [
         (3, '3 is not a scene: give a name, a path, YAML as text, a dictionary, a Scene or a'),
-        (None, 'null is no scene'),
+        (None, 'null is not a scene'),
         ('pendulm', "there is no scene 'pendulm'; did you mean 'pendulum'?"),
         (Path('none.yaml'), "there is no scene file 'none.yaml'"),
         ({'title': 'x'}, "scene: 'mechanism' is missing"),

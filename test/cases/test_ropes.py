@@ -403,7 +403,9 @@ def test_a_freewheel_goes_on_for_ten_thousand_swings():
 
 def test_a_freewheel_between_driven_links_is_refused():
     driven = {'hub': {'speed': 2.0}, 'wheel': {'speed': 1.0}}
-    with pytest.raises(InputError, match='own holds one way, but drives and closed loops say all'):
+    with pytest.raises(
+        InputError, match='own holds one way, but drives and closed loops determine all'
+    ):
         ms.simulate(shafts({'freewheel': ['hub', 'wheel']}, drives=driven), duration=1.0)
 
 

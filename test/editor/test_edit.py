@@ -892,8 +892,8 @@ def test_a_file_that_is_dropped_on_the_page_is_opened():
     page.ask('import', name='mine.yaml', text=DRAWN_FOUR_BAR)
     assert page.text == DRAWN_FOUR_BAR
     for name, content, words in (
-        ('a.docx', 'x', "'a.docx' is no machine"),
-        ('', '', 'is no machine'),
+        ('a.docx', 'x', "'a.docx' is not a machine"),
+        ('', '', 'is not a machine'),
         ('b.yaml', 'a: [', 'b.yaml'),
         ('c.csv', 'name,type,x,y', 'c.csv'),
     ):

@@ -391,7 +391,7 @@ def test_where_no_process_starts_the_editor_says_so_and_goes_on_when_one_does(mo
         Background(lambda *x: runs.put(x)).submit(Job(5, 'a', {}))
         number, kind, text = runs.get()
         assert (number, kind) == (5, 'problem')
-        assert 'cannot be started (BlockingIOError: [Errno 11] Resource' in text
+        assert 'no process starts (BlockingIOError: [Errno 11] Resource' in text
         monkeypatch.setattr(context, 'start', start)
         while found.busy:
             wait(found.links, 0.05)

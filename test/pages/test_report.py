@@ -310,7 +310,7 @@ def test_a_folder_with_the_name_of_a_scene_does_not_hide_it(tmp_path, monkeypatc
         (['--from', '0.4', '--to', '0.2'], 'from 0.4 s to 0.2 s is not within the run'),
         (['--to', '99'], 'is not within the run, which goes from 0 s to'),
         (['--from', 'nan'], 'is not within the run'),
-        (['--namespace', '/left'], 'nothing of a machine in namespace /left'),
+        (['--namespace', '/left'], 'has no machine in namespace /left'),
         (['--set', 'drive.speed=1 rpm'], 'as it was recorded'),
         (['--revolutions', '9'], 'turns from 0 s on, not 9'),
         (['--to', '0.1', '--duration', '0.1'], 'give only one of'),
@@ -329,7 +329,7 @@ def test_what_no_page_can_be_made_of_is_one_sentence(loose, tmp_path, options, w
 def test_a_namespace_is_for_bags(tmp_path):
     done = command('report', 'scotch_yoke', '--namespace', '/left', '-o', str(tmp_path / 'x.html'))
     assert done.returncode == 2
-    assert 'for bags' in done.stderr
+    assert 'applies to bags' in done.stderr
 
 
 def test_a_part_outside_of_the_run_is_refused(loose):

@@ -133,7 +133,7 @@ def test_a_figure_that_has_no_value_says_so():
     for m in (mean, root):
         assert not math.isfinite(m.value)
         assert m.resolution == 'it is not finite for a part of the time'
-    assert 'may be off' in upper.resolution
+    assert 'its error may be up to' in upper.resolution
 
 
 @pytest.mark.parametrize('width', [1e-2, 1e-4, 1e-6])

@@ -359,7 +359,7 @@ tables: {press: {file: press.csv, columns: [stroke, force]}}
 @pytest.mark.parametrize(
     ('key', 'value', 'found'),
     [
-        ('tables', {'p': {'points': [['1 mm', 1], ['0 mm', 1]]}}, 'rising x'),
+        ('tables', {'p': {'points': [['1 mm', 1], ['0 mm', 1]]}}, 'of increasing x'),
         ('tables', {'p': {'points': [['1 mm', 1], ['1 s', 1]]}}, 'same kind of unit'),
         ('tables', {'p': {'points': [[0, 1], [1, 2]], 'cyclic': True}}, 'span a turn'),
         ('tables', {'p': {'points': [[1, 1], [1, 2]]}}, 'one step'),

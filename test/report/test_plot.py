@@ -230,7 +230,7 @@ def test_bags_of_others_count_from_their_start(tmp_path):
     assert {'name': '/wind.vector.x', 'unit': ''} in run_json('plot', str(file))
     done = run('plot', str(file), 'gap')
     assert done.returncode == 2
-    assert "has no scene with a quantity 'gap' could be" in done.stderr
+    assert "has no scene with a quantity 'gap'; it has /wind.vector.x" in done.stderr
 
 
 def test_units_come_from_the_definitions():

@@ -163,7 +163,7 @@ def _yaml(speed):
         ({'scenes': ['four_bar_clearance']}, "no sensor 'rocker'"),
         (
             {'scenes': [SCENE], 'overrides': ['sensors.rocker.sample_rate=9 kHz']},
-            'at 10000 Hz, but bearing_run_up says acceleration at 9000 Hz',
+            'at 10000 Hz, but bearing_run_up has acceleration at 9000 Hz',
         ),
         ({'scenes': [SCENE, SCENE]}, 'one --scene'),
         ({'scenes': [SCENE], 'skip': 9.0}, 'no samples after 9 s'),

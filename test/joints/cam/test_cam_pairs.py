@@ -244,7 +244,7 @@ def test_a_run_goes_on_from_a_snapshot_within_a_row():
         ({'joints.contact.pitch': '3 mm'}, 'pitch has no meaning in a cam joint'),
         (
             {'joints.contact.law': {'segments': [{'from': 1, 'to': 2, 'rise': '5 mm'}]}},
-            'does not come back',
+            'the follower does not return',
         ),
         (
             {

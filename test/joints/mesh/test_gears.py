@@ -337,7 +337,7 @@ def test_transverse_plane_of_a_helical_gear():
         (lambda: Pair(Gear(60, M, internal=True), Gear(60, M)), 'external teeth'),
         (lambda: Pair(Gear(20, M), Gear(30, M), 0.05 - 1e-5), 'jam'),
         (lambda: Pair(Gear(20, M), Gear(30, M), 0.03), 'no common tangent'),
-        (lambda: Pair(Gear(20, M), Gear(30, M), 0.0525), 'lets go'),
+        (lambda: Pair(Gear(20, M), Gear(30, M), 0.0525), 'separates before the next one engages'),
         (lambda: Pair(Gear(18, M), Gear(40, M, internal=True)), 'reach inside the base circle'),
         (lambda: inverse_inv(-1.0), 'not negative'),
         (lambda: NOMINAL.efficiency(-0.1), 'not negative'),
