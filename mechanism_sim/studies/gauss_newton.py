@@ -205,7 +205,8 @@ class LeastSquares:
     def _sizes(self, fit: WindowFit, noise: Sequence[float] = ()) -> list[float]:
         """Of residuals, at least of the noise, and of rounding where a signal has none at all."""
         least = [_EXACT * scale for scale in self._scales]
-        return np.max([fit.sizes, least, *([noise] if noise else [])], axis=0).tolist()
+        noise = noise or least
+        return [max(one) for one in zip(fit.sizes.tolist(), least, noise, strict=True)]
 
     def _continuations(
         self, fit: WindowFit, part: float, sizes: Sequence[float]
