@@ -400,6 +400,7 @@ def test_a_pump_jack_with_a_motor_from_nothing_to_a_report_of_its_wear(tab, tmp_
         assert before.endswith('N')
         assert after.endswith('N')
         assert float(ratio.strip('× ')) != 1.0
+        assert hand.page.locator('#time').inner_text() == '1.5 s'
         assert 'clearance' not in hand.text  # it is the run that is worn, not the document
         assert '--' not in hand.page.locator('body').inner_text()
         hand.tab.shoot('edit_pump_jack')

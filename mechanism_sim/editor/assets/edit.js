@@ -281,6 +281,7 @@ function checked({ data, number }) {
 function worn({ data, number }) {
   if (number !== state.number || !run) return;
   wear.compare(run.data.figures, data);
+  if (!canvas.playing) by('time').textContent = `${Number(length().toPrecision(4))} s`; // not its progress
   root.dataset.worn = `${data.joint} ${data.radial}`;
 }
 
