@@ -7,6 +7,7 @@ here what they mean where the files are read as they are. Nobody who reads it ne
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -68,7 +69,8 @@ html_favicon = 'site/static/favicon.svg'
 myst_html_meta = {
     'description lang=en': 'Simulator of real (loose, rattling, vibrating) planar machines',
     'property=og:title': 'mechanism_sim',
-    'property=og:image': '_static/social.png',
+    # Who links to a page asks for an absolute address, known where the site is published.
+    'property=og:image': f'{os.environ.get("SITE_ADDRESS", "")}_static/social.png',
 }
 html_theme = 'furo'
 html_title = 'mechanism_sim'

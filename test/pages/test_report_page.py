@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -575,18 +576,29 @@ def test_the_keyboard_goes_through_the_page_as_it_is_read(opened):
 
 @pytest.mark.slow
 def test_a_minute_is_a_page_like_any_other(tab, tmp_path):
-    """350 turns, 17,000 impacts: less than 10 MB, opened in two seconds, all of it there."""
-    run = recorded(simulated('four_bar_clearance', duration=60.0))
-    text = report.page(run, sections(run.record))
-    file = tmp_path / 'minute.html'
-    output.write_text(file, text)
-    assert file.stat().st_size < 10e6
-    session = tab.page.context.new_cdp_session(tab.page)
-    session.send('Performance.enable', {'timeDomain': 'threadTicks'})  # of CPU
-    open_page(tab, file)
-    tab.page.wait_for_selector('.js-plotly-plot .trace', state='attached')
-    told = session.send('Performance.getMetrics')['metrics']
-    assert next(x['value'] for x in told if x['name'] == 'TaskDuration') < 2.0  # 1.3 to 1.5
+    """350 turns, 17,000 impacts: less than 10 MB, opened like one of a second, all of it there."""
+    pages = [_page_of(seconds, tmp_path) for seconds in (1.0, 60.0)]
+    assert pages[1].stat().st_size < 10e6
+    short, minute = np.min([[_cost(tab, file) for file in pages] for _ in range(3)], axis=0)
+    assert minute < 1.5 * short  # 0.95 to 1.1 measured
     tab.page.keyboard.press('End')
     assert time_of(tab.page) == pytest.approx(60.0, abs=1e-9)
     assert tab.complaints == []
+
+
+def _page_of(seconds: float, folder: Path) -> Path:
+    run = recorded(simulated('four_bar_clearance', duration=seconds))
+    file = folder / f'{seconds:g}.html'
+    output.write_text(file, report.page(run, sections(run.record)))
+    return file
+
+
+def _cost(tab: Tab, file: Path) -> float:
+    """CPU time [s] of a page from its address to its first chart."""
+    session = tab.page.context.new_cdp_session(tab.page)
+    session.send('Performance.enable', {'timeDomain': 'threadTicks'})
+    open_page(tab, file)
+    tab.page.wait_for_selector('.js-plotly-plot .trace', state='attached')
+    told = {x['name']: x['value'] for x in session.send('Performance.getMetrics')['metrics']}
+    session.detach()
+    return float(told['TaskDuration'])
