@@ -56,6 +56,7 @@ myst_heading_anchors = 6
 nb_execution_mode = 'cache'
 nb_execution_cache_path = 'build/lessons'
 nb_execution_raise_on_error = True
+nb_merge_streams = True
 nb_execution_timeout = 120
 nb_ipywidgets_js: dict[str, dict[str, str]] = {}
 

@@ -11,6 +11,7 @@ from docutils.utils.math.latex2mathml import tex2mathml
 from sphinx.util import logging
 
 SIZES = re.compile(r'\\[bB]igg?[lrm]?(?![a-zA-Z])')  # of brackets; the converter knows none
+HALF = re.compile(r'(\\[dt]?frac)\s*(\d)\s*(\d)')  # two arguments in TeX; here, one number
 FUNCTION = re.compile(r'(<mo>&ApplyFunction;</mo>)(?!\s*<mo[^>]*>\()')
 BEFORE = re.compile(
     r'(</m(?:i|n|sub|sup|subsup|over|row|frac)>|<mo[^>]*>\)</mo>)'
@@ -51,6 +52,7 @@ def _block(translator: Any, node: nodes.math_block) -> None:
 
 def _converted(node: nodes.Element, as_block: bool) -> str:
     text = SIZES.sub('', node.astext()).replace('°', r'^\circ ')
+    text = HALF.sub(r'\1{\2}{\3}', text)
     try:
         made = FUNCTION.sub(THIN_SPACE, tex2mathml(text, as_block=as_block))
         made = ACCENTED.sub(INDEXED, BEFORE.sub(THIN_SPACE, made))

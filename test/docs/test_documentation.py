@@ -81,7 +81,7 @@ def test_a_mistake_in_ten_links_is_answered_as_the_documentation_says(command, s
 def site(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS / 'site'))
     yield
-    for name in ('commands', 'keys', 'messages', 'tools'):
+    for name in ('commands', 'keys', 'mathml', 'messages', 'tools'):
         sys.modules.pop(name, None)
 
 
@@ -116,6 +116,16 @@ def test_the_reference_of_commands_has_every_command():
 
     named = re.findall(r'^## (.+)$', commands.reference(), re.MULTILINE)
     assert named == list(make_parser().leaves())
+
+
+@pytest.mark.usefixtures('site')
+def test_digits_after_a_fraction_are_its_two_parts():
+    math = pytest.importorskip('docutils.nodes', reason="pip install '.[docs]'").math
+    pytest.importorskip('sphinx', reason="pip install '.[docs]'")
+    import mathml  # noqa: PLC0415 - of the site
+
+    made = mathml._converted(math('', r'x \le \tfrac12)'), as_block=False)
+    assert re.search(r'<mfrac>\s*<mn>1</mn>\s*<mn>2</mn>\s*</mfrac>', made)
 
 
 def test_three_mistakes_are_shown():
