@@ -175,11 +175,12 @@ class Panel:
 
     @property
     def entries(self) -> list[str]:
-        """The legend: labels in the order of the curves, and impacts; one label needs none."""
+        """The legend: labels in the order of the curves, and impacts; none for one that is said."""
         labels = dict.fromkeys(c.label for c in self.curves if c.label)
         found = [label for label in labels if label != self.title]
         found += ['impact'] * bool(len(self.struck))
-        return found if len(found) > 1 or len(self.struck) else []
+        said = f'{self.title} {self.x.words} {self.y.words}'
+        return [] if len(found) == 1 and found[0] in said and not len(self.struck) else found
 
     @property
     def free(self) -> float:

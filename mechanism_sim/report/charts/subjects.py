@@ -92,7 +92,8 @@ def loads(course: ChartedRun) -> ChartSection | None:
         kind, _, of = name.removesuffix('.size').partition('.')
         drive = kind == 'drive_torque'
         if (line := kind if drive else name) in run.quantities:
-            levels.setdefault('drive' if drive else of, run.levels.reached(line, SHARE))
+            level = min(run.levels.reached(line, SHARE), abs(found[name].value))
+            levels.setdefault('drive' if drive else of, level)
     text = (
         'Forces and torques between impacts, without their impulses. The duration is the time '
         'around the largest value in which the load is above half of it, the impulse that of '

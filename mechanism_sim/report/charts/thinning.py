@@ -163,11 +163,11 @@ class HeldLevels:
         self._times[name] = held
 
     def reached(self, name: str, share: float) -> float:
-        """The level that a row does not exceed in a share of the time; 0 of nothing."""
+        """Level that a row does not exceed in a share of the time, up to 0.1 % high; 0 of nothing."""
         passed = np.cumsum(self._times[name])
         if not len(passed) or not passed[-1]:
             return 0.0
-        return _LEAST * math.exp(_FINE * (np.searchsorted(passed, share * passed[-1]) + 0.5))
+        return _LEAST * math.exp(_FINE * (np.searchsorted(passed, share * passed[-1]) + 1.0))
 
 
 def _tidy(at: Array, values: Array) -> SampledLine:
