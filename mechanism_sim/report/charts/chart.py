@@ -175,7 +175,7 @@ class Panel:
 
     @property
     def entries(self) -> list[str]:
-        """The legend: labels in the order of the curves, and impacts; none for one that is said."""
+        """The legend: labels in order, and impacts; none for a single one that is said."""
         labels = dict.fromkeys(c.label for c in self.curves if c.label)
         found = [label for label in labels if label != self.title]
         found += ['impact'] * bool(len(self.struck))

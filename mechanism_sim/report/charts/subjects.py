@@ -88,11 +88,11 @@ def loads(course: ChartedRun) -> ChartSection | None:
     if known is None:
         return None
     levels: dict[str, float] = {}
-    for name in found:
+    for name, peak in found.items():
         kind, _, of = name.removesuffix('.size').partition('.')
         drive = kind == 'drive_torque'
         if (line := kind if drive else name) in run.quantities:
-            level = min(run.levels.reached(line, SHARE), abs(found[name].value))
+            level = min(run.levels.reached(line, SHARE), abs(peak.value))
             levels.setdefault('drive' if drive else of, level)
     text = (
         'Forces and torques between impacts, without their impulses. The duration is the time '

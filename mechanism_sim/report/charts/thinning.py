@@ -163,7 +163,7 @@ class HeldLevels:
         self._times[name] = held
 
     def reached(self, name: str, share: float) -> float:
-        """Level that a row does not exceed in a share of the time, up to 0.1 % high; 0 of nothing."""
+        """Level not exceeded in a share of the time, at most 0.1 % above it; 0 of nothing."""
         passed = np.cumsum(self._times[name])
         if not len(passed) or not passed[-1]:
             return 0.0
