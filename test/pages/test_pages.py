@@ -409,4 +409,6 @@ def test_every_scene_plays_on_its_card_and_opens_its_report(tab):
     assert seen.keys() == {f'{name}.html' for name in ms.scene_names()}
     assert all((SITE / 'runs' / name).exists() for name in seen)
     assert min(seen.values()) > 1
+    before = "x => getComputedStyle(x, '::before').content"
+    assert tab.page.locator('tr:has(a.plays) td').last.evaluate(before) == 'none'
     assert tab.complaints == []
