@@ -27,7 +27,7 @@ from hypothesis import settings
 from middleware_network import Network
 
 from mechanism_sim.nodes import middleware
-from mechanism_sim.numerics import code_cache, kernels
+from mechanism_sim.numerics import code_cache, compiled, kernels
 
 sys.dont_write_bytecode = False
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
@@ -52,6 +52,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         for mark in {NEEDS[x] for x in getattr(item, 'fixturenames', ()) if x in NEEDS}:
             item.add_marker(mark)
+
+
+@pytest.hookimpl(tryfirst=True)  # before fixtures of modules
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Quick tests, of short runs, do without LLVM's optimisation; all of them have it with slow ones.
+
+    What is compared with other processes, or with recorded bits, is compiled as for users.
+    """
+    as_users = item.get_closest_marker('network') or item.get_closest_marker('optimised')
+    quick = 'not slow' in item.config.option.markexpr and not as_users
+    compiled.OPTIMISATION = 0 if quick else 3
 
 
 @pytest.fixture

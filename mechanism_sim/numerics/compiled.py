@@ -34,6 +34,10 @@ hy.set_logger_level_error()
 _LARGEST = 200_000
 """Nodes of expressions that are compared in a few milliseconds."""
 
+OPTIMISATION = 3
+"""LLVM's level at most. Without any, code of the last bits of others is made in a quarter of the
+time, which pays for runs of a second."""
+
 
 _spent = [0.0, 0.0]
 _crowded: list[Callable[[], bool]] = []
@@ -104,11 +108,12 @@ class _KeyedTerms:
 
 
 @lru_cache(maxsize=128)
-def _function(terms: _KeyedTerms, variables: tuple[hy.expression, ...]) -> hy.cfunc_dbl:
+def _function(
+    terms: _KeyedTerms, variables: tuple[hy.expression, ...], level: int
+) -> hy.cfunc_dbl:
     outputs, inputs = list(terms.expressions), list(variables)
-    optimisation = 0 if terms.large else 3
     with _counted():
-        return compiled(lambda: hy.cfunc(outputs, vars=inputs, opt_level=optimisation))
+        return compiled(lambda: hy.cfunc(outputs, vars=inputs, opt_level=level))
 
 
 def alike(some: Sequence[hy.expression], others: Sequence[hy.expression]) -> bool:
@@ -120,7 +125,8 @@ def function(
     expressions: Sequence[hy.expression], variables: Sequence[hy.expression]
 ) -> hy.cfunc_dbl:
     """Values of the expressions as a function of the variables and parameters."""
-    return _function(_KeyedTerms(expressions), tuple(variables))
+    terms = _KeyedTerms(expressions)
+    return _function(terms, tuple(variables), 0 if terms.large else OPTIMISATION)
 
 
 @lru_cache(maxsize=16)
@@ -129,6 +135,7 @@ def _integrator(
     terms: _KeyedTerms,
     tolerance: float,
     compact: bool,
+    level: int,
     flag: int,
 ) -> tuple[hy.taylor_adaptive_dbl, list[hy.taylor_adaptive_dbl]]:
     """An integrator, and copies of it that nobody uses."""
@@ -157,7 +164,7 @@ def _integrator(
             tol=tolerance,
             t_events=events,
             compact_mode=compact,
-            opt_level=1 if compact else 3,  # the third level takes half as long again for nothing
+            opt_level=level,
         )
 
     with _counted():
@@ -195,7 +202,9 @@ def integrator(
         equation must name it
     owner : when it is gone, another may have the integrator: to copy one takes a millisecond
     """
-    first, idle = _integrator(equations.states, equations.terms, tolerance, compact, flag)
+    # of compact code the third level takes half as long again for nothing
+    level = min(OPTIMISATION, 1 if compact else 3)
+    first, idle = _integrator(equations.states, equations.terms, tolerance, compact, level, flag)
     found = idle.pop() if idle else copy(first)
     found.time, found.state[:], found.pars[:] = 0.0, 0.0, 0.0
     if found.with_events:

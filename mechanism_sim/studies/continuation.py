@@ -398,7 +398,8 @@ def branches(
     """Branches through all periodic responses that were found, within the range of the parameter.
 
     >>> import mechanism_sim as ms
-    >>> found = ms.bifurcation('four_bar_clearance', {'drive.speed': ('479 rpm', '480 rpm', 2)})
+    >>> found = ms.bifurcation('four_bar_clearance', {'drive.speed': ('479 rpm', '480 rpm', 2)},
+    ...                        transient=30, keep=8)
     >>> {branch.period for branch in ms.branches(found)}
     {2}
     """

@@ -21,7 +21,13 @@ FUNCTIONS = {
 }
 
 
-@pytest.mark.parametrize('name', FUNCTIONS)
+SLOW = {'branches'}
+"""Minutes: test_continuation.py draws branches of a lighter machine."""
+
+
+@pytest.mark.parametrize(
+    'name', [pytest.param(x, marks=[pytest.mark.slow] * (x in SLOW)) for x in FUNCTIONS]
+)
 def test_every_public_function_has_an_example_that_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     found = FUNCTIONS[name]

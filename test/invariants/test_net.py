@@ -5,6 +5,8 @@ from pathlib import Path
 import net
 import pytest
 
+pytestmark = pytest.mark.optimised  # the record has the bits of users
+
 RECORD = net.load()
 LINES = {' '.join(line): line for lines in net.COMMANDS.values() for line in lines}
 

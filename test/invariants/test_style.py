@@ -12,12 +12,6 @@ ROOT = Path(__file__).parents[2]
 FILES = sorted(
     path for room in ('mechanism_sim', 'zenoh_rclpy') for path in (ROOT / room).rglob('*.py')
 )
-CLASSES = [
-    (path.relative_to(ROOT), node)
-    for path in FILES
-    for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
-    if isinstance(node, ast.ClassDef)
-]
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 MOST_METHODS, MOST_ATTRIBUTES = 25, 20
 
@@ -37,8 +31,19 @@ def attributes(node: ast.ClassDef) -> set[str]:
     return found
 
 
-def test_names_of_classes_are_unique():
-    own = [node.name for path, node in CLASSES if path.parts[0] == 'mechanism_sim']
+@pytest.fixture(scope='module')
+def classes():
+    """Files and classes: trees of all files are a million objects, too many for other tests."""
+    return [
+        (path.relative_to(ROOT), node)
+        for path in FILES
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+        if isinstance(node, ast.ClassDef)
+    ]
+
+
+def test_names_of_classes_are_unique(classes):
+    own = [node.name for path, node in classes if path.parts[0] == 'mechanism_sim']
     assert [name for name, count in Counter(own).items() if count > 1] == []
 
 
@@ -54,9 +59,9 @@ def test_titles_are_noun_phrases_or_imperatives(words):
     assert found == []
 
 
-def test_classes_are_small():
+def test_classes_are_small(classes):
     found = []
-    for path, node in CLASSES:
+    for path, node in classes:
         methods = sum(isinstance(x, FUNCTIONS) for x in node.body)
         count = len(attributes(node))
         if methods > MOST_METHODS or count > MOST_ATTRIBUTES:
