@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import signal
@@ -54,9 +55,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(mark)
 
 
+def pytest_collection_finish() -> None:
+    """Thousands of tests stay until the end: not looked through again whenever garbage is."""
+    gc.freeze()
+
+
 @pytest.hookimpl(tryfirst=True)  # before fixtures of modules
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Quick tests, of short runs, do without LLVM's optimisation; all of them have it with slow ones.
+    """Quick tests, of short runs, do without LLVM's optimisation, unless slow ones run, too.
 
     What is compared with other processes, or with recorded bits, is compiled as for users.
     """

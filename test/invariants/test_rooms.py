@@ -31,52 +31,73 @@ def test_numerics_knows_no_mechanics_and_physics_no_middleware():
     }  # fmt: skip
 
 
-@pytest.mark.parametrize('command', [
+ALONE = (
     ('check', 'four_bar_nominal'),
     ('solve', 'four_bar_nominal', '--revolutions', '1'),
     ('report', 'four_bar_nominal', '--revolutions', '1', '-o', 'page.html'),
-])  # fmt: skip
-def test_opening_no_editor_loads_none_of_it(command, tmp_path):
+    ('draw', 'four_bar_nominal', '-o', 'drawn.svg'),
+)
+OF_BAGS = (
+    ('analyze', 'run.mcap'),
+    ('report', 'run.mcap', '-o', 'page.html'),
+    ('plot', 'run.mcap', 'velocity.rocker', '-o', 'plot.svg'),
+)
+LOADED = """
+import runpy, sys
+for line in open(sys.argv[1]).read().splitlines():
+    sys.argv[1:] = line.split()
+    try:
+        runpy.run_module('mechanism_sim', run_name='__main__', alter_sys=True)
+    except SystemExit as ended:
+        assert not ended.code, line
+    print('LOADED', *sorted(sys.modules))
+"""
+
+
+def loaded_by(lines, folder):
+    """Modules in a process after each command, one after the other."""
+    (folder / 'commands').write_text('\n'.join(map(' '.join, lines)), encoding='utf-8')
     done = subprocess.run(
-        [sys.executable, '-X', 'importtime', '-m', 'mechanism_sim', *command],
-        capture_output=True, text=True, check=True, cwd=tmp_path,
-        env={**os.environ, 'PYTHONPATH': str(PACKAGE.parent)},
+        [sys.executable, '-c', LOADED, 'commands'], capture_output=True, text=True, check=True,
+        cwd=folder, env={**os.environ, 'PYTHONPATH': str(PACKAGE.parent)},
     )  # fmt: skip
-    assert 'mechanism_sim.joints.kinds' in done.stderr
-    assert 'mechanism_sim.editor' not in done.stderr
+    rows = [set(x.split()) for x in done.stdout.splitlines() if x.startswith('LOADED ')]
+    return dict(zip(lines, rows, strict=True))
 
 
 @pytest.fixture(scope='module')
-def bag(tmp_path_factory):
-    """A recorded run."""
-    file = tmp_path_factory.mktemp('rooms') / 'run.mcap'
+def alone(tmp_path_factory):
+    """What commands of a scene load."""
+    return loaded_by(ALONE, tmp_path_factory.mktemp('alone'))
+
+
+@pytest.fixture(scope='module')
+def of_bags(tmp_path_factory):
+    """What commands of a recorded run load."""
+    folder = tmp_path_factory.mktemp('rooms')
+    file = folder / 'run.mcap'
     done = run('run', 'four_bar_clearance', '--duration', '0.02', '--record', str(file))
     assert done.returncode == 0, done.stderr
-    return file
+    return loaded_by(OF_BAGS, folder)
+
+
+def needs_no_network(loaded):
+    assert 'mechanism_sim.cli.entry' in loaded
+    roots = {module.partition('.')[0] for module in loaded}
+    return not roots & {'zenoh', 'zenoh_rclpy', 'rclpy'}
+
+
+@pytest.mark.parametrize('command', ALONE, ids=lambda words: words[0])
+def test_opening_no_editor_loads_none_of_it_nor_a_network(alone, command):
+    assert 'mechanism_sim.joints.kinds' in alone[command]
+    assert not any(module.startswith('mechanism_sim.editor') for module in alone[command])
+    assert needs_no_network(alone[command])
 
 
 @pytest.mark.network
-@pytest.mark.parametrize(
-    'words',
-    [
-        ('analyze', 'BAG'),
-        ('report', 'BAG', '-o', 'page.html'),
-        ('plot', 'BAG', 'velocity.rocker', '-o', 'plot.svg'),
-        ('draw', 'four_bar_nominal', '-o', 'drawn.svg'),
-    ],
-    ids=lambda words: words[0],
-)
-def test_a_run_is_analysed_reported_and_drawn_without_a_network(words, bag, tmp_path):
-    args = [str(bag) if word == 'BAG' else word for word in words]
-    done = subprocess.run(
-        [sys.executable, '-X', 'importtime', '-m', 'mechanism_sim', *args], cwd=tmp_path,
-        env={**os.environ, 'PYTHONPATH': str(PACKAGE.parent)}, capture_output=True, text=True,
-        check=True,
-    )  # fmt: skip
-    loaded = {line.rpartition('|')[2].strip() for line in done.stderr.splitlines()}
-    assert 'mechanism_sim.cli.entry' in loaded
-    roots = {module.partition('.')[0] for module in loaded}
-    assert not roots & {'zenoh', 'zenoh_rclpy', 'rclpy'}
+@pytest.mark.parametrize('command', OF_BAGS, ids=lambda words: words[0])
+def test_a_run_is_analysed_reported_and_drawn_without_a_network(of_bags, command):
+    assert needs_no_network(of_bags[command])
 
 
 def test_tests_mirror_the_package_and_import_no_test():
