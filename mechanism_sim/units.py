@@ -497,8 +497,23 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
     raise ValueError(f'{said[0]}{others}: write for example {examples}')
 
 
-@lru_cache(maxsize=4096)  # a sweep reads the same text again for every run
 def _text_to_si(value: str, unit: str, hint: str) -> float:
+    found = _read(value, unit, hint)
+    if isinstance(found, str):
+        raise ValueError(found)
+    return found
+
+
+@lru_cache(maxsize=4096)
+def _read(value: str, unit: str, hint: str) -> float | str:
+    """A text in SI units, or why it is none: a sweep reads the same ones for every run."""
+    try:
+        return _parsed(value, unit, hint)
+    except ValueError as error:
+        return str(error)
+
+
+def _parsed(value: str, unit: str, hint: str) -> float:
     if len(value) > _LONGEST:
         raise ValueError(f'is longer than {_LONGEST} characters: {hint}')
     _refuse_comma(value, hint)
@@ -534,6 +549,8 @@ def _converted(number: str, read: str, given: str, unit: str, hint: str) -> floa
     """A number in a unit, `given` as it is written and `read` as libraries spell it."""
     written_in, wanted = _common_unit(read), _common_unit(unit)
     if written_in is None or wanted is None:
+        if read[0] == '*':  # of a formula; loading pint, which says so too, takes most of a second
+            raise ValueError(f"has the unknown unit '{given}': {hint}")
         return _converted_by_pint(number, read, given, unit, hint)
     fits = written_in.powers == wanted.powers
     if not fits or _mixed(unit, written_in.angular, written_in.hertz):
