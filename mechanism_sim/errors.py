@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 _LONG_WORD = re.compile(r'(\S{100})\S{300,}(\S{50})')
 
@@ -58,3 +58,10 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
     close = difflib.get_close_matches(word[:100], list(known), 1, 0.5)
     return f"; did you mean '{close[0]}'?" if close else ''
+
+
+def check_known(name: str | None, known: Collection[str], wrong: str, those: str) -> None:
+    """Refuse a name that is none of the known: ``WRONG; did you mean 'X'?; THOSE A, B``."""
+    if name not in known:
+        found = ', '.join(known) or 'none'
+        raise InputError(f'{wrong}{nearest(str(name), known)}; {those} {found}')

@@ -23,7 +23,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import read_csv
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.packages import needed
 from mechanism_sim.units import to_si
 
@@ -87,9 +87,7 @@ def read_signal(
     if channel is None and len(found) > 1:
         raise InputError(f'{path} has several channels ({", ".join(found)}): choose one')
     name = channel or next(iter(found))
-    if name not in found:
-        raise InputError(f"{path} has no channel '{name}'{nearest(name, found)}; it has: "
-                         f'{", ".join(found)}')  # fmt: skip
+    check_known(name, found, f"{path} has no channel '{name}'", 'it has:')
     return found[name]
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.digest import MotionDigest
@@ -332,11 +332,7 @@ class Record(Revolutions):
 
     def signal(self, sensor: str) -> Signal:
         """Samples of a sensor, as recorded; computed from the motion if that is all there is."""
-        if sensor not in self.sensors:
-            known = ', '.join(self.sensors) or 'none'
-            raise InputError(
-                f"there is no sensor '{sensor}'{nearest(sensor, self.sensors)}; there are: {known}"
-            )
+        check_known(sensor, self.sensors, f"there is no sensor '{sensor}'", 'there are:')
         if sensor not in self.signals:
             signal = measured(self.machine, self.history, sensor)
             found = signal if self.whole is None else signal.between(self.start, self.end)
@@ -378,11 +374,8 @@ class Record(Revolutions):
 def loose_bearing(record: Record, joint: str) -> str:
     """The joint, once sure that it has a pin loose in a bushing."""
     known, machine = record.loose_joints, record.machine
-    if joint not in known:
-        raise InputError(
-            f"'{joint}' is not a joint with a pin loose in a bushing{nearest(joint, known)}; "
-            f'such joints of {machine.name}: {", ".join(known) or "none"}'
-        )
+    wrong = f"'{joint}' is not a joint with a pin loose in a bushing"
+    check_known(joint, known, wrong, f'such joints of {machine.name}:')
     return joint
 
 

@@ -30,7 +30,7 @@ from mechanism_sim.cli.source import (
     source_options,
     warn_if_incomplete,
 )
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.open_run import Asked
@@ -253,11 +253,7 @@ def _charts(options: argparse.Namespace) -> int:
     with progress.busy('drawing charts', quiet=options.json):
         known = {c.key: c for s in sections(record.between(start, end)) for c in s.charts}
         for name in options.what:
-            if name not in known:
-                raise InputError(
-                    f"the report has no chart '{name}'{nearest(name, known)}; its charts: "
-                    f'{", ".join(known)}'
-                )
+            check_known(name, known, f"the report has no chart '{name}'", 'its charts:')
         files = figures.save_all([known[name] for name in options.what or known], path)
     if options.json:
         print_json({'files': [str(file) for file in files]})

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
 from mechanism_sim.units import QuantityValue
 
@@ -69,17 +69,10 @@ class Names:
     def find(self, where: str, reference: str) -> LinkPoint:
         """A link and a point in its frame, from ``LINK.POINT`` or ``LINK``."""
         link, _, point = reference.partition('.')
-        if link not in self.points:
-            raise InputError(
-                f"{where}: there is no link '{link}'{nearest(link, self.points)}; links: "
-                f'{", ".join(self.points)}'
-            )
+        check_known(link, self.points, f"{where}: there is no link '{link}'", 'links:')
         points = self.points[link]
-        if (point or 'start') not in points:
-            raise InputError(
-                f"{where}: the link {link} has no point '{point}'{nearest(point, points)}; its "
-                f'points: {", ".join(points)}'
-            )
+        wrong = f"{where}: the link {link} has no point '{point}'"
+        check_known(point or 'start', points, wrong, 'its points:')
         return link, points[point or 'start']
 
     def connected(self, name: str) -> tuple[LinkPoint, LinkPoint]:
@@ -126,11 +119,8 @@ class Names:
                 f"{where}: '{name}' is the position of a link between loose joints, which is for "
                 f"'initial' only: write '{link}'"
             )
-        if name not in self.links:
-            raise InputError(
-                f"{where}: there is no coordinate '{name}'{nearest(name, self.links)}; "
-                f'coordinates are named after the moving links: {", ".join(self.links)}'
-            )
+        wrong, those = f"{where}: there is no coordinate '{name}'", 'the moving links:'
+        check_known(name, self.links, wrong, f'coordinates are named after {those}')
         return name
 
     def measure(

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechanism_sim import output
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.export.outlines import (
     Outline,
@@ -148,11 +148,9 @@ class _Mesh:
     def profile(self, chosen: str | None, friction: float) -> tuple[Sheet, Outline]:
         """Figures, and the outline of both or of one of them."""
         names = [w.name for w in self.wheels]
-        if chosen and chosen not in names:
-            raise InputError(
-                f"{self.machine.name}: the joint {self.joint.name} has no gear '{chosen}'"
-                f'{nearest(chosen, names)}; its gears: {", ".join(names)}'
-            )
+        if chosen:
+            wrong = f"{self.machine.name}: the joint {self.joint.name} has no gear '{chosen}'"
+            check_known(chosen, names, wrong, 'its gears:')
         figures = [*self._common(), *self._between(friction)]
         for wheel in self.wheels:
             if not wheel.part.rack:

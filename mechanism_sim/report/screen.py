@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.export.palette import ACCENT, INK, colour, tint
 from mechanism_sim.export.skeleton import bounds
 from mechanism_sim.export.stage import HALF, PLAY, Stage, StageFrames, Swaying, stage_of
@@ -235,11 +235,9 @@ def _lens_joint(record: Record, stage: Stage, wanted: str | None) -> str:
         return ''
     machine = record.machine
     known = [joint.name for joints in (stage.bearings, stage.plays) for joint in joints]
-    if wanted and wanted not in known:
-        raise InputError(
-            f"'{wanted}' is not a joint with play{nearest(wanted, known)}; such joints of "
-            f'{machine.name}: {", ".join(known) or "none"}'
-        )
+    if wanted:
+        wrong = f"'{wanted}' is not a joint with play"
+        check_known(wanted, known, wrong, f'such joints of {machine.name}:')
     return wanted or (known[0] if known else '')
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechanism_sim import text_table
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.errors import InputError, RunError, check_known
 from mechanism_sim.export.palette import GROUND, INK, LINKS
 from mechanism_sim.report.charts.chart import (
     DASHES,
@@ -244,11 +244,8 @@ def check_charts(plan: SweepPlan, file: str | None, over: str | None, option: st
         return
     check_picture(option, file, folder_too=option == '--plots')
     swept = [c for c in plan.columns if c != REPEAT]
-    if over is not None and over not in swept:
-        raise InputError(
-            f'--over {over}: this is not swept{nearest(over, swept)}; swept are: '
-            f'{", ".join(swept)}'
-        )
+    if over is not None:
+        check_known(over, swept, f'--over {over}: this is not swept', 'swept are:')
     numeric = [c for c in swept if is_numeric(plan, c)]
     if (over or option == '--plot') and (over or next(iter(numeric), None)) not in numeric:
         raise InputError(
@@ -384,12 +381,8 @@ class SweepCharts:
         signs, axes, columns = [], [], []
         for text in (first, second):
             name = text.strip().removeprefix('-')
-            if name not in measures_of(self.plan):
-                known = measures_of(self.plan)
-                raise InputError(
-                    f"--pareto: there is no measure '{name}'{nearest(name, known)}; measures "
-                    f'are {", ".join(known)}'
-                )
+            wrong = f"--pareto: there is no measure '{name}'"
+            check_known(name, measures_of(self.plan), wrong, 'measures are')
             axis, scale = self._measure(name)
             signs.append(-1.0 if text.strip().startswith('-') else 1.0)
             axes.append(axis)

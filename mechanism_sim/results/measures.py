@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
@@ -345,12 +345,8 @@ class EventSeries:
         machine, (kind, *rest) = self._machine, name.split('.')
         if kind == 'sensors':
             sensors = list(machine.scene.sensors)
-            if len(rest) != 1 or rest[0] not in sensors:
-                named = '.'.join(rest)
-                raise InputError(
-                    f"{machine.name} has no sensor '{named}'{nearest(named, sensors)}; sensors: "
-                    f'{", ".join(sensors) or "none"}'
-                )
+            named = '.'.join(rest)
+            check_known(named, sensors, f"{machine.name} has no sensor '{named}'", 'sensors:')
             return kind, rest[0], 'samples'
         joints = machine.physics.clearances
         joint = rest.pop(0) if rest and rest[0] in joints else None

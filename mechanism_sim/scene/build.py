@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Play
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.linkages.nominal import NominalPhysics
@@ -356,11 +356,8 @@ def _check_oscillators(machine: Machine) -> None:
         if not (machine.level.dynamic or machine.scene.outputs.forces):
             raise InputError(f"{where}.joints: their forces need 'outputs.forces: true'")
         for joint in part.joints:
-            if joint not in grounded:
-                raise InputError(
-                    f"{where}.joints: '{joint}' is not a joint of the "
-                    f'ground{nearest(joint, grounded)}; those are: {", ".join(grounded)}'
-                )
+            wrong = f"{where}.joints: '{joint}' is not a joint of the ground"
+            check_known(joint, grounded, wrong, 'those are:')
 
 
 def _check_sensors(machine: Machine) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.packages import needed
 
 DXF_UNITS = {1: 'inch', 2: 'ft', 4: 'mm', 5: 'cm', 6: 'm'}
@@ -36,11 +36,8 @@ def drawn_edges(path: Path, where: str, layer: str | None, unit: str | None) -> 
         raise InputError(
             f"{where} has edges on several layers: name one as 'layer': {', '.join(layers)}"
         )
-    if layer is not None and layer not in layers:
-        raise InputError(
-            f"{where} has no edges on a layer '{layer}'{nearest(layer, layers)}; its layers: "
-            f'{", ".join(layers)}'
-        )
+    if layer is not None:
+        check_known(layer, layers, f"{where} has no edges on a layer '{layer}'", 'its layers:')
     chosen = [x for x in parts if layer in (None, str(x.dxf.layer))]
     if other := next((x.dxftype() for x in chosen if x.dxftype() not in _KEYS), None):
         raise InputError(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, ClassVar
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.keys.quantities import Angle, Duration, Part, Rate
 from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.mechanism import Mechanism
@@ -115,11 +115,7 @@ class InJointKeys(SensorKeys):
 def check_link(machine: Any, where: str, link: str | None, frames: Iterable[str] = ()) -> None:
     """Refuse a sensor on a link that does not move, or on no frame of these."""
     known = [*machine.plan.links, *frames]
-    if link not in known:
-        raise InputError(
-            f"{where}.link: there is no moving link '{link}'{nearest(str(link), known)}; links: "
-            f'{", ".join(known)}'
-        )
+    check_known(link, known, f"{where}.link: there is no moving link '{link}'", 'links:')
 
 
 def check_impulses(machine: Any) -> None:
@@ -138,11 +134,7 @@ def check_impulses(machine: Any) -> None:
 def check_joint(where: str, joint: str | None, known: Iterable[str], what: str) -> None:
     """Refuse a sensor in a joint that is none of those `known`, which are `what`."""
     known = list(known)
-    if joint not in known:
-        raise InputError(
-            f"{where}.joint: '{joint}' is not a {what}{nearest(str(joint), known)}; those are: "
-            f'{", ".join(known) or "none"}'
-        )
+    check_known(joint, known, f"{where}.joint: '{joint}' is not a {what}", 'those are:')
 
 
 def _named(data: dict[str, Any], key: str, kind: type = object) -> list[tuple[str, Any]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.plan import SweepPlan, read_plan
@@ -120,11 +120,7 @@ def _wanted(plan: SweepPlan, columns: Sequence[str] | None) -> frozenset[str] | 
     labels = {*_ALWAYS, *plan.columns}
     known = [c.name for c in plan.table([]) if c.name not in labels]
     for name in columns:
-        if name not in known:
-            raise InputError(
-                f"ensemble: columns: there is no '{name}'{nearest(name, known)}; columns: "
-                f'{", ".join(known)}'
-            )
+        check_known(name, known, f"ensemble: columns: there is no '{name}'", 'columns:')
     return frozenset([*columns, *plan.measure_names])
 
 

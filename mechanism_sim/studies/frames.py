@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.numerics.fourier import PeriodicSpectrum, spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.simulate import simulate
@@ -46,11 +46,9 @@ def load_on(machine: Machine, option: str, place: str, direction: float | None) 
     """A force in a direction [rad], or a moment, on a frame (3,): FRAME, or FRAME.MOUNT."""
     name, _, mount = place.partition('.')
     frame, mounts = machine.frame(name), machine.scene.oscillators[name].mounts
-    if mount and mount not in mounts:
-        raise InputError(
-            f"{machine.name}: {option} {place}: the frame {name} has no mount '{mount}'"
-            f'{nearest(mount, mounts)}; mounts: {", ".join(mounts)}'
-        )
+    if mount:
+        wrong = f"{machine.name}: {option} {place}: the frame {name} has no mount '{mount}'"
+        check_known(mount, mounts, wrong, 'mounts:')
     if direction is None:
         if frame.freedom < 3:
             raise InputError(f"{machine.name}: {option} {place}: without 'inertia' it cannot turn")

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import COMPONENTS, check_scene
@@ -160,11 +160,7 @@ def _path(machine: Machine, name: str, sensor: str, joint: str | None) -> str:
             + (f': choose one by --joint ({", ".join(loose)})' if loose else ': nothing to find')
         )
     chosen = joint or loose[0]
-    if chosen not in loose:
-        raise InputError(
-            f"{machine.name} has no loose joint '{chosen}'{nearest(chosen, loose)}; loose: "
-            f'{", ".join(loose)}'
-        )
+    check_known(chosen, loose, f"{machine.name} has no loose joint '{chosen}'", 'loose:')
     return f'joints.{chosen}.clearance.{name}'
 
 

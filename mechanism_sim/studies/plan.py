@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
 from mechanism_sim.results.measure_text import Measure as OwnMeasure
@@ -289,11 +289,8 @@ def _measures(file: str, sweep: SweepFile, more: Sequence[str]) -> list[OwnMeasu
         if names.count(name) > 1 or name in RESERVED:
             raise InputError(f"{file}: a column '{name}' is there already: choose another name")
     for name in sweep.limits:
-        if name not in names:
-            raise InputError(
-                f'{file}: limits.{name}: there is no such measure{nearest(name, names)}; '
-                f'measures: {", ".join(names) or "none"}'
-            )
+        wrong = f'{file}: limits.{name}: there is no such measure'
+        check_known(name, names, wrong, 'measures:')
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.points import GROUND
@@ -86,12 +86,8 @@ def read_source(
         raise InputError("--force and --direction belong together, as in --direction '90 deg'")
     if base is not None:
         prescribed = machine.plan.prescribed
-        if base not in prescribed:
-            known = ', '.join(prescribed) or 'none'
-            raise InputError(
-                f"{machine.name}: --base '{base}' is not a coordinate that a drive "
-                f'prescribes{nearest(base, prescribed)}; such are: {known}'
-            )
+        wrong = f"{machine.name}: --base '{base}' is not a coordinate that a drive prescribes"
+        check_known(base, prescribed, wrong, 'such are:')
         straight = base in machine.plan.ideal.displacements
         return HarmonicSource(f'base {base}', 'm' if straight else 'rad', base=base)
     option, reference = ('--force', force) if force is not None else ('--torque', torque)
@@ -220,11 +216,8 @@ def unit_of(one: LinearMachine, name: str) -> str:
     kind, _, rest = name.partition('.')
     machine, coordinates = one.machine, one.derivatives.coordinates
     if kind in DERIVATIVES:
-        if rest not in coordinates:
-            raise InputError(
-                f"{machine.name}: '{name}': there is no coordinate '{rest}'"
-                f'{nearest(rest, coordinates)}; coordinates: {", ".join(coordinates)}'
-            )
+        wrong = f"{machine.name}: '{name}': there is no coordinate '{rest}'"
+        check_known(rest, coordinates, wrong, 'coordinates:')
         unit = 'm' if rest in machine.plan.ideal.displacements else 'rad'
         return unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
     joint, _, axis = rest.rpartition('.')

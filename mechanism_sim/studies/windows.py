@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Block
@@ -26,11 +26,8 @@ def check(windows: WindowsPart, machine: Machine, since: float, end: float) -> N
         raise InputError(f'{machine.name} has no sensors to cut windows from')
     wanted = windows.per_run or 1
     for name in windows.sensors_of(machine.scene):
-        if name not in known:
-            raise InputError(
-                f"windows: {machine.name} has no sensor '{name}'{nearest(name, known)}; "
-                f'its sensors are: {", ".join(known)}'
-            )
+        wrong = f"windows: {machine.name} has no sensor '{name}'"
+        check_known(name, known, wrong, 'its sensors are:')
         sensor = machine.scene.sensors[name]
         if sensor.trigger is None:
             rate = sensor.sample_rate

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.joint_keys import KINDS, Joints, TouchingKeys
 from mechanism_sim.joints.rope.constraint import Drum, Pulley, Rope, Slack
@@ -57,11 +57,8 @@ class RopeKeys(TouchingKeys):
         where, given, pulleys = f'joints.{name}', self.rope or [], self.pulleys or {}
         places = [names.find(f'{where}.rope', reference) for reference in given]
         for reference in pulleys:
-            if reference not in given:
-                raise InputError(
-                    f'{where}.pulleys.{reference}: the rope has no such '
-                    f'point{nearest(reference, given)}; its points: {", ".join(given)}'
-                )
+            wrong = f'{where}.pulleys.{reference}: the rope has no such point'
+            check_known(reference, given, wrong, 'its points:')
         for k, (one, two) in enumerate(pairwise(places)):
             if one == two:
                 raise InputError(

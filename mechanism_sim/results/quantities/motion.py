@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import check_known
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.elastic import Beam
@@ -71,11 +71,8 @@ def choose_points(machine: Machine, names: Iterable[str]) -> dict[str, LinkPoint
     """The points of these names, in this order."""
     known = named_points(machine)
     for name in names:
-        if name not in known:
-            raise InputError(
-                f"{machine.name} has no point '{name}'{nearest(name, known)}; a point is "
-                f'LINK.POINT: {", ".join(known)}'
-            )
+        wrong = f"{machine.name} has no point '{name}'"
+        check_known(name, known, wrong, 'a point is LINK.POINT:')
     return {name: known[name] for name in names}
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.joints.joint_keys import Reference
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import POSITIVE, Angle, Length, Part, UnitValue, si, si_of
@@ -152,12 +152,9 @@ class SpringPart(ElementKeys):
             named = getattr(self, key)
             if not isinstance(named, str):
                 continue
-            if named not in (tables := places.scene.tables):
-                known = ', '.join(tables) or 'none'
-                raise InputError(
-                    f"{where}.{key}: there is no table '{named}'{nearest(named, tables)}; "
-                    f'tables: {known}'
-                )
+            tables = places.scene.tables
+            wrong = f"{where}.{key}: there is no table '{named}'"
+            check_known(named, tables, wrong, 'tables:')
             x, y = (m.unit for m in tables[named].points[0])
             if x not in ('', *along) or tables[named].curve.cyclic:
                 raise InputError(
