@@ -41,9 +41,14 @@ APART = {'bag', 'edit', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
 
 
+workers_apart = True
+"""Whether workers are processes; the fixture `in_this_process` says no."""
+
+
 def goes_apart(args: Sequence[str]) -> bool:
-    """Whether a command needs a process of its own; `--fit` starts workers, too."""
-    return bool(APART.intersection(args[:1])) or '--fit' in args
+    """Whether a command needs a process of its own: one with workers, too."""
+    with_workers = '--fit' in args or args[:1] == ('sweep',)
+    return workers_apart if with_workers else bool(APART.intersection(args[:1]))
 
 
 _worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5

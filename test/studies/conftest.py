@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import running
 
 from mechanism_sim.studies.runs import compute
 
@@ -13,3 +14,4 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr(
         'mechanism_sim.studies.runs.Workers._in_processes', lambda _, tasks: map(compute, tasks)
     )
+    monkeypatch.setattr(running, 'workers_apart', False)

@@ -182,6 +182,7 @@ def test_few_samples_have_no_features():
         identify([signal], wanted(signal, 'radial'), 'regression')
 
 
+@pytest.mark.usefixtures('in_this_process')
 def test_the_command_refuses_in_one_sentence(tmp_path):
     done = run('analyze', str(tmp_path / 'none.mcap'), '--fit', 'radial', '--rounds', '8')
     assert done.returncode == 2

@@ -133,6 +133,7 @@ def test_start_angles_say_how_long_a_seated_pin_follows():
     assert found[3].lost_at == pytest.approx(angle % (2.0 * np.pi))
 
 
+@pytest.mark.optimised  # as in the other processes
 def test_starts_are_the_same_in_two_processes():
     machine = loose(0.5, 'seated')
     assert starts(machine, 3, 1.0, Workers(2)) == starts(machine, 3, 1.0)

@@ -275,6 +275,7 @@ def test_figures_that_do_not_exist_are_empty():
 # --- the table ----------------------------------------------------------------------------------
 
 
+@pytest.mark.optimised  # as in the other processes
 def test_the_table_has_a_row_for_each_run_in_the_order_of_the_plan(reference, tmp_path):
     table = pq.read_table(reference)
     plan = plan_of(tmp_path, SWEEP)

@@ -90,9 +90,12 @@ def test_turns_of_another_speed_end_at_other_instants():
 @pytest.mark.parametrize(
     ('change', 'words'),
     [
-        ({'grid': {'links.piston.mass': ['1 kg', '2 kg']}}, "without 'grid'"),
+        (
+            {'grid': {'links.piston.mass': ['1 kg', '2 kg']}, 'design': {'samples': 2}},
+            "without 'grid'",
+        ),
         ({'vary': {}, 'runs': [{'links.piston.mass': '1 kg'}]}, "tolerances in 'vary'"),
-        ({'measures': {}}, "needs 'measures'"),
+        ({'measures': {}, 'design': {'samples': 2}}, "needs 'measures'"),
     ],
 )
 def test_other_sweeps_are_refused(change, words):
