@@ -32,7 +32,8 @@ from mechanism_sim.numerics import code_cache, compiled, kernels
 
 sys.dont_write_bytecode = False
 # Wall time says nothing on a shared machine, and a test that fails must fail again.
-settings.register_profile('house', deadline=None, derandomize=True)
+EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '30'))  # make test-all takes more
+settings.register_profile('house', deadline=None, derandomize=True, max_examples=EXAMPLES)
 settings.load_profile('house')
 
 # Tests compile more than a user's cache holds, and open theirs once in a worker: heyoka's folder

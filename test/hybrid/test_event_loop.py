@@ -753,7 +753,7 @@ def starts(draw):
 
 
 @given(starts())
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 def test_books_gaps_and_impacts_are_in_order_whatever_the_start(machine):
     clearance = machine.plan.clearances['coupler_rocker']
     run = machine.start()

@@ -232,7 +232,7 @@ def test_what_friction_takes_is_dissipated_too():
 
 def test_a_row_and_the_study_agree_on_means_and_intervals():
     machine = loose(0.5, 'seated')
-    row, found = row_of(machine, Extent(60, None, 20)), statistics(machine, 60, 20)
+    row, found = row_of(machine, Extent(24, None, 4)), statistics(machine, 24, 4)
     for mean in found.means:
         name = mean.name.replace(' ', '_')
         assert row[name] == pytest.approx(mean.mean)

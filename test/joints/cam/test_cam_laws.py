@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
@@ -242,7 +242,6 @@ def test_the_jerk_is_looked_at_if_asked_for():
     assert [math.degrees(j.angle) for j in velocity] == pytest.approx([90, 225])
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.tuples(st.floats(0.2, 1), st.floats(0, 1), st.integers(-9, 9)), min_size=2),
     st.floats(-7, 7),
