@@ -19,6 +19,9 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.shaken_frame import Forces, WholeMachine
 
+Places = tuple[Array, Array]
+"""Coordinates (n, N), and what is in the joints there."""
+
 
 def forces_on(machine: Any, name: str) -> Forces:
     """The forces that shake a frame of the scene."""
@@ -27,7 +30,33 @@ def forces_on(machine: Any, name: str) -> Forces:
         elements = machine.plan.elements(machine.mechanism)
         applied = [element for element in elements if isinstance(element, AppliedForce)]
         return WholeMachine(ShakingForce(machine.mechanism, applied), machine.physics)
-    return JointForces(machine.mechanism, machine.physics, machine.joint_impulses, joints)
+    return JointForces(machine, joints)
+
+
+class JointWrenches:
+    """Wrenches (j, 3, N) in all joints of a machine, of the first on the second link [N, N m]."""
+
+    def __init__(self, machine: Any) -> None:
+        self.mechanism: Mechanism = machine.mechanism
+        self._physics: Physics = machine.physics
+        self._impulses: JointImpulses = machine.joint_impulses
+
+    def index(self, joint: str) -> int:
+        """Row of a joint by name."""
+        return [j.name for j in self.mechanism.joints].index(joint)
+
+    def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Places:
+        """Coordinates (n, N) without whole turns, and the wrenches, as of ``motion.curve.at``."""
+        seen = self._physics.observe(motion, segments, dt)
+        wrenches = np.concatenate([seen.reaction, seen.reaction_moment[:, None]], axis=1)
+        return seen.local, wrenches
+
+    def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Places:
+        """Likewise with their integrals [N s, N m s] where the rates make a `step` (n, N)."""
+        dt, names, curve = np.zeros(len(segments)), self.mechanism.coordinates, motion.curve
+        q, outer = curve.local(segments, dt).T, self._impulses.outside
+        known = outside(outer, names, curve, segments, dt, motion.state_curve)
+        return q, self._impulses(q, step, known)
 
 
 class JointForces:
@@ -35,36 +64,20 @@ class JointForces:
 
     Parameters
     ----------
-    mechanism : the machine
-    physics : what follows from its motion, with forces
-    impulses : likewise from steps of its velocities
     joints : names, each of a joint of the ground
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        physics: Physics,
-        impulses: JointImpulses,
-        joints: Sequence[str],
-    ) -> None:
-        self._mechanism, self._physics, self._impulses = mechanism, physics, impulses
-        names = [joint.name for joint in mechanism.joints]
-        self._joints = [(names.index(name), mechanism.joint(name)) for name in joints]
+    def __init__(self, machine: Any, joints: Sequence[str]) -> None:
+        self._wrenches, self._mechanism = JointWrenches(machine), machine.mechanism
+        self._joints = [(self._wrenches.index(x), self._mechanism.joint(x)) for x in joints]
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force x, y [N] and moment [N m] (3, N)."""
-        seen = self._physics.observe(motion, segments, dt)
-        wrenches = np.concatenate([seen.reaction, seen.reaction_moment[:, None]], axis=1)
-        return self._on_ground(seen.local, wrenches)
+        return self._on_ground(*self._wrenches.read(motion, segments, dt))
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Array:
         """Their integrals (3, N) [N s, N m s] where the rates make a `step` (n, N)."""
-        dt, names = np.zeros(len(segments)), self._mechanism.coordinates
-        q = motion.curve.local(segments, dt).T
-        curve, states = motion.curve, motion.state_curve
-        known = outside(self._impulses.outside, names, curve, segments, dt, states)
-        return self._on_ground(q, self._impulses(q, step, known))
+        return self._on_ground(*self._wrenches.impulses(motion, segments, step))
 
     def _on_ground(self, q: Array, wrenches: Array) -> Array:
         """Sum (3, N) of wrenches (j, 3, N) of first-named on second-named links."""

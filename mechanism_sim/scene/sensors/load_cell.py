@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.physics import Physics, outside
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.impulses import JointImpulses
-from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.scene.frame_forces import JointWrenches
 from mechanism_sim.scene.sensor_keys import (
     SENSORS,
     InJointKeys,
@@ -30,30 +28,19 @@ class LoadCell(DirectSource):
 
     Parameters
     ----------
-    mechanism : the machine
-    physics : what follows from its motion, with forces
-    impulses : likewise from steps of its velocities
     joint : name
     direction : [rad] in the frame of the joint's second link
     """
 
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        physics: Physics,
-        impulses: JointImpulses,
-        joint: str,
-        direction: float,
-    ) -> None:
-        self._mechanism, self._physics, self._impulses = mechanism, physics, impulses
-        self._row = [j.name for j in mechanism.joints].index(joint)
-        self._link, self._direction = mechanism.joint(joint).second, direction
+    def __init__(self, machine: Any, joint: str, direction: float) -> None:
+        self._wrenches, self._mechanism = JointWrenches(machine), machine.mechanism
+        self._row = self._wrenches.index(joint)
+        self._link, self._direction = self._mechanism.joint(joint).second, direction
         self._steps = VelocitySteps()
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force (1, N) [N] at instants as those of ``motion.curve.at(segments, dt)``."""
-        q = motion.curve.local(segments, dt).T
-        return self._along(q, self._physics.observe(motion, segments, dt).reaction)[None]
+        return self._along(*self._wrenches.read(motion, segments, dt))[None]
 
     def impulses(self, motion: Motion) -> Array:
         """Its integrals (m, 1) [N s] over the instants at which the m pieces begin."""
@@ -61,11 +48,9 @@ class LoadCell(DirectSource):
         found = np.zeros((len(motion), 1))
         sudden = np.flatnonzero(steps.any(axis=0))
         if sudden.size:
-            dt, names = np.zeros(len(sudden)), self._mechanism.coordinates
-            q = motion.curve.local(sudden, dt).T
-            curve, states = motion.curve, motion.state_curve
-            known = outside(self._impulses.outside, names, curve, sudden, dt, states)
-            found[sudden, 0] = self._along(q, self._impulses(q, steps[:, sudden], known))
+            found[sudden, 0] = self._along(
+                *self._wrenches.impulses(motion, sudden, steps[:, sudden])
+            )
         return found
 
     def _along(self, q: Array, wrenches: Array) -> Array:
@@ -82,13 +67,7 @@ class LoadCellKeys(InJointKeys, ShockKeys):
 
     def source(self, machine: Any) -> LoadCell:
         """The joint's force along the direction, with its impulses."""
-        return LoadCell(
-            machine.mechanism,
-            machine.physics,
-            machine.joint_impulses,
-            str(self.joint),
-            self.direction,
-        )
+        return LoadCell(machine, str(self.joint), self.direction)
 
     def check(self, machine: Any, where: str) -> None:
         """Refuse machines whose forces, or whose impulses, are not known."""
