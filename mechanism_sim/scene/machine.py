@@ -17,8 +17,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import pickle
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import islice, takewhile
 from typing import Any, TypeAlias
 
@@ -64,6 +65,11 @@ _SILENT = {'title', 'description', 'duration', 'outputs', 'sensors', 'oscillator
 """Keys that do not rule the motion."""
 
 
+@lru_cache(maxsize=64)
+def _ways(_scene: bytes) -> dict[object, str]:
+    return {}
+
+
 @dataclass(frozen=True)
 class Machine(Rich):
     """The mechanism of a scene, ready to run.
@@ -73,18 +79,24 @@ class Machine(Rich):
     name : of the scene
     scene : its content, in SI units
     questions : about what its file says and its content in SI units does not, as units
-    ways : of drives that were tried, with why one cannot be gone: see `mechanism_sim.scene.gate`
     """
 
     name: str
     scene: Scene
     questions: tuple[str, ...] = field(default=(), compare=False)
-    ways: dict[object, str] = field(default_factory=dict, init=False, compare=False)
 
     def __repr__(self) -> str:
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'
 
     # --- as it is read --------------------------------------------------------------------------
+
+    @cached_property
+    def ways(self) -> dict[object, str]:
+        """Ways of drives that were tried, with why one cannot be gone: `mechanism_sim.scene.gate`.
+
+        They are those of all machines of this content: many are built again and again.
+        """
+        return _ways(pickle.dumps(self.scene))
 
     @cached_property
     def plan(self) -> ScenePlan:
