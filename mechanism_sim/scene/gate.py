@@ -7,7 +7,9 @@ not depend on how long the run is, nor on how slow the drive.
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -141,6 +143,12 @@ def limits_text(machine: Machine) -> str:
     return f'{main} moves from {low} to {high}'
 
 
+@lru_cache(maxsize=64)
+def _tried(_scene: bytes) -> dict[object, str]:
+    """Ways that were tried, with why one cannot be gone: machines of one content share them."""
+    return {}
+
+
 def check_way(machine: Machine, duration: float) -> None:
     """Refuse prescribed drives that the machine without clearance cannot follow for so long.
 
@@ -148,7 +156,7 @@ def check_way(machine: Machine, duration: float) -> None:
     all is as before after one. Several drives are tried together, at their own pace.
     """
     machine = machine.rigid
-    tried = machine.ways
+    tried = _tried(pickle.dumps(machine.scene))
     check_stops(machine, duration)
     if machine.torque_driven:
         if machine.plan.prescribed and duration not in tried:

@@ -17,9 +17,8 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import pickle
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from itertools import islice, takewhile
 from typing import Any, TypeAlias
 
@@ -65,11 +64,6 @@ _SILENT = {'title', 'description', 'duration', 'outputs', 'sensors', 'oscillator
 """Keys that do not rule the motion."""
 
 
-@lru_cache(maxsize=64)
-def _ways(_scene: bytes) -> dict[object, str]:
-    return {}
-
-
 @dataclass(frozen=True)
 class Machine(Rich):
     """The mechanism of a scene, ready to run.
@@ -89,14 +83,6 @@ class Machine(Rich):
         return f'<{type(self).__name__} {self.name}: {self.scene.title}>'
 
     # --- as it is read --------------------------------------------------------------------------
-
-    @cached_property
-    def ways(self) -> dict[object, str]:
-        """Ways of drives that were tried, with why one cannot be gone: `mechanism_sim.scene.gate`.
-
-        They are those of all machines of this content: many are built again and again.
-        """
-        return _ways(pickle.dumps(self.scene))
 
     @cached_property
     def plan(self) -> ScenePlan:

@@ -74,6 +74,7 @@ def test_solve_keeps_its_contract():
     assert abs(result['energy']['residual']) < 1e-12
 
 
+@pytest.mark.optimised  # as in the other process
 def test_a_process_of_its_own_says_what_this_one_does():
     args = ('solve', 'four_bar_clearance')
     apart, here = run_json(*args, env=environment()), run_json(*args)
