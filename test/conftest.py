@@ -56,19 +56,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(mark)
 
 
-def pytest_collection_finish() -> None:
+AS_USERS = 'network', 'optimised'
+"""Marks of tests that compare runs of this process with others, or with recorded bits."""
+_optimised: set[Path] = set()  # modules with such tests: these may share runs with all there
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
     """Thousands of tests stay until the end: not looked through again whenever garbage is."""
+    _optimised.update(x.path for x in session.items if any(map(x.get_closest_marker, AS_USERS)))
     gc.freeze()
 
 
 @pytest.hookimpl(tryfirst=True)  # before fixtures of modules
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Quick tests, of short runs, do without LLVM's optimisation, unless slow ones run, too.
-
-    What is compared with other processes, or with recorded bits, is compiled as for users.
-    """
-    as_users = item.get_closest_marker('network') or item.get_closest_marker('optimised')
-    quick = 'not slow' in item.config.option.markexpr and not as_users
+    """Quick tests, of short runs, do without LLVM's optimisation, unless slow ones run, too."""
+    quick = 'not slow' in item.config.option.markexpr and item.path not in _optimised
     compiled.OPTIMISATION = 0 if quick else 3
 
 

@@ -23,6 +23,9 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.recording.reader import read_bag
 
+# what nodes do is compared with runs of this process
+pytestmark = pytest.mark.optimised
+
 SCENE = 'four_bar_clearance'
 TURNS = '3'
 
