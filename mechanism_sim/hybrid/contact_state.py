@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, cast
 
@@ -31,6 +31,7 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
+RESPOND = respond.respond
 
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
@@ -89,6 +90,8 @@ class ContactState:
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
         self.taken = self.fallen = respond.DONE
+        self._bound: tuple[object, ...] = (None, None, None)
+        self._respond: Callable[[], int]
         self._holding = [*system.set_valued.holding]
         self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
@@ -146,8 +149,13 @@ class ContactState:
         counters, impacts, changes = self.run.counters, self.impacts, self.changes
         impacts.reserve(len(self.modes))
         changes.reserve(2 * len(self.modes))
+        way, rows, more = self._bound
+        if way is not RESPOND.run or rows is not impacts.rows or more is not changes.rows:
+            # it was compiled, or logs have grown
+            self._bound = RESPOND.run, impacts.rows, changes.rows
+            self._respond = RESPOND.bind(*self._known, impacts.rows, changes.rows)
         counters[:4] = stage, guard, impacts.count, changes.count
-        after: int = respond.STAGES[stage](*self._known, impacts.rows, changes.rows)
+        after: int = self._respond()
         _, self.fallen, impacts.count, count = counters[:4].tolist()
         if count > changes.count:
             changes.count = count
