@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from time import thread_time
 from typing import Any, cast
 
 import numpy as np
@@ -27,6 +28,7 @@ from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.hybrid.present_state import PresentState, rate_of
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
@@ -155,7 +157,12 @@ class ContactState:
             self._bound = RESPOND.run, impacts.rows, changes.rows
             self._respond = RESPOND.bind(*self._known, impacts.rows, changes.rows)
         counters[:4] = stage, guard, impacts.count, changes.count
-        after: int = self._respond()
+        if way is RESPOND.function:
+            began = thread_time()
+            after = self._respond()
+            charge(thread_time() - began)
+        else:
+            after = self._respond()
         _, self.fallen, impacts.count, count = counters[:4].tolist()
         if count > changes.count:
             changes.count = count
