@@ -72,6 +72,7 @@ class ContactState:
         self._known, self.run = self._arrays()
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
+        self._counters: memoryview[int] = memoryview(cast(Any, self.run.counters))
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
         self.arrays = ContactArrays(
             self.run.terms,
@@ -141,14 +142,14 @@ class ContactState:
     def begin_event(self, t: float) -> None:
         """Tell the arrays when an event happens [s], and how fast the drives are then."""
         self._reals[respond.TIME] = t
-        self.run.counters[respond.ROUNDS] = 0
+        self._counters[respond.ROUNDS] = 0
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
-        counters, impacts, changes = self.run.counters, self.impacts, self.changes
+        counters, impacts, changes = self._counters, self.impacts, self.changes
         impacts.reserve(len(self.modes))
         changes.reserve(2 * len(self.modes))
         way, rows, more = self._bound
@@ -156,14 +157,16 @@ class ContactState:
             # it was compiled, or logs have grown
             self._bound = RESPOND.run, impacts.rows, changes.rows
             self._respond = RESPOND.bind(*self._known, impacts.rows, changes.rows)
-        counters[:4] = stage, guard, impacts.count, changes.count
+        counters[respond.STAGE], counters[respond.GUARD] = stage, guard
+        counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
         if way is RESPOND.function:
             began = thread_time()
             after = self._respond()
             charge(thread_time() - began)
         else:
             after = self._respond()
-        _, self.fallen, impacts.count, count = counters[:4].tolist()
+        self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
+        count = counters[respond.CHANGES]
         if count > changes.count:
             changes.count = count
             self.adopt_modes()

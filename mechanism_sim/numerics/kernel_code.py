@@ -6,8 +6,8 @@ that keep their kind; loops over ranges, vectors and tuples. Everything else of 
 by a `KeyError` or `TypeError`. Operations are those of double precision, one by one: nothing may
 be reordered or fused. Indices are not checked, and a division by zero is that of IEEE 754.
 
-A value is `Number`, `View` or `Fields`; behind each other, the parts of it that LLVM knows are its
-leaves. What arrays take is kept until the entry returns, in a list that starts at ``@kept``.
+A value is a `Number`, an `ArrayView` or `Several`; the parts of it that LLVM knows are its leaves.
+What arrays take is kept until the entry returns, in a list that starts at ``@kept``.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Number(NamedTuple):
     text: str
 
 
-class View(NamedTuple):
+class ArrayView(NamedTuple):
     """An array, by what it is of, its address, shape and the distance of its rows."""
 
     kind: str
@@ -78,14 +78,14 @@ class View(NamedTuple):
     stride: str
 
 
-class Fields(NamedTuple):
+class Several(NamedTuple):
     """A tuple; of a named one its class."""
 
     items: tuple[Any, ...]
     maker: type | None = None
 
 
-Value: TypeAlias = Number | View | Fields
+Value: TypeAlias = Number | ArrayView | Several
 Type: TypeAlias = Any
 """Hashable: 'f', 'i', 'b'; ('f', 2) of an array; (maker, types) of a tuple; None of nothing."""
 
@@ -94,7 +94,7 @@ def type_of(value: Value | None) -> Type:
     """Type of a value."""
     if isinstance(value, Number):
         return value.kind
-    if isinstance(value, View):
+    if isinstance(value, ArrayView):
         return value.kind, len(value.shape)
     return value and (value.maker, tuple(map(type_of, value.items)))
 
@@ -116,7 +116,7 @@ def _leaves(value: Value | None) -> list[str]:
         return []
     if isinstance(value, Number):
         return [value.text]
-    if isinstance(value, View):
+    if isinstance(value, ArrayView):
         return [value.at, *value.shape, *([value.stride] if len(value.shape) > 1 else [])]
     return [x for item in value.items for x in _leaves(item)]
 
@@ -131,15 +131,15 @@ def _value(known: Type, texts: Iterator[str]) -> Any:
     if isinstance(first, str):
         at = next(texts)
         shape = tuple(next(texts) for _ in range(second))
-        return View(first, at, shape, next(texts) if second > 1 else '1')
-    return Fields(tuple(_value(item, texts) for item in second), first)
+        return ArrayView(first, at, shape, next(texts) if second > 1 else '1')
+    return Several(tuple(_value(item, texts) for item in second), first)
 
 
 def _constant(known: Any) -> Value:
     """Value of an object of Python."""
     if isinstance(known, tuple):
         maker = type(known) if hasattr(known, '_fields') else None
-        return Fields(tuple(map(_constant, known)), maker)
+        return Several(tuple(map(_constant, known)), maker)
     if isinstance(known, bool | np.bool_):
         return Number('b', 'true' if known else 'false')
     if isinstance(known, int | np.integer):
@@ -217,7 +217,7 @@ class _Body:
         tree = _tree(function)
         names = [a.arg for a in tree.args.args]
         if tree.args.vararg:
-            given[len(names) :] = [Fields(tuple(given[len(names) :]))]
+            given[len(names) :] = [Several(tuple(given[len(names) :]))]
             names.append(tree.args.vararg.arg)
         for name, value in zip(names, given, strict=True):
             self.assign(name, value)
@@ -331,7 +331,7 @@ class _Body:
             text = self.new(f'zext i1 {text} to i8')
         self.do(f'store {_STORED[kind]} {text}, ptr {at}')
 
-    def place(self, array: View, indices: Sequence[Number | tuple[str, str]]) -> View:
+    def place(self, array: ArrayView, indices: Sequence[Number | tuple[str, str]]) -> ArrayView:
         """Part of an array by index or slice of each axis; without axes it is one element."""
         offset, shape, strides = '0', [], []
         steps = (array.stride, '1')[-len(array.shape) :]
@@ -350,27 +350,27 @@ class _Body:
         if strides and strides[-1] != '1':
             raise TypeError('columns are not contiguous')
         at = self.new(f'getelementptr {_STORED[array.kind]}, ptr {array.at}, i64 {offset}')
-        return View(array.kind, at, tuple(shape), strides[0] if len(strides) > 1 else '1')
+        return ArrayView(array.kind, at, tuple(shape), strides[0] if len(strides) > 1 else '1')
 
-    def made(self, kind: str, shape: Sequence[str], zero: bool = False) -> View:
+    def made(self, kind: str, shape: Sequence[str], zero: bool = False) -> ArrayView:
         """A new array."""
         count = reduce(lambda a, b: self.new(f'mul i64 {a}, {b}'), shape)
         size = self.new(f'mul i64 {count}, {_SIZES[kind]}')
         at = self.new(f'call ptr @take(i64 {size})')
         if zero:
             self.do(f'call void @llvm.memset.p0.i64(ptr {at}, i8 0, i64 {size}, i1 false)')
-        return View(kind, at, tuple(shape), shape[-1] if len(shape) > 1 else '1')
+        return ArrayView(kind, at, tuple(shape), shape[-1] if len(shape) > 1 else '1')
 
-    def fill(self, array: View, value: Number | View) -> None:
+    def fill(self, array: ArrayView, value: Number | ArrayView) -> None:
         """Set an array to a number, or to another array."""
         with self.counted('0', array.shape[0]) as i:
             at = Number('i', i)
             row = self.place(array, [at])
-            part = self.place(value, [at]) if isinstance(value, View) else value
+            part = self.place(value, [at]) if isinstance(value, ArrayView) else value
             if row.shape:
                 self.fill(row, part)
             else:
-                found = self.load(part.kind, part.at) if isinstance(part, View) else part
+                found = self.load(part.kind, part.at) if isinstance(part, ArrayView) else part
                 self.store(found, array.kind, row.at)
 
     # --- variables ----------------------------------------------------------------------------
@@ -489,7 +489,7 @@ def _set(body: _Body, target: ast.expr, value: Any) -> None:
         _put(body, _part(body, target), value)
 
 
-def _put(body: _Body, place: View, value: Any) -> None:
+def _put(body: _Body, place: ArrayView, value: Any) -> None:
     if place.shape:
         body.fill(place, value)
     else:
@@ -530,11 +530,11 @@ def _for(body: _Body, node: ast.For) -> None:
             body.statements(node.body)
         return
     items = body.value(node.iter)
-    if isinstance(items, Fields):
+    if isinstance(items, Several):
         numbers = body.alike(*items.items)
         kind = numbers[0].kind
         slot = body.slot(f'[{len(numbers)} x {_STORED[kind]}]')
-        items = View(kind, slot, (str(len(numbers)),), '1')
+        items = ArrayView(kind, slot, (str(len(numbers)),), '1')
         for k, x in enumerate(numbers):
             body.store(x, kind, body.place(items, [Number('i', str(k))]).at)
     with body.counted('0', items.shape[0]) as at:
@@ -569,12 +569,12 @@ _STATEMENTS: dict[type, Callable[[_Body, Any], None]] = {
 
 def _attribute(body: _Body, node: ast.Attribute) -> Any:
     value = body.value(node.value)
-    if isinstance(value, View) and node.attr == 'shape':
-        return Fields(tuple(Number('i', x) for x in value.shape))
+    if isinstance(value, ArrayView) and node.attr == 'shape':
+        return Several(tuple(Number('i', x) for x in value.shape))
     return value.items[value.maker._fields.index(node.attr)]
 
 
-def _part(body: _Body, node: Any) -> View:
+def _part(body: _Body, node: Any) -> ArrayView:
     """Element or part of an array."""
     array, at = body.value(node.value), node.slice
     found: list[Number | tuple[str, str]] = []
@@ -590,7 +590,7 @@ def _part(body: _Body, node: Any) -> View:
 def _subscript(body: _Body, node: ast.Subscript) -> Any:
     if isinstance(index := body.constant(node.slice), int):
         value = body.value(node.value)
-        if isinstance(value, Fields):
+        if isinstance(value, Several):
             return value.items[index]
     place = _part(body, node)
     return place if place.shape else body.load(place.kind, place.at)
@@ -667,7 +667,7 @@ def _related(body: _Body, how: type, a: Number, b: Number) -> Number:
 def _compare(body: _Body, node: ast.Compare) -> Any:
     values = [body.value(x) for x in (node.left, *node.comparators)]
     pairs = zip(node.ops, values, values[1:], strict=False)
-    if isinstance(values[0], View):
+    if isinstance(values[0], ArrayView):
         (how, a, b), *_ = pairs
         found = body.made('b', a.shape)
         with body.counted('0', a.shape[0]) as i:
@@ -726,7 +726,7 @@ def _call(body: _Body, node: ast.Call) -> Any:
     if function is not None:
         return body.call(function, given)
     if isinstance(known, type) and hasattr(known, '_fields'):
-        return Fields(tuple(given), known)
+        return Several(tuple(given), known)
     if known in _MAKERS:
         dtype = next((body.constant(k.value) for k in node.keywords), np.float64)
         return _MAKERS[known](body, given[0], np.dtype(dtype).kind)
@@ -736,7 +736,7 @@ def _call(body: _Body, node: ast.Call) -> Any:
 _EXPRESSIONS: dict[type, Callable[[_Body, Any], Any]] = {
     ast.Name: lambda body, node: body.variable(node.id),
     ast.Constant: lambda _, node: _constant(node.value),
-    ast.Tuple: lambda body, node: Fields(tuple(body.value(x) for x in node.elts)),
+    ast.Tuple: lambda body, node: Several(tuple(body.value(x) for x in node.elts)),
     ast.BinOp: lambda body, node: _operate(
         body, node.op, body.value(node.left), body.value(node.right)
     ),
@@ -779,7 +779,7 @@ def _root(body: _Body, x: Number) -> Number:
     return Number('f', body.new(f'call double @llvm.sqrt.f64(double {text})'))
 
 
-def _joined(body: _Body, parts: Fields) -> View:
+def _joined(body: _Body, parts: Several) -> ArrayView:
     one, two = parts.items
     found = body.made(one.kind, [body.new(f'add i64 {one.shape[0]}, {two.shape[0]}')])
     body.fill(body.place(found, [('0', one.shape[0])]), one)
@@ -788,7 +788,7 @@ def _joined(body: _Body, parts: Fields) -> View:
 
 
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
-    len: lambda _, x: Number('i', x.shape[0] if isinstance(x, View) else str(len(x.items))),
+    len: lambda _, x: Number('i', x.shape[0] if isinstance(x, ArrayView) else str(len(x.items))),
     abs: _size,
     max: _extreme(ast.Gt),
     min: _extreme(ast.Lt),
@@ -801,24 +801,24 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
 }
 
 
-def _shape(size: Number | Fields) -> list[str]:
-    return [x.text for x in size.items] if isinstance(size, Fields) else [size.text]
+def _shape(size: Number | Several) -> list[str]:
+    return [x.text for x in size.items] if isinstance(size, Several) else [size.text]
 
 
-def _ones(body: _Body, size: Number, kind: str) -> View:
+def _ones(body: _Body, size: Number, kind: str) -> ArrayView:
     found = body.made(kind, _shape(size))
     body.fill(found, _ONE[kind])  # type: ignore[arg-type]
     return found
 
 
-def _range(body: _Body, size: Number, _: str) -> View:
+def _range(body: _Body, size: Number, _: str) -> ArrayView:
     found = body.made('i', [size.text])
     with body.counted('0', size.text) as i:
         body.store(Number('i', i), 'i', body.place(found, [Number('i', i)]).at)
     return found
 
 
-_MAKERS: dict[Any, Callable[..., View]] = {
+_MAKERS: dict[Any, Callable[..., ArrayView]] = {
     np.empty: lambda body, size, kind: body.made(kind, _shape(size)),
     np.zeros: lambda body, size, kind: body.made(kind, _shape(size), zero=True),
     np.ones: _ones,
@@ -826,18 +826,18 @@ _MAKERS: dict[Any, Callable[..., View]] = {
 }
 
 
-def _copied(body: _Body, array: View) -> View:
+def _copied(body: _Body, array: ArrayView) -> ArrayView:
     found = body.made(array.kind, array.shape)
     body.fill(found, array)
     return found
 
 
-def _reshaped(_: _Body, array: View, shape: Fields) -> View:
+def _reshaped(_: _Body, array: ArrayView, shape: Several) -> ArrayView:
     sizes = _shape(shape)
-    return View(array.kind, array.at, tuple(sizes), sizes[-1])
+    return ArrayView(array.kind, array.at, tuple(sizes), sizes[-1])
 
 
-def _folded(body: _Body, array: View, start: Number, how: Callable[..., Number]) -> Number:
+def _folded(body: _Body, array: ArrayView, start: Number, how: Callable[..., Number]) -> Number:
     found = body.slot(_LLVM[start.kind])
     body.do(f'store {_LLVM[start.kind]} {start.text}, ptr {found}')
     with body.counted('0', array.shape[0]) as i:
@@ -847,14 +847,14 @@ def _folded(body: _Body, array: View, start: Number, how: Callable[..., Number])
     return Number(start.kind, body.new(f'load {_LLVM[start.kind]}, ptr {found}'))
 
 
-def _any(body: _Body, array: View) -> Number:
+def _any(body: _Body, array: ArrayView) -> Number:
     def either(old: Number, x: Number) -> Number:
         return Number('b', body.new(f'or i1 {old.text}, {body.cast(x, "b").text}'))
 
     return _folded(body, array, _ZERO['b'], either)  # type: ignore[arg-type]
 
 
-def _most(body: _Body, array: View) -> Number:
+def _most(body: _Body, array: ArrayView) -> Number:
     first = body.load(array.kind, array.at)
     return _folded(body, array, first, lambda *x: _FUNCTIONS[max](body, *x))
 

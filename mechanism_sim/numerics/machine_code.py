@@ -90,7 +90,7 @@ def _result(known: Any, words: Iterator[np.int64]) -> Any:
         return None
     if isinstance(known, str):
         word = next(words)
-        return _PYTHON[known](word.view(np.float64) if known == 'f' else word & (2**63 - 1))
+        return _PYTHON[known](word.view(np.float64) if known == 'f' else word)
     first, second = known
     if not isinstance(first, str):
         items = [_result(item, words) for item in second]
