@@ -40,6 +40,28 @@ SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
 
 
+class _Response:
+    """Calls of `respond` with arrays that stay where they are, but for the logs, which grow."""
+
+    def __init__(self, known: tuple[Any, ...], counters: Indices) -> None:
+        self._known = known
+        self.counters: memoryview[int] = memoryview(cast(Any, counters))
+        self._bound: tuple[object, object, object] = (None, None, None)
+        self._call: Callable[[], int]
+
+    def __call__(self, impacts: Array, changes: Array) -> int:
+        way, rows, more = self._bound
+        if way is not RESPOND.run or rows is not impacts or more is not changes:
+            self._bound = RESPOND.run, impacts, changes
+            self._call = RESPOND.bind(*self._known, impacts, changes)
+        if way is not RESPOND.function:
+            return self._call()
+        began = thread_time()
+        after = self._call()
+        charge(thread_time() - began)
+        return after
+
+
 class ContactState:
     """Modes of the m gaps, and the contact problem of the present instant.
 
@@ -69,10 +91,10 @@ class ContactState:
         names = [gap.name for gap in gaps]
         self.impacts, self.changes = ImpactLog(names), ModeLog(names)
         self.limits = _limits(present, rule, rtol, speed)
-        self._known, self.run = self._arrays()
+        known, self.run = self._arrays()
+        self._response = _Response(known, self.run.counters)
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
-        self._counters: memoryview[int] = memoryview(cast(Any, self.run.counters))
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
         self.arrays = ContactArrays(
             self.run.terms,
@@ -93,8 +115,6 @@ class ContactState:
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
         self.taken = self.fallen = respond.DONE
-        self._bound: tuple[object, ...] = (None, None, None)
-        self._respond: Callable[[], int]
         self._holding = [*system.set_valued.holding]
         self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
@@ -142,29 +162,19 @@ class ContactState:
     def begin_event(self, t: float) -> None:
         """Tell the arrays when an event happens [s], and how fast the drives are then."""
         self._reals[respond.TIME] = t
-        self._counters[respond.ROUNDS] = 0
+        self._response.counters[respond.ROUNDS] = 0
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
-        counters, impacts, changes = self._counters, self.impacts, self.changes
+        counters, impacts, changes = self._response.counters, self.impacts, self.changes
         impacts.reserve(len(self.modes))
         changes.reserve(2 * len(self.modes))
-        way, rows, more = self._bound
-        if way is not RESPOND.run or rows is not impacts.rows or more is not changes.rows:
-            # it was compiled, or logs have grown
-            self._bound = RESPOND.run, impacts.rows, changes.rows
-            self._respond = RESPOND.bind(*self._known, impacts.rows, changes.rows)
         counters[respond.STAGE], counters[respond.GUARD] = stage, guard
         counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
-        if way is RESPOND.function:
-            began = thread_time()
-            after = self._respond()
-            charge(thread_time() - began)
-        else:
-            after = self._respond()
+        after = self._response(impacts.rows, changes.rows)
         self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
         count = counters[respond.CHANGES]
         if count > changes.count:

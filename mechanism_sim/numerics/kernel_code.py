@@ -196,47 +196,14 @@ class Module:
         return '\n'.join([*self._texts, head, *lines, call, '  ret void', '}']), result
 
 
-class _Body:
-    """A function as it is written: blocks of instructions, variables in memory."""
+class _Writer:
+    """Instructions of a function, in blocks; its variables are in memory."""
 
-    def __init__(self, module: Module, function: FunctionType, types: tuple[Type, ...]) -> None:
-        self.module, self.globals = module, function.__globals__
+    def __init__(self) -> None:
         self.lines: list[str] = []
+        self.slots: list[str] = []
         self.loops: list[tuple[str, str]] = []
-        self.result: Type = None
-        self._returns = self._count = 0
-        self._slots: list[str] = []
-        self._names: dict[str, tuple[Type, list[str]]] = {}
-        kept = iter(range(10**6))
-        given = [_value(t, iter([f'%a{next(kept)}' for _ in kinds(t)])) for t in types]
-        self._head = [
-            f'{kind} {leaf}'
-            for value in given
-            for kind, leaf in zip(kinds(type_of(value)), _leaves(value), strict=True)
-        ]
-        tree = _tree(function)
-        names = [a.arg for a in tree.args.args]
-        if tree.args.vararg:
-            given[len(names) :] = [Several(tuple(given[len(names) :]))]
-            names.append(tree.args.vararg.arg)
-        for name, value in zip(names, given, strict=True):
-            self.assign(name, value)
-        self.statements(tree.body)
-
-    def text(self, name: str) -> str:
-        """Of the function, under a name."""
-        head = ', '.join([*self._head, 'ptr %results'])
-        return '\n'.join(
-            [
-                f'define internal void {name}({head}) {{',
-                *self._slots,
-                *self.lines,
-                '  ret void',
-                '}',
-            ]
-        )
-
-    # --- instructions -------------------------------------------------------------------------
+        self._count = 0
 
     def new(self, instruction: str) -> str:
         """Name of what an instruction gives."""
@@ -250,8 +217,8 @@ class _Body:
 
     def slot(self, kind: str) -> str:
         """Address of a variable of one of LLVM's types."""
-        self._slots.append(f'  %s{len(self._slots)} = alloca {kind}')
-        return f'%s{len(self._slots) - 1}'
+        self.slots.append(f'  %s{len(self.slots)} = alloca {kind}')
+        return f'%s{len(self.slots) - 1}'
 
     def label(self) -> str:
         """Name of a block to come."""
@@ -297,6 +264,45 @@ class _Body:
         self.do(f'store i64 {self.new(f"add i64 {at}, {step}")}, ptr {slot}')
         self.do(f'br label %{test}')
         self.lines.append(f'{end}:')
+
+
+class _Body(_Writer):
+    """A function as it is written, from its first statement to its last."""
+
+    def __init__(self, module: Module, function: FunctionType, types: tuple[Type, ...]) -> None:
+        super().__init__()
+        self.module, self.globals = module, function.__globals__
+        self.result: Type = None
+        self._returns = False
+        self._names: dict[str, tuple[Type, list[str]]] = {}
+        kept = iter(range(10**6))
+        given = [_value(t, iter([f'%a{next(kept)}' for _ in kinds(t)])) for t in types]
+        self._head = [
+            f'{kind} {leaf}'
+            for value in given
+            for kind, leaf in zip(kinds(type_of(value)), _leaves(value), strict=True)
+        ]
+        tree = _tree(function)
+        names = [a.arg for a in tree.args.args]
+        if tree.args.vararg:
+            given[len(names) :] = [Several(tuple(given[len(names) :]))]
+            names.append(tree.args.vararg.arg)
+        for name, value in zip(names, given, strict=True):
+            self.assign(name, value)
+        self.statements(tree.body)
+
+    def text(self, name: str) -> str:
+        """Of the function, under a name."""
+        head = ', '.join([*self._head, 'ptr %results'])
+        return '\n'.join(
+            [
+                f'define internal void {name}({head}) {{',
+                *self.slots,
+                *self.lines,
+                '  ret void',
+                '}',
+            ]
+        )
 
     # --- numbers and arrays -------------------------------------------------------------------
 
@@ -408,7 +414,7 @@ class _Body:
         self.keep(value, slots)
 
     def call(self, function: FunctionType, arguments: Sequence[Value]) -> Any:
-        """What a function returns."""
+        """Result of a call."""
         name, result = self.module.symbol(function, tuple(map(type_of, arguments)))
         given = [
             f'{kind} {leaf}'
@@ -430,7 +436,7 @@ class _Body:
         known = type_of(value)
         if self._returns and known != self.result:
             raise TypeError(f'what is returned changes its type from {self.result} to {known}')
-        self.result, self._returns = known, 1
+        self.result, self._returns = known, True
         for k, (kind, leaf) in enumerate(zip(kinds(known), _leaves(value), strict=True)):
             at = self.new(f'getelementptr i64, ptr %results, i64 {k}')
             if kind == 'i1':
