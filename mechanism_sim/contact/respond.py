@@ -1,9 +1,8 @@
 """Response of contacts to an event, on arrays: impact, rest, release, slip and stick.
 
-A kernel of `STAGES` goes on until it needs functions of the state at another place, and returns
-the stage that follows once they are evaluated; `NEEDS` says which. Those that one function serves
-are apart for the sake of the compiler. All that is kept of a machine are `EventArrays`: it may be
-one of many lanes.
+`respond` takes a stage, goes on until it needs functions of the state at another place, and
+returns the stage that follows once they are evaluated; `NEEDS` says which. All that is kept of a
+machine are `EventArrays`: it may be one of many lanes.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, reduce
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -476,10 +476,18 @@ class _Body(_Writer):
 
 @cache
 def _tree(function: FunctionType) -> ast.FunctionDef:
-    (found,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
-    if not isinstance(found, ast.FunctionDef):
-        raise TypeError(f'{function} is no function')
+    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    (found,) = tree.body
+    own = [x for x in compile(tree, '', 'exec').co_consts if isinstance(x, CodeType)]
+    # the file may have been edited since it was imported
+    if not isinstance(found, ast.FunctionDef) or not _is_same(own[0], function.__code__):
+        raise TypeError(f'{function.__name__} is not what its source says')
     return found
+
+
+def _is_same(one: CodeType, other: CodeType) -> bool:
+    known = 'co_consts', 'co_names', 'co_varnames'  # code may have other jumps
+    return all(getattr(one, x) == getattr(other, x) for x in known)
 
 
 # --- statements -------------------------------------------------------------------------------
