@@ -2,7 +2,7 @@
 
 A package may be missing, and may fail in any way while it is imported: beside a version of another
 that it does not know, on a processor without what it was built for, on a full disk. What is done
-with numba is done without it; where there is no other way, one sentence names the package.
+with llvmlite is done without it; where there is no other way, one sentence names the package.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import print_notice
 
 REQUIRED = (
-    'argcomplete', 'heyoka', 'jinja2', 'mcap', 'numba', 'numpy', 'pint', 'plotly', 'pydantic',
+    'argcomplete', 'heyoka', 'jinja2', 'llvmlite', 'mcap', 'numpy', 'pint', 'plotly', 'pydantic',
     'rich', 'rosbags', 'scipy', 'websockets', 'xxhash', 'yaml', 'zenoh', 'zstandard',
 )  # fmt: skip
 """Modules by the names under which they are imported."""

@@ -241,6 +241,8 @@ class StepTolerances(NamedTuple):
     low_order: int = 7
     #: of a step's error: last terms of rates in such steps
     low_error: float = 1e-3
+    #: events until which such steps save less than they cost to compile
+    short_from: int = 500
     #: times the fastest drive: rate at which errors of gaps and loops are taken back
     stabilisation: float = 1e3
     #: times a step's error, by which its polynomials may be off the equations

@@ -39,7 +39,7 @@ settings.load_profile('house')
 # Tests compile more than a user's cache holds, and open theirs once in a worker: heyoka's folder
 # with its usual limit. To compile all anew would be most of the work of many tests.
 code_cache.FOLDER, code_cache.LIMIT = 'heyoka', 20 * 2**30
-# Compiling all kernels takes 15 s of CPU in each worker, far more than they cost here as they are.
+# LLVM takes seconds of CPU in each worker, more than kernels cost here as they are.
 kernels.COMPILING = math.inf
 
 
@@ -76,7 +76,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 @pytest.fixture
 def compiled_kernels() -> Iterator[Callable[[], None]]:
-    """Compiles all kernels, for one test: numba makes code of each for what it is called with."""
+    """Lets kernels be compiled, for one test."""
     before = [k.run for k in kernels._KERNELS]
     yield kernels.compile_kernels
     for k, run in zip(kernels._KERNELS, before, strict=True):

@@ -26,7 +26,7 @@ from mechanism_sim.numerics.complementarity import (
     solve_contacts,
     solve_semidefinite,
 )
-from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.numerics.kernels import entry, kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 _CHATTER = TOLERANCES.chatter
@@ -629,7 +629,7 @@ def induced_closures(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Ma
     return drawn, horizon
 
 
-@kernel
+@entry
 def impact_now(
     arrays: ContactArrays,
     limits: Limits,
@@ -644,7 +644,7 @@ def impact_now(
     return impact_of_all(problem_of(arrays), limits, gap, now, log, count, touching, resting)
 
 
-@kernel
+@entry
 def rest_now(
     arrays: ContactArrays,
     limits: Limits,

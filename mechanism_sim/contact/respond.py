@@ -1,9 +1,8 @@
 """Response of contacts to an event, on arrays: impact, rest, release, slip and stick.
 
-A kernel of `STAGES` goes on until it needs functions of the state at another place, and returns
-the stage that follows once they are evaluated; `NEEDS` says which. Those that one function serves
-are apart for the sake of the compiler. All that is kept of a machine are `EventArrays`: it may be
-one of many lanes.
+`respond` takes a stage, goes on until it needs functions of the state at another place, and
+returns the stage that follows once they are evaluated; `NEEDS` says which. All that is kept of a
+machine are `EventArrays`: it may be one of many lanes.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ from mechanism_sim.contact.problem import (
     slip_of,
 )
 from mechanism_sim.numerics.complementarity import Indices
-from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.numerics.kernels import entry, kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
@@ -171,9 +170,8 @@ def set_mode(run: EventArrays, gap: int, mode: int) -> None:
 
 
 @kernel
-def fell(*arrays: Any) -> int:
+def fell(run: EventArrays) -> int:
     """A guard of a gap fell through zero."""
-    run = run_of(*arrays)
     guard, mode = run.counters[GUARD], run.gaps[MODE]
     if run.marks[SHUT, guard]:
         return _lift(run, guard)
@@ -190,9 +188,8 @@ def fell(*arrays: Any) -> int:
 
 
 @kernel
-def slips(*arrays: Any) -> int:
+def slips(run: EventArrays) -> int:
     """A guard of friction fell through zero: sticking gives way, sliding ends or jams."""
-    run = run_of(*arrays)
     k = run.counters[GUARD] - len(run.gaps[MODE])
     gap, sign = run.gaps[RUBS, k // 2], 1 - 2 * (k % 2)
     run.gaps[BEFORE] = run.gaps[MODE]
@@ -270,9 +267,8 @@ def _bounce(run: EventArrays, i: int) -> int:
 
 
 @kernel
-def strikes(*arrays: Any) -> int:
+def strikes(run: EventArrays) -> int:
     """Impact in a gap and in all others that touch."""
-    run = run_of(*arrays)
     s = situation_of(run)
     done = impact_of_all(
         s.c,
@@ -292,12 +288,11 @@ def strikes(*arrays: Any) -> int:
 
 
 @kernel
-def rests(*arrays: Any) -> int:
+def rests(run: EventArrays) -> int:
     """Keep closed those of the contacts without normal speed that are pressed together.
 
     Where no force can keep a contact that slides, friction jams it.
     """
-    run = run_of(*arrays)
     s = situation_of(run)
     c, m, n = s.c, len(s.c.value), run.counters
     none, given = run.marks[SHUT, :0], run.gaps[GIVEN]
@@ -334,9 +329,8 @@ def rests(*arrays: Any) -> int:
 
 
 @kernel
-def projected(*arrays: Any) -> int:
+def projected(run: EventArrays) -> int:
     """Closures and closed contacts were brought to zero, at the state that `seen` begins with."""
-    run = run_of(*arrays)
     size, stage = len(run.x), run.counters[STAGE]
     first = size // 2 if stage == TURNED else 0
     for k in range(first, size):
@@ -367,13 +361,12 @@ def _next(run: EventArrays) -> int:
 
 
 @kernel
-def part(*arrays: Any) -> int:
+def part(run: EventArrays) -> int:
     """Start the flight of gaps a few roundings inside, at rest in the normal direction.
 
     A flight that started on the wrong side of zero would never be seen to end. Other open
     gaps that touch at rest are moved along, lest they are pushed out.
     """
-    run = run_of(*arrays)
     s = situation_of(run)
     c, limits, m = s.c, s.limits, len(s.c.value)
     parting, tries = run.marks[PARTING], run.counters[TRIES]
@@ -394,7 +387,7 @@ def part(*arrays: Any) -> int:
         free = m > 1 and not (run.marks[SHUT, i] or run.gaps[RATED, i])
         if free and abs(c.value[i]) <= limits.touching and abs(c.rate[i]) <= limits.bare:
             moved[i] = True
-    release(c, moved, 2.0**tries * run.reals[MARGIN], run.x)
+    release(c, moved, (1 << tries) * run.reals[MARGIN], run.x)
     run.counters[TRIES] = tries + 1
     return PARTS
 
@@ -430,9 +423,8 @@ def _hold_slip(run: EventArrays, gap: int) -> None:
 
 
 @kernel
-def missed(*arrays: Any) -> int:
+def missed(run: EventArrays) -> int:
     """Respond to a guard which is past zero already: the integrator would never see it fall."""
-    run = run_of(*arrays)
     guard = _past_zero(run, -1)
     if guard < 0:
         return DONE
@@ -467,12 +459,31 @@ def _past_zero(run: EventArrays, fell: int) -> int:
 
 
 @kernel
-def look(*arrays: Any) -> int:
+def look(run: EventArrays) -> int:
     """A guard that is past zero beside that which fell."""
-    run = run_of(*arrays)
     return _past_zero(run, run.counters[GUARD])
 
 
-STAGES = (fell, fell, slips, strikes, rests, part, projected, projected, missed, look)
-"""The kernels of the stages. Their arguments are those of `run_of`, one by one: a tuple costs ten
-times as much to hand over."""
+@entry
+def respond(*arrays: Any) -> int:
+    """Take the stage of the counters; the one that follows.
+
+    Parameters
+    ----------
+    arrays : those of `run_of`
+    """
+    run = run_of(*arrays)
+    stage = run.counters[STAGE]
+    if stage == FELL:
+        return fell(run)
+    if stage == SLIPS:
+        return slips(run)
+    if stage == STRIKES:
+        return strikes(run)
+    if stage == RESTS:
+        return rests(run)
+    if stage == PARTS:
+        return part(run)
+    if stage == MISSED:
+        return missed(run)
+    return look(run) if stage == SEEN else projected(run)

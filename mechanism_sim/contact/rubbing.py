@@ -15,7 +15,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.contact.problem import ContactProblem
 from mechanism_sim.numerics.complementarity import Indices
-from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.numerics.kernels import entry
 from mechanism_sim.tolerances import TOLERANCES
 
 _JOINT_IMPULSES = TOLERANCES.joint_impulses
@@ -50,7 +50,7 @@ def rubs_of(
     return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner, walls)
 
 
-@kernel
+@entry
 def friction_impulses(rubs: Rubs, x: Array, start: Array) -> Array:
     """Impulses (k,) of friction beside impulses (r,) of contacts, by projected Gauss-Seidel.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from time import thread_time
 from typing import Any, cast
 
 import numpy as np
@@ -27,14 +28,38 @@ from mechanism_sim.hybrid.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.hybrid.present_state import PresentState, rate_of
 from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
+RESPOND = respond.respond
 
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
+
+
+class _Response:
+    """Calls of `respond` with arrays that stay where they are, but for the logs, which grow."""
+
+    def __init__(self, known: tuple[Any, ...], counters: Indices) -> None:
+        self._known = known
+        self.counters: memoryview[int] = memoryview(cast(Any, counters))
+        self._bound: tuple[object, object, object] = (None, None, None)
+        self._call: Callable[[], int]
+
+    def __call__(self, impacts: Array, changes: Array) -> int:
+        way, rows, more = self._bound
+        if way is not RESPOND.run or rows is not impacts or more is not changes:
+            self._bound = RESPOND.run, impacts, changes
+            self._call = RESPOND.bind(*self._known, impacts, changes)
+        if way is not RESPOND.function:
+            return self._call()
+        began = thread_time()
+        after = self._call()
+        charge(thread_time() - began)
+        return after
 
 
 class ContactState:
@@ -66,7 +91,8 @@ class ContactState:
         names = [gap.name for gap in gaps]
         self.impacts, self.changes = ImpactLog(names), ModeLog(names)
         self.limits = _limits(present, rule, rtol, speed)
-        self._known, self.run = self._arrays()
+        known, self.run = self._arrays()
+        self._response = _Response(known, self.run.counters)
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
@@ -136,19 +162,21 @@ class ContactState:
     def begin_event(self, t: float) -> None:
         """Tell the arrays when an event happens [s], and how fast the drives are then."""
         self._reals[respond.TIME] = t
-        self.run.counters[respond.ROUNDS] = 0
+        self._response.counters[respond.ROUNDS] = 0
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
-        counters, impacts, changes = self.run.counters, self.impacts, self.changes
+        counters, impacts, changes = self._response.counters, self.impacts, self.changes
         impacts.reserve(len(self.modes))
         changes.reserve(2 * len(self.modes))
-        counters[:4] = stage, guard, impacts.count, changes.count
-        after: int = respond.STAGES[stage](*self._known, impacts.rows, changes.rows)
-        _, self.fallen, impacts.count, count = counters[:4].tolist()
+        counters[respond.STAGE], counters[respond.GUARD] = stage, guard
+        counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
+        after = self._response(impacts.rows, changes.rows)
+        self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
+        count = counters[respond.CHANGES]
         if count > changes.count:
             changes.count = count
             self.adopt_modes()

@@ -12,7 +12,6 @@ contacts are resolved here.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from time import perf_counter
 
 from mechanism_sim.contact.problem import LOSS
 from mechanism_sim.contact.respond import (
@@ -39,7 +38,6 @@ from mechanism_sim.hybrid.rubbing_contacts import (
     set_trial_modes,
 )
 from mechanism_sim.hybrid.switching import Switching
-from mechanism_sim.numerics.kernels import charge
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -138,12 +136,10 @@ class Contacts:
     def handle(self, guard: int, t: float) -> None:
         """A guard fell through zero at a time [s]."""
         found = self._system.guards[guard]
-        began = perf_counter()
         self.state.begin_event(t)
         self._respond(found, guard)
         if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
-        charge(perf_counter() - began)
 
     def _respond_to_missed(self) -> None:
         self.state.begin_event(self.present.time)

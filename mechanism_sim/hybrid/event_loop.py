@@ -101,9 +101,10 @@ class EventLoop:
             _STEPS.defect * rtol * _STEPS.rate * fastest,
             _STEPS.stabilisation * fastest,
         )
+        self._short: ShortSteps | None = None
         # few contacts chatter too little for a second integrator to be worth its compilation
         if compact and len(system.gaps) > 3 and not (system.compliant or system.steep):
-            self._steps.short = ShortSteps(
+            self._short = ShortSteps(
                 system,
                 self._ta,
                 compact,
@@ -294,6 +295,8 @@ class EventLoop:
         """Time [s] of an event at a local time."""
         self.events += 1
         t = self._present.base.at(tau)
+        if self.events == _STEPS.short_from:
+            self._steps.short = self._short
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
         self._last_event = t
         if self._simultaneous > _STEPS.simultaneous:
@@ -325,6 +328,7 @@ class EventLoop:
         turns = dict(zip(self._system.free, state.turns, strict=True))
         self._laws.count_from(state.time, turns)
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
+        self._steps.short = None
         self._gaps.impacts.count, self._gaps.horizon = 0, math.inf
         if self._touches:
             self._touches.restart()
@@ -387,6 +391,7 @@ class EventLoop:
         laws.next_base = s.next_base
         self._last_event = s.last_event
         self._simultaneous, self.events = s.events
+        self._steps.short = self._short if self.events >= _STEPS.short_from else None
         self._leave_singular(_SINGULAR.beside)
         self._go_on()
         laws.directions[:] = array('d', s.directions)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.kernels import kernel
+from mechanism_sim.numerics.kernels import entry, kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 _COMPLEMENTARITY = TOLERANCES.complementarity
@@ -296,7 +296,7 @@ def _eliminate_symmetric(T: Array) -> tuple[Indices, int]:
     return order, rank
 
 
-@kernel
+@entry
 def solve_contacts(problem: FrictionalProblem) -> tuple[Array, Indices, bool]:
     """Solution x of `solve_frictional_lcp` and the grips, as arrays, and whether there is one.
 

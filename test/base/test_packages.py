@@ -20,25 +20,24 @@ kernels.LOADING = kernels.COMPILING = 0.0
 from mechanism_sim.cli import main
 main(sys.argv[1:])
 """
-"""A run whose first impact asks for numba."""
+"""A run whose first impact asks for LLVM."""
 
 BROKEN = {
-    'numba-attribute': ('numba', "raise AttributeError('no tracer in coverage')"),
-    'numba-system': ('numba', "raise SystemError('initialisation failed')"),
-    'numba-file': ('numba', "raise OSError(28, 'No space left on device')"),
-    'numba-version': ('numba', "raise ImportError('Numba needs NumPy 1.26 or less')"),
-    'numba-hollow': ('numba', ''),
-    'numba-compiles-nothing': (
-        'numba',
-        'class config: CACHE_DIR = ""\n'
-        'def fail(*args): raise RuntimeError("LLVM ERROR:\\nno such target")\n'
-        'def njit(**options): return lambda function: lambda *args: fail(*args)\n',
+    'attribute': "raise AttributeError('no such processor')",
+    'system': "raise SystemError('initialisation failed')",
+    'file': "raise OSError(28, 'No space left on device')",
+    'version': "raise ImportError('llvmlite needs Python 3.10 or less')",
+    'hollow': '',
+    'compiles-nothing': (
+        'import sys, types\n'
+        'binding = sys.modules["llvmlite.binding"] = types.ModuleType("binding")\n'
+        'def fail(): raise RuntimeError("LLVM ERROR:\\nno such target")\n'
+        'binding.initialize_native_target = fail\n'
     ),
-    'coverage-old': ('coverage', "__version__ = '4.0'"),
 }
 
 
-OFTEN = ('coverage-old',)
+OFTEN = ('compiles-nothing',)
 
 
 def ran(folder, *args, code=EAGER):
@@ -70,14 +69,14 @@ EXACT = 'final', 'impacts', 'modes', 'energy', 'steps'
     pytest.param(case, marks=[] if case in OFTEN else [pytest.mark.slow]) for case in BROKEN
 ])  # fmt: skip
 def test_a_kernel_that_cannot_be_compiled_is_run_as_it_is(case, usual, tmp_path):
-    """Whatever numba raises, the result is that of the run without it, and one line says so."""
-    fake(tmp_path, *BROKEN[case])
+    """Whatever LLVM raises, the result is that of the run without it, and one line says so."""
+    fake(tmp_path, 'llvmlite', BROKEN[case])
     done = ran(tmp_path, *RUN)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     assert {k: found[k] for k in EXACT} == {k: usual[k] for k in EXACT}
     (line,) = done.stderr.splitlines()
-    assert line.startswith("mechanism-sim: the Python package 'numba' cannot be used (")
+    assert line.startswith("mechanism-sim: the Python package 'llvmlite' cannot be used (")
     assert line.endswith('with the same results, but slower with many contacts')
 
 

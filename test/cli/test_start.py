@@ -30,7 +30,7 @@ else:
 IMPORTS = """
 import sys
 
-heavy = {'matplotlib', 'numba', 'pint', 'pyarrow', 'scipy.integrate', 'scipy.interpolate',
+heavy = {'llvmlite', 'matplotlib', 'pint', 'pyarrow', 'scipy.integrate', 'scipy.interpolate',
          'scipy.linalg', 'scipy.optimize', 'scipy.signal', 'scipy.spatial', 'scipy.special',
          'scipy.stats'}
 import mechanism_sim.cli.entry

@@ -360,7 +360,6 @@ def test_modes_become_flags():
 
 
 def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch, compiled_kernels):
-    """Those of flights and impacts: others show the complementarity problem compiled."""
     scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
     monkeypatch.setattr(kernels, '_spent', -math.inf)  # none is compiled by itself
     for k in kernels._KERNELS:
@@ -368,13 +367,8 @@ def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch,
     plain = ms.simulate(scene, revolutions=5.0)
     assert len(plain.impacts) > 150
     compiled_kernels()
-    chosen = {'ends', 'remaining_time', 'horizon_of', 'problem_of', 'write_flags', 'fell'}
-    for k in kernels._KERNELS:
-        if k.__name__ not in chosen:
-            monkeypatch.setattr(k, 'run', k.function)
     assert ms.simulate(scene, revolutions=5.0).digest() == plain.digest()
-    used = {k.__name__ for k in kernels._KERNELS if getattr(k.run, 'signatures', ())}
-    assert 'fell' in used <= chosen  # what compiled kernels call need not be called beside them
+    assert respond.respond.codes
 
 
 @pytest.mark.slow

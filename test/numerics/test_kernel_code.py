@@ -1,0 +1,158 @@
+"""Machine code of kernels does what Python does, bit by bit, or is refused."""
+
+from __future__ import annotations
+
+import math
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from mechanism_sim.numerics import machine_code
+from mechanism_sim.numerics.kernels import _function_of, kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+
+class Pair(NamedTuple):
+    """Something with names."""
+
+    x: Any
+    count: int
+
+
+def compiled(function, *args):
+    """What the machine code of a function returns."""
+    types = machine_code.types_of(args)
+    assert isinstance(function, FunctionType)
+    return machine_code.code_of(function, types, _function_of, None).bind(*args)()
+
+
+def numbers(a, b, i, k):
+    most, least = max(a, b, 0.5), min(a, i)
+    square = (a - b) ** 2 + math.sqrt(abs(a)) - -b
+    whole = i // k * 100 + i % k * 10 + (1 << 3)
+    rest = a % b
+    between = -3 < i <= 7 and not (a == b or i != k)
+    chosen = a if i > k else k
+    return most, least, square, whole, rest, between, chosen, float(i), int(a), bool(k), abs(i)
+
+
+@pytest.mark.parametrize('i', [-7, 3, 7])
+@pytest.mark.parametrize('k', [-3, 3])
+@pytest.mark.parametrize(('a', 'b'), [(2.7, -1.3), (-0.1, 0.3), (1e-150, 1e150), (5.0, 2.5)])
+def test_numbers(a, b, i, k):
+    found, wanted = compiled(numbers, a, b, i, k), numbers(a, b, i, k)
+    assert [float(x).hex() for x in found] == [float(x).hex() for x in wanted]
+    assert [type(x) for x in found[5:]] == [bool, float, float, int, bool, int]
+
+
+def loops(x):
+    found, last = 0.0, -1
+    for i in range(len(x) - 1, -1, -1):
+        if x[i] < 0.0:
+            continue
+        if i == 1:
+            break
+        found += x[i]
+        last = i
+    for value in x:
+        found = found * 0.5 + value
+    for scale in (2.0, 3):
+        found *= scale
+    for weakest in TOLERANCES.complementarity.weakest:
+        found += weakest
+    return found, last, i
+
+
+def test_loops():
+    x = np.array([0.1, 0.7, -0.3, 0.2, 0.9])
+    assert compiled(loops, x) == loops(x)
+
+
+@kernel
+def widened(rows, by):
+    """Called by `arrays`; returns an array, whose memory outlives it."""
+    wide = np.zeros((rows.shape[0], rows.shape[1] + by))
+    for i in range(len(rows)):
+        wide[i, : rows.shape[1]] = rows[i]
+    return wide
+
+
+def arrays(table, marks, places, pair):
+    wide = widened(table, 1)
+    wide[1:, :2] = 7.0
+    wide[0] = wide[1]
+    part = wide[:, :2].copy()
+    part[0, 1], part[1, 0] = part[1, 0], part[0, 1] + 0.5
+    both = np.concatenate((part[0], pair.x[1:]))
+    order, ones = np.arange(3), np.ones(2, dtype=np.int64)
+    order[ones[0]] += 5
+    marks[:] = False
+    marks[1] = places[0] == 4
+    changed = (places != order).any()
+    flat = both[: 2 * pair.count].reshape((2, pair.count))
+    pair.x[0] -= places.max()
+    return wide, part, both, order, changed, marks.any(), Pair(flat, len(both))
+
+
+def flattened(result):
+    return [*result[:-1], *result[-1]]
+
+
+def test_arrays():
+    def given():
+        x = np.array([0.5, 1.5, 2.5, 3.5])
+        table = np.arange(6.0).reshape(3, 2) / 7.0
+        return table, np.ones(3, dtype=bool), np.array([4, 1, 2]), Pair(x, 2)
+
+    one, other = given(), given()
+    for x, y in zip(flattened(compiled(arrays, *one)), flattened(arrays(*other)), strict=True):
+        np.testing.assert_array_equal(x, y)
+        assert np.asarray(x).dtype == np.asarray(y).dtype
+    np.testing.assert_array_equal(one[1], other[1])  # changed in place
+    np.testing.assert_array_equal(one[3].x, other[3].x)
+
+
+def short(x, i):
+    return i < len(x) and x[i] > 0.0 or i == 9  # fmt: skip  # noqa: RUF021
+
+
+def test_a_condition_ends_as_soon_as_it_is_known():
+    x = np.array([1.0, -1.0])
+    assert [compiled(short, x, i) for i in (0, 1, 2, 9)] == [True, False, False, True]
+
+
+def another_kind():
+    x = 0
+    if x == 0:
+        x = 0.5
+    return x
+
+
+def another_result(a):
+    if a > 0.0:
+        return 1.0
+    return 1
+
+
+def columns(table):
+    return table[:, 0].copy()
+
+
+def cube(a):
+    return a**3
+
+
+@pytest.mark.parametrize(('function', 'args'), [
+    (another_kind, ()), (another_result, (1.0,)), (columns, (np.eye(2),)), (cube, (2.0,)),
+])  # fmt: skip
+def test_what_is_not_known_is_refused(function, args):
+    with pytest.raises(TypeError):
+        compiled(function, *args)
+
+
+def test_arrays_of_other_kinds_are_refused():
+    for x in (np.eye(2).T[:1].T, np.zeros(2, dtype=np.int32), np.zeros(2, dtype=np.float32)):
+        with pytest.raises(TypeError):
+            machine_code.types_of((x,))
