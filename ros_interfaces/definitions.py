@@ -46,7 +46,7 @@ _NAMES = {
     ' SetParameters SetParametersAtomically',
     'simulation_interfaces/srv': 'GetAvailableWorlds GetCurrentWorld GetEntities GetEntitiesStates'
     ' GetEntityInfo GetEntityState GetSimulationState GetSimulatorFeatures LoadWorld'
-    ' ResetSimulation SetSimulationState StepSimulation',
+    ' ResetSimulation SetEntityState SetSimulationState StepSimulation',
     'std_srvs/srv': 'Trigger',
     'simulation_interfaces/action': 'SimulateSteps',
 }

@@ -1,4 +1,10 @@
-"""Definitions of ``simulation_interfaces`` 1.5.1, that of Jazzy, for a simulator of machines."""
+"""Definitions of ``simulation_interfaces`` 2.1.0 for a simulator of machines.
+
+Two services have other requests in the releases of Jazzy (1.5.1) and Kilted (1.6.1), which
+``ROS_DISTRO`` chooses.
+"""
+
+import os
 
 MESSAGES = {
     'simulation_interfaces/msg/Result': """uint8 RESULT_FEATURE_UNSUPPORTED=0
@@ -158,8 +164,16 @@ EntityInfo info
 Result result
 EntityState state
 """,
-    'simulation_interfaces/srv/LoadWorld': """string uri
-string resource_string
+    'simulation_interfaces/srv/SetEntityState': """string entity
+EntityState state
+bool set_pose
+bool set_twist
+bool set_acceleration
+---
+uint8 INVALID_POSE=101
+Result result
+""",
+    'simulation_interfaces/srv/LoadWorld': """Resource world_resource
 bool fail_on_unsupported_element
 bool ignore_missing_or_unsupported_assets
 ---
@@ -182,3 +196,11 @@ uint64 completed_steps
 uint64 remaining_steps
 """,
 }
+
+if os.environ.get('ROS_DISTRO') in {'jazzy', 'kilted'}:
+    for _name, _now, _then in (
+        ('LoadWorld', 'Resource world_resource', 'string uri\nstring resource_string'),
+        ('SetEntityState', 'bool set_pose\nbool set_twist\nbool set_acceleration\n', ''),
+    ):
+        _key = f'simulation_interfaces/srv/{_name}'
+        SERVICES[_key] = SERVICES[_key].replace(_now, _then)

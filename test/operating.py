@@ -32,7 +32,8 @@ def wait(future):
 
 clients = {}
 def call(short, name, **fields):
-    kind = service_class(f'{PACKAGE}/srv/{short}')
+    package = 'rcl_interfaces' if short == 'GetParameters' else PACKAGE
+    kind = service_class(f'{package}/srv/{short}')
     client = clients.setdefault(name, node.create_client(kind, name))
     assert client.wait_for_service(300)
     return wait(client.call_async(kind.Request(**fields)))

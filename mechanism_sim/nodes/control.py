@@ -24,15 +24,19 @@ from mechanism_sim.nodes.middleware import (
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content, next_machine
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.scene.start_pose import Planar, check_start, start_values
 
 # LoadWorld.Response
 UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR, UNSUPPORTED_ELEMENTS = 101, 102, 103, 106
+INVALID_POSE = 101  # SetEntityState.Response
 PACKAGE = 'simulation_interfaces'
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
 STEPS = 'steps'
 ROUNDING = 1e-12
-"""Of times, relative: steps that end with the run are not beyond it."""
+"""Of times, relative: steps that end with the run are not beyond it; and of poses."""
+SLOPPY = 1e-3
+"""Of the norm of a quaternion, as others write it with a few digits."""
 
 
 class Observable(Protocol):
@@ -156,9 +160,10 @@ def _answer(response: Any, code: int, reason: str = '') -> bool:
 
 
 class Worlds:
-    """Serves the scenes; one can be loaded that the nodes of the run can go on with.
+    """Serves the scenes, and changes that of the run.
 
-    It then holds from time 0 of a new run, which begins stopped.
+    A scene can be loaded that the nodes of the run can go on with, and a link be put elsewhere at
+    the start. It then holds from time 0 of a new run, which begins stopped.
     """
 
     def __init__(self, drive: Drive, control: SimulationControl) -> None:
@@ -170,6 +175,7 @@ class Worlds:
             ('GetAvailableWorlds', 'get_available_worlds', self._list),
             ('GetCurrentWorld', 'get_current_world', self._report),
             ('LoadWorld', 'load_world', self._load),
+            ('SetEntityState', 'set_entity_state', self._place),
         ):
             kind = service_class(f'{PACKAGE}/srv/{short}')
             drive.create_service(kind, name, answer, callback_group=group)
@@ -186,9 +192,11 @@ class Worlds:
         return self._answer(response, '')
 
     async def _load(self, request: Any, response: Any) -> Any:
-        drive, control, uri = self._drive, self._control, request.uri.removeprefix('file://')
+        drive, control = self._drive, self._control
+        resource = getattr(request, 'world_resource', request)  # before release 2: in the request
+        uri = resource.uri.removeprefix('file://')
         if not uri:
-            code = UNSUPPORTED_FORMAT if request.resource_string else NO_RESOURCE
+            code = UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE
             reason = 'uri must be the name of a scene or the path of a YAML file'
             return self._answer(response, reason, code)
         if reason := control.refusal():
@@ -202,15 +210,56 @@ class Worlds:
             next_machine(drive.machine, asked)
         except InputError as error:
             return self._answer(response, str(error), UNSUPPORTED_ELEMENTS)
-        before = Content.of(drive)
-        self._set(asked)
-        drive.pause()
-        if reason := await control.alone('loading a scene', drive.start_over()):
-            self._set(before)
+        if not (reason := await self._begin(asked)):
+            response.world = self._describe(uri, drive.machine.name)
+        return self._answer(response, reason)
+
+    async def _place(self, request: Any, response: Any) -> Any:
+        """Let the next run begin with a link in a pose, and with a velocity."""
+        drive, control, link = self._drive, self._control, request.entity
+        links = [body.name for body in drive.machine.mechanism.bodies]
+        if link not in links:
+            reason = f'there is no link {link!r}; known are {", ".join(links)}'
+            return self._answer(response, reason, self._result.RESULT_NOT_FOUND)
+        if getattr(request, 'set_acceleration', False):
+            reason = 'accelerations follow from forces: set pose and twist only'
+            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        if reason := control.refusal():
             return self._answer(response, reason)
-        control.stopped = True
-        response.world = self._describe(uri, drive.machine.name)
-        return self._answer(response, '')
+        if drive.playing or drive.announced > 0.0:
+            reason = 'links are set at the start of a run only: stop first (state 0)'
+            return self._answer(response, reason, self._result.RESULT_INCORRECT_STATE)
+        state = request.state
+        if (frame := state.header.frame_id) not in ('', drive.frame(WORLD)):
+            reason = f'frame {frame!r}: states are taken in {drive.frame(WORLD)!r}'
+            return self._answer(response, reason, INVALID_POSE)
+        pose = velocity = None
+        try:
+            if getattr(request, 'set_pose', True):  # before release 2 all is set
+                pose = _planar_pose(state.pose)
+            if getattr(request, 'set_twist', True):
+                velocity = _planar_velocity(state.twist)
+            before = Content.of(drive)
+            values = start_values(drive.machine, link, pose, velocity)
+            lines = [line for line in before.lines if line.partition('=')[0] not in values]
+            lines += [f'{path}={value}' for path, value in values.items()]
+            asked = Content(before.scene, '\n'.join(lines))
+            check_start(next_machine(drive.machine, asked), link, pose, velocity)
+        except InputError as error:
+            return self._answer(response, str(error), INVALID_POSE)
+        return self._answer(response, await self._begin(asked) if asked != before else '')
+
+    async def _begin(self, content: Content) -> str:
+        """Begin a run of other content, stopped; why it cannot be, empty if it is done."""
+        drive, control, before = self._drive, self._control, Content.of(self._drive)
+        self._set(content)
+        drive.pause()
+        reason = await control.alone('another scene', drive.start_over())
+        if reason:
+            self._set(before)
+        else:
+            control.stopped = True
+        return str(reason)
 
     def _set(self, content: Content) -> None:
         values = zip((SCENE, OVERRIDES), content, strict=True)
@@ -223,6 +272,21 @@ class Worlds:
 
     def _answer(self, response: Any, reason: str, code: int | None = None) -> Any:
         return self._control.answer(response, reason, code)
+
+
+def _planar_pose(pose: Any) -> Planar:
+    place, turn = pose.position, pose.orientation
+    norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if place.z or max(abs(turn.x), abs(turn.y)) > ROUNDING or abs(norm - 1.0) > SLOPPY:
+        raise InputError('links move in the plane z = 0, and turn about z: a unit quaternion')
+    return Planar((place.x, place.y), 2.0 * math.atan2(turn.z, turn.w))
+
+
+def _planar_velocity(twist: Any) -> Planar:
+    linear, angular = twist.linear, twist.angular
+    if linear.z or angular.x or angular.y:
+        raise InputError('links move in the plane z = 0, and turn about z')
+    return Planar((linear.x, linear.y), angular.z)
 
 
 class SimulationControl:
@@ -276,7 +340,8 @@ class SimulationControl:
         response.features.features = [
             f.SIMULATION_RESET, f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE,
             f.SIMULATION_STATE_GETTING, f.SIMULATION_STATE_SETTING, f.SIMULATION_STATE_PAUSE,
-            f.ENTITY_CATEGORIES, f.ENTITY_STATE_GETTING, f.ENTITY_INFO_GETTING,
+            f.ENTITY_CATEGORIES, f.ENTITY_STATE_GETTING, f.ENTITY_STATE_SETTING,
+            f.ENTITY_INFO_GETTING,
             f.WORLD_LOADING, f.WORLD_INFO_GETTING, f.AVAILABLE_WORLDS,
             f.STEP_SIMULATION_SINGLE, f.STEP_SIMULATION_MULTIPLE, f.STEP_SIMULATION_ACTION,
         ]  # fmt: skip
