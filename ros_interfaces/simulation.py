@@ -1,7 +1,7 @@
 """Definitions of ``simulation_interfaces`` 2.1.0 for a simulator of machines.
 
-Two services have other requests in the releases of Jazzy (1.5.1) and Kilted (1.6.1), which
-``ROS_DISTRO`` chooses.
+The releases of Jazzy (1.5.1) and Kilted (1.6.1) have no resources in requests, and no flags of
+what is set; ``ROS_DISTRO`` chooses them.
 """
 
 import os
@@ -100,8 +100,45 @@ Resource world_resource
 string description
 string[] tags
 """,
+    'simulation_interfaces/msg/SpawnEntity': """string name
+bool allow_renaming
+Resource entity_resource
+string entity_namespace
+geometry_msgs/PoseStamped initial_pose
+""",
+    'simulation_interfaces/msg/SpawnResult': """uint8 NAME_NOT_UNIQUE=101
+uint8 NAME_INVALID=102
+uint8 UNSUPPORTED_FORMAT=103
+uint8 NO_RESOURCE=104
+uint8 NAMESPACE_INVALID=105
+uint8 RESOURCE_PARSE_ERROR=106
+uint8 MISSING_ASSETS=107
+uint8 UNSUPPORTED_ASSETS=108
+uint8 INVALID_POSE=109
+Result result
+string entity_name
+""",
+    'simulation_interfaces/msg/Spawnable': """Resource entity_resource
+string description
+Bounds spawn_bounds
+""",
 }
 SERVICES = {
+    'simulation_interfaces/srv/DeleteEntity': """string entity
+---
+Result result
+""",
+    'simulation_interfaces/srv/GetSpawnables': """string[] sources
+---
+Result result
+Spawnable[] spawnables
+""",
+    'simulation_interfaces/srv/SpawnEntities': """SpawnEntity[] spawn_requests
+---
+uint8 ENTITIES_SPAWN_FAILED=150
+Result result
+SpawnResult[] results
+""",
     'simulation_interfaces/srv/GetSimulatorFeatures': """---
 SimulatorFeatures features
 """,
@@ -186,6 +223,24 @@ uint8 UNSUPPORTED_ELEMENTS=106
 Result result
 WorldResource world
 """,
+    'simulation_interfaces/srv/SpawnEntity': """string name
+bool allow_renaming
+Resource entity_resource
+string entity_namespace
+geometry_msgs/PoseStamped initial_pose
+---
+uint8 NAME_NOT_UNIQUE=101
+uint8 NAME_INVALID=102
+uint8 UNSUPPORTED_FORMAT=103
+uint8 NO_RESOURCE=104
+uint8 NAMESPACE_INVALID=105
+uint8 RESOURCE_PARSE_ERROR=106
+uint8 MISSING_ASSETS=107
+uint8 UNSUPPORTED_ASSETS=108
+uint8 INVALID_POSE=109
+Result result
+string entity_name
+""",
 }
 ACTIONS = {
     'simulation_interfaces/action/SimulateSteps': """uint64 steps
@@ -198,9 +253,13 @@ uint64 remaining_steps
 }
 
 if os.environ.get('ROS_DISTRO') in {'jazzy', 'kilted'}:
-    for _name, _now, _then in (
-        ('LoadWorld', 'Resource world_resource', 'string uri\nstring resource_string'),
-        ('SetEntityState', 'bool set_pose\nbool set_twist\nbool set_acceleration\n', ''),
+    _FLAGS = 'bool set_pose\nbool set_twist\nbool set_acceleration\n'
+    _TEXT = 'string uri\nstring resource_string\n'
+    for _of, _key, _now, _then in (
+        (SERVICES, 'srv/LoadWorld', 'Resource world_resource\n', _TEXT),
+        (SERVICES, 'srv/SpawnEntity', 'Resource entity_resource\n', _TEXT),
+        (SERVICES, 'srv/SetEntityState', _FLAGS, ''),
+        (MESSAGES, 'msg/Spawnable', 'Resource entity_resource\n', 'string uri\n'),
     ):
-        _key = f'simulation_interfaces/srv/{_name}'
-        SERVICES[_key] = SERVICES[_key].replace(_now, _then)
+        _key = f'simulation_interfaces/{_key}'
+        _of[_key] = _of[_key].replace(_now, _then)

@@ -31,7 +31,7 @@ def wait(future):
     return future.result()
 
 clients = {}
-def call(short, name, **fields):
+def call(short, name, /, **fields):
     package = 'rcl_interfaces' if short == 'GetParameters' else PACKAGE
     kind = service_class(f'{package}/srv/{short}')
     client = clients.setdefault(name, node.create_client(kind, name))

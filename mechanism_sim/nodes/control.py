@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from mechanism_sim.catalogue import scene_names
@@ -23,6 +24,7 @@ from mechanism_sim.nodes.middleware import (
 )
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content, next_machine
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.spawning import Spawned
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.scene.start_pose import Planar, check_start, start_values
 
@@ -50,61 +52,111 @@ class Observable(Protocol):
         """The last time [s] up to which the motion is known, and the machine then."""
 
 
-class Entities:
-    """Serves names and states of the links, at the time up to which the motion is known.
+class Links:
+    """The links of a machine, each a dynamic object, as requests name and filter them."""
 
-    Every link is a dynamic object; without the package `simulation_interfaces` there are no
-    services, see `Control`.
+    def __init__(self, node: SimulationNode) -> None:
+        self._node = node
+        self._result = message_class(f'{PACKAGE}/msg/Result')
+        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
+        self._bounds = message_class(f'{PACKAGE}/msg/Bounds')
+
+    @property
+    def names(self) -> list[str]:
+        """Their names."""
+        return [body.name for body in self._node.machine.mechanism.bodies]
+
+    def matching(self, filters: Any, more: Sequence[str] = ()) -> list[str]:
+        """Those that pass, after them those of `more`, which are robots."""
+        wanted = {category.category for category in filters.categories}
+        c = self._category
+        kinds = (c.CATEGORY_DYNAMIC_OBJECT, self.names), (c.CATEGORY_ROBOT, more)
+        return [
+            name
+            for kind, names in kinds
+            for name in names
+            if (not wanted or kind in wanted) and re.search(filters.filter, name)
+        ]
+
+    def accepted(self, filters: Any, response: Any) -> bool:
+        """True if a filter can be applied; the response says why not."""
+        r = self._result
+        if filters.tags.tags or filters.bounds.type != self._bounds.TYPE_EMPTY:
+            reason = 'links have no tags and no bounds: filter by name and category'
+            return _answer(response, r.RESULT_FEATURE_UNSUPPORTED, reason)
+        try:
+            re.compile(filters.filter)
+        except re.error as error:
+            reason = f'filter {filters.filter!r} is not a regular expression: {error}'
+            return _answer(response, r.RESULT_OPERATION_FAILED, reason)
+        return _answer(response, r.RESULT_OK)
+
+    def known(self, link: str, response: Any) -> bool:
+        """True if there is such a link; the response says which there are."""
+        if link in self.names:
+            return _answer(response, self._result.RESULT_OK)
+        reason = f'there is no link {link!r}; known are {", ".join(self.names)}'
+        return _answer(response, self._result.RESULT_NOT_FOUND, reason)
+
+
+class EntityNames:
+    """Serves names and kinds of the links, and of the machines that were spawned."""
+
+    def __init__(self, drive: Drive, machines: Mapping[str, Spawned]) -> None:
+        self._drive, self._machines, self._links = drive, machines, Links(drive)
+        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
+        for short, name, answer in (
+            ('GetEntities', 'get_entities', self._list),
+            ('GetEntityInfo', 'get_entity_info', self._describe),
+        ):
+            drive.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
+
+    def _list(self, request: Any, response: Any) -> Any:
+        if self._links.accepted(request.filters, response):
+            response.entities = self._links.matching(request.filters, [*self._machines])
+        return response
+
+    def _describe(self, request: Any, response: Any) -> Any:
+        info = response.info
+        if spawned := self._machines.get(request.entity):
+            info.category.category = self._category.CATEGORY_ROBOT
+            info.description = f'machine {spawned.uri}, its nodes in {spawned.namespace}'
+            _answer(response, message_class(f'{PACKAGE}/msg/Result').RESULT_OK)
+        elif self._links.known(request.entity, response):
+            info.category.category = self._category.CATEGORY_DYNAMIC_OBJECT
+            info.description = f'link of {self._drive.machine.name}'
+        return response
+
+
+class Entities:
+    """Serves states of the links, at the time up to which the motion is known.
+
+    Without the package `simulation_interfaces` there are no services, see `SimulationControl`.
     """
 
     def __init__(self, node: SimulationNode, integration: Observable) -> None:
         self._node, self._integration = node, integration
         try:
-            self._result = message_class(f'{PACKAGE}/msg/Result')
+            self._links = Links(node)
         except MessageError:
             return  # the drive says so
-        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
-        self._bounds = message_class(f'{PACKAGE}/msg/Bounds')
         self._state_class = message_class(f'{PACKAGE}/msg/EntityState')
         for short, name, answer in (
-            ('GetEntities', 'get_entities', self._list),
             ('GetEntitiesStates', 'get_entities_states', self._list_states),
-            ('GetEntityInfo', 'get_entity_info', self._describe),
             ('GetEntityState', 'get_entity_state', self._report),
         ):
             node.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
 
-    @property
-    def _links(self) -> list[str]:
-        return [body.name for body in self._node.machine.mechanism.bodies]
-
-    def _list(self, request: Any, response: Any) -> Any:
-        if self._accepted(request.filters, response):
-            response.entities = self._matching(request.filters)
-        return response
-
     def _list_states(self, request: Any, response: Any) -> Any:
-        if self._accepted(request.filters, response) and self._begun(response):
-            response.entities = self._matching(request.filters)
+        if self._links.accepted(request.filters, response) and self._begun(response):
+            response.entities = self._links.matching(request.filters)
             response.states = [self._state(link) for link in response.entities]
         return response
 
-    def _describe(self, request: Any, response: Any) -> Any:
-        if self._known(request.entity, response):
-            response.info.category.category = self._category.CATEGORY_DYNAMIC_OBJECT
-            response.info.description = f'link of {self._node.machine.name}'
-        return response
-
     def _report(self, request: Any, response: Any) -> Any:
-        if self._known(request.entity, response) and self._begun(response):
+        if self._links.known(request.entity, response) and self._begun(response):
             response.state = self._state(request.entity)
         return response
-
-    def _matching(self, filters: Any) -> list[str]:
-        wanted = {category.category for category in filters.categories}
-        if wanted and self._category.CATEGORY_DYNAMIC_OBJECT not in wanted:
-            return []
-        return [link for link in self._links if re.search(filters.filter, link)]
 
     def _state(self, link: str) -> Any:
         """Pose, velocity and acceleration of a link's frame in that of the world."""
@@ -126,31 +178,12 @@ class Entities:
             part.angular.z = float(angular[index(frame), 0]) if turns else 0.0
         return state
 
-    # --- what they have in common -------------------------------------------------------------
-
-    def _accepted(self, filters: Any, response: Any) -> bool:
-        r = self._result
-        if filters.tags.tags or filters.bounds.type != self._bounds.TYPE_EMPTY:
-            reason = 'links have no tags and no bounds: filter by name and category'
-            return _answer(response, r.RESULT_FEATURE_UNSUPPORTED, reason)
-        try:
-            re.compile(filters.filter)
-        except re.error as error:
-            reason = f'filter {filters.filter!r} is not a regular expression: {error}'
-            return _answer(response, r.RESULT_OPERATION_FAILED, reason)
-        return _answer(response, r.RESULT_OK)
-
-    def _known(self, link: str, response: Any) -> bool:
-        if link in self._links:
-            return _answer(response, self._result.RESULT_OK)
-        reason = f'there is no link {link!r}; known are {", ".join(self._links)}'
-        return _answer(response, self._result.RESULT_NOT_FOUND, reason)
-
     def _begun(self, response: Any) -> bool:
         if self._integration.begun:
             return True
         reason = 'the run has not begun: try again in a moment'
-        return _answer(response, self._result.RESULT_INCORRECT_STATE, reason)
+        code = message_class(f'{PACKAGE}/msg/Result').RESULT_INCORRECT_STATE
+        return _answer(response, code, reason)
 
 
 def _answer(response: Any, code: int, reason: str = '') -> bool:
@@ -210,6 +243,7 @@ class Worlds:
             next_machine(drive.machine, asked)
         except InputError as error:
             return self._answer(response, str(error), UNSUPPORTED_ELEMENTS)
+        await drive.spawning.clear()
         if not (reason := await self._begin(asked)):
             response.world = self._describe(uri, drive.machine.name)
         return self._answer(response, reason)
@@ -217,10 +251,8 @@ class Worlds:
     async def _place(self, request: Any, response: Any) -> Any:
         """Let the next run begin with a link in a pose, and with a velocity."""
         drive, control, link = self._drive, self._control, request.entity
-        links = [body.name for body in drive.machine.mechanism.bodies]
-        if link not in links:
-            reason = f'there is no link {link!r}; known are {", ".join(links)}'
-            return self._answer(response, reason, self._result.RESULT_NOT_FOUND)
+        if not Links(drive).known(link, response):
+            return response
         if getattr(request, 'set_acceleration', False):
             reason = 'accelerations follow from forces: set pose and twist only'
             return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
@@ -304,6 +336,8 @@ class SimulationControl:
 
     def __init__(self, drive: Drive) -> None:
         self._drive, self.busy, self.stopped, self.available = drive, '', False, False
+        if drive.value('leader'):
+            return  # a spawned machine does what the simulation does
         try:
             self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -338,7 +372,8 @@ class SimulationControl:
     def _report_features(self, _request: Any, response: Any) -> Any:
         f = self._features
         response.features.features = [
-            f.SIMULATION_RESET, f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE,
+            f.SPAWNING, f.DELETING, f.SPAWNABLES, f.SPAWNING_ENTITIES, f.SIMULATION_RESET,
+            f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE, f.SIMULATION_RESET_SPAWNED,
             f.SIMULATION_STATE_GETTING, f.SIMULATION_STATE_SETTING, f.SIMULATION_STATE_PAUSE,
             f.ENTITY_CATEGORIES, f.ENTITY_STATE_GETTING, f.ENTITY_STATE_SETTING,
             f.ENTITY_INFO_GETTING,
@@ -409,12 +444,19 @@ class SimulationControl:
 
     async def _reset(self, request: Any, response: Any) -> Any:
         """Back to time 0, in a run of its own; what was recorded stays in its bag."""
-        scope, both = int(request.scope), 3  # SCOPE_TIME and SCOPE_STATE
-        if scope and scope & both != both:
-            reason = f'scope {scope}: time and state are reset together only; use 0, {both} or 255'
+        scope, both, spawned = int(request.scope) or 255, 3, 4  # SCOPE_TIME and SCOPE_STATE
+        if scope & both not in (0, both) or not scope & (both | spawned):
+            reason = (
+                f'scope {scope}: time and state are reset together only; use 0, {both}, {spawned} '
+                'or 255'
+            )
             return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := self.refusal():
             return self.answer(response, reason)
+        if scope & spawned:
+            await self._drive.spawning.clear()
+        if not scope & both:
+            return self.answer(response, '')
         return self.answer(response, await self.alone('a reset', self._drive.start_over()))
 
     async def _simulate_steps(self, goal: Any) -> Any:
