@@ -238,7 +238,8 @@ class CrankDrive(Drive):
         if self._leader.finished and self.announced >= self._leader.time:
             self._quitting = True
         end, horizon = self.duration, self._horizon()
-        final = self._quitting or (horizon >= end and not self._hold)
+        stays = self._hold or self._leader.name  # who follows ends when its leader does
+        final = self._quitting or (horizon >= end and not stays)
         if self._quitting:
             horizon = self.announced
         elif horizon <= self.announced or (

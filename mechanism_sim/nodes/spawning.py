@@ -62,7 +62,8 @@ class LeadingDrive:
         self._node, self._first = node, -1
         if self.name:
             space, _, self._short = self.name.rpartition('/')
-            self._topic, self._seen = f'{space}/progress', time.monotonic()
+            self._topic = f'{space}/progress'
+            self._missing_since: float | None = None
             # Reports of partners must come through while a callback waits for them.
             group = ReentrantCallbackGroup()
             node.create_subscription(
@@ -81,8 +82,11 @@ class LeadingDrive:
     def _look(self) -> None:
         names = [p.node_name for p in self._node.get_publishers_info_by_topic(self._topic)]
         now = time.monotonic()
-        self._seen = now if self._short in names or self.finished else self._seen
-        if now - self._seen > GONE_AFTER:
+        if self._short in names or self.finished:
+            self._missing_since = None
+        elif self._missing_since is None:
+            self._missing_since = now
+        elif now - self._missing_since > GONE_AFTER:
             raise RunError(f"{self._node.get_name()}: '{self.name}', which it follows, is gone")
 
 
