@@ -331,11 +331,10 @@ class SimulationControl:
     ----------
     busy : what is under way, such as steps or a reset; empty for nothing
     stopped : whether the run is at time 0, paused, by a request
-    available : whether the services are there
     """
 
     def __init__(self, drive: Drive) -> None:
-        self._drive, self.busy, self.stopped, self.available = drive, '', False, False
+        self._drive, self.busy, self.stopped = drive, '', False
         if drive.value('leader'):
             return  # a spawned machine does what the simulation does
         try:
@@ -365,7 +364,7 @@ class SimulationControl:
             callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
-        self.available = True
+        self._more = Worlds(drive, self), EntityNames(drive, drive.spawning.machines)
 
     # --- services -----------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ from typing import Any
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, service_class, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.nodes.commands import DriveCommands
-from mechanism_sim.nodes.control import EntityNames, SimulationControl, Worlds
+from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Client, Future, Parameter, ReentrantCallbackGroup
@@ -46,15 +46,14 @@ class CrankDrive(Drive):
             ('step_size', 1e-3, 'Length of a step of the paused simulation [s]', (1e-9, 1e3)),
         ):
             self.declare(name, default, about, within)
-        hold = self.declare('hold', False, 'Pause at the end of the run', read_only=True)
+        self.declare('hold', False, 'Pause at the end of the run', read_only=True)
         paused = self.declare('paused', False, 'Begin the run paused', read_only=True)
         alone = self.get_namespace() == '/'
         self.declare('publish_clock', alone, 'Publish the time on /clock', read_only=True)
         self.announced = 0.0
         self.playing = not paused
-        self._hold = hold
         self.final = False
-        self._over = self._renewing = False
+        self._over = False
         self._quitting = False
         self._goal = 0.0  # [s] to which a paused simulation may go
         self._waiting: list[tuple[float, Future]] = []
@@ -68,9 +67,6 @@ class CrankDrive(Drive):
         self._commands = DriveCommands(self)
         self.spawning: Spawning = Spawning(self)
         self.control = SimulationControl(self)
-        if self.control.available:
-            self._worlds = Worlds(self, self.control)
-            self._names = EntityNames(self, self.spawning.machines)
         self._content_of_partners = ContentPropagation(self)
         self.join()
 
@@ -180,10 +176,11 @@ class CrankDrive(Drive):
 
     async def on_leader(self) -> None:
         """Go on as far as the drive that this one follows, or begin anew with it."""
-        if self.ready and not self._renewing and self._leader.run > self.run:
-            self._renewing = True
+        leader = self._leader
+        if self.ready and not leader.followed and leader.run > self.run:
+            leader.followed = True
             await self.start_over()
-            self._renewing = False
+            leader.followed = False
         self.extend()
 
     def on_spawned(self) -> None:
@@ -238,7 +235,7 @@ class CrankDrive(Drive):
         if self._leader.finished and self.announced >= self._leader.time:
             self._quitting = True
         end, horizon = self.duration, self._horizon()
-        stays = self._hold or self._leader.name  # who follows ends when its leader does
+        stays = self.value('hold') or self._leader.name  # who follows ends when its leader does
         final = self._quitting or (horizon >= end and not stays)
         if self._quitting:
             horizon = self.announced
@@ -261,7 +258,7 @@ class CrankDrive(Drive):
                 break
             self._law += 1
         self.announced = horizon
-        if self._hold and horizon >= end:
+        if self.value('hold') and horizon >= end:
             self.pause()
         self.report(horizon, finished=final)
 

@@ -51,6 +51,7 @@ class LeadingDrive:
     time : [s] up to which it has announced its law; infinite without a leader
     finished : whether it goes no further
     run : number of its run since this machine is there
+    followed : whether this machine is beginning anew with it
     """
 
     def __init__(self, node: Drive) -> None:
@@ -59,7 +60,7 @@ class LeadingDrive:
         )
         self.name = node.declare('leader', '', about, read_only=True)
         self.time, self.finished, self.run = 0.0 if self.name else math.inf, False, 0
-        self._node, self._first = node, -1
+        self._node, self._first, self.followed = node, -1, False
         if self.name:
             space, _, self._short = self.name.rpartition('/')
             self._topic = f'{space}/progress'
