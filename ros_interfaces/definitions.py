@@ -27,15 +27,16 @@ _NAMES = {
     'action_msgs/msg': 'GoalInfo GoalStatus GoalStatusArray',
     'builtin_interfaces/msg': 'Duration Time',
     'diagnostic_msgs/msg': 'DiagnosticArray DiagnosticStatus KeyValue',
-    'geometry_msgs/msg': 'Accel Point Pose Quaternion Transform TransformStamped Twist Vector3'
-    ' Wrench WrenchStamped',
+    'geometry_msgs/msg': 'Accel Point Pose PoseStamped Quaternion Transform TransformStamped'
+    ' Twist Vector3 Wrench WrenchStamped',
     'rcl_interfaces/msg': 'FloatingPointRange IntegerRange ListParametersResult Log Parameter'
     ' ParameterDescriptor ParameterEvent ParameterType ParameterValue SetParametersResult',
     'lifecycle_msgs/msg': 'State Transition TransitionDescription TransitionEvent',
     'rosgraph_msgs/msg': 'Clock',
     'sensor_msgs/msg': 'Imu JointState',
     'simulation_interfaces/msg': 'Bounds EntityCategory EntityFilters EntityInfo EntityState'
-    ' Resource Result SimulationState SimulatorFeatures TagsFilter WorldResource',
+    ' Resource Result SimulationState SimulatorFeatures SpawnResult Spawnable TagsFilter'
+    ' WorldResource',
     'std_msgs/msg': 'ColorRGBA Float64 Header String',
     'tf2_msgs/msg': 'TFMessage',
     'unique_identifier_msgs/msg': 'UUID',
@@ -44,9 +45,10 @@ _NAMES = {
     'lifecycle_msgs/srv': 'ChangeState GetAvailableStates GetAvailableTransitions GetState',
     'rcl_interfaces/srv': 'DescribeParameters GetParameterTypes GetParameters ListParameters'
     ' SetParameters SetParametersAtomically',
-    'simulation_interfaces/srv': 'GetAvailableWorlds GetCurrentWorld GetEntities GetEntitiesStates'
+    'simulation_interfaces/srv': 'DeleteEntity GetAvailableWorlds GetCurrentWorld GetEntities'
+    ' GetEntitiesStates GetSpawnables SpawnEntities SpawnEntity'
     ' GetEntityInfo GetEntityState GetSimulationState GetSimulatorFeatures LoadWorld'
-    ' ResetSimulation SetSimulationState StepSimulation',
+    ' ResetSimulation SetEntityState SetSimulationState StepSimulation',
     'std_srvs/srv': 'Trigger',
     'simulation_interfaces/action': 'SimulateSteps',
 }

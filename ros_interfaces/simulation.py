@@ -1,4 +1,10 @@
-"""Definitions of ``simulation_interfaces`` 1.5.1, that of Jazzy, for a simulator of machines."""
+"""Definitions of ``simulation_interfaces`` 2.1.0 for a simulator of machines.
+
+The releases of Jazzy (1.5.1) and Kilted (1.6.1) have no resources in requests, and no flags of
+what is set; ``ROS_DISTRO`` chooses them.
+"""
+
+import os
 
 MESSAGES = {
     'simulation_interfaces/msg/Result': """uint8 RESULT_FEATURE_UNSUPPORTED=0
@@ -94,8 +100,45 @@ Resource world_resource
 string description
 string[] tags
 """,
+    'simulation_interfaces/msg/SpawnEntity': """string name
+bool allow_renaming
+Resource entity_resource
+string entity_namespace
+geometry_msgs/PoseStamped initial_pose
+""",
+    'simulation_interfaces/msg/SpawnResult': """uint8 NAME_NOT_UNIQUE=101
+uint8 NAME_INVALID=102
+uint8 UNSUPPORTED_FORMAT=103
+uint8 NO_RESOURCE=104
+uint8 NAMESPACE_INVALID=105
+uint8 RESOURCE_PARSE_ERROR=106
+uint8 MISSING_ASSETS=107
+uint8 UNSUPPORTED_ASSETS=108
+uint8 INVALID_POSE=109
+Result result
+string entity_name
+""",
+    'simulation_interfaces/msg/Spawnable': """Resource entity_resource
+string description
+Bounds spawn_bounds
+""",
 }
 SERVICES = {
+    'simulation_interfaces/srv/DeleteEntity': """string entity
+---
+Result result
+""",
+    'simulation_interfaces/srv/GetSpawnables': """string[] sources
+---
+Result result
+Spawnable[] spawnables
+""",
+    'simulation_interfaces/srv/SpawnEntities': """SpawnEntity[] spawn_requests
+---
+uint8 ENTITIES_SPAWN_FAILED=150
+Result result
+SpawnResult[] results
+""",
     'simulation_interfaces/srv/GetSimulatorFeatures': """---
 SimulatorFeatures features
 """,
@@ -158,8 +201,16 @@ EntityInfo info
 Result result
 EntityState state
 """,
-    'simulation_interfaces/srv/LoadWorld': """string uri
-string resource_string
+    'simulation_interfaces/srv/SetEntityState': """string entity
+EntityState state
+bool set_pose
+bool set_twist
+bool set_acceleration
+---
+uint8 INVALID_POSE=101
+Result result
+""",
+    'simulation_interfaces/srv/LoadWorld': """Resource world_resource
 bool fail_on_unsupported_element
 bool ignore_missing_or_unsupported_assets
 ---
@@ -172,6 +223,24 @@ uint8 UNSUPPORTED_ELEMENTS=106
 Result result
 WorldResource world
 """,
+    'simulation_interfaces/srv/SpawnEntity': """string name
+bool allow_renaming
+Resource entity_resource
+string entity_namespace
+geometry_msgs/PoseStamped initial_pose
+---
+uint8 NAME_NOT_UNIQUE=101
+uint8 NAME_INVALID=102
+uint8 UNSUPPORTED_FORMAT=103
+uint8 NO_RESOURCE=104
+uint8 NAMESPACE_INVALID=105
+uint8 RESOURCE_PARSE_ERROR=106
+uint8 MISSING_ASSETS=107
+uint8 UNSUPPORTED_ASSETS=108
+uint8 INVALID_POSE=109
+Result result
+string entity_name
+""",
 }
 ACTIONS = {
     'simulation_interfaces/action/SimulateSteps': """uint64 steps
@@ -182,3 +251,15 @@ uint64 completed_steps
 uint64 remaining_steps
 """,
 }
+
+if os.environ.get('ROS_DISTRO') in {'jazzy', 'kilted'}:
+    _FLAGS = 'bool set_pose\nbool set_twist\nbool set_acceleration\n'
+    _TEXT = 'string uri\nstring resource_string\n'
+    for _of, _key, _now, _then in (
+        (SERVICES, 'srv/LoadWorld', 'Resource world_resource\n', _TEXT),
+        (SERVICES, 'srv/SpawnEntity', 'Resource entity_resource\n', _TEXT),
+        (SERVICES, 'srv/SetEntityState', _FLAGS, ''),
+        (MESSAGES, 'msg/Spawnable', 'Resource entity_resource\n', 'string uri\n'),
+    ):
+        _key = f'simulation_interfaces/{_key}'
+        _of[_key] = _of[_key].replace(_now, _then)

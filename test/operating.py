@@ -31,8 +31,9 @@ def wait(future):
     return future.result()
 
 clients = {}
-def call(short, name, **fields):
-    kind = service_class(f'{PACKAGE}/srv/{short}')
+def call(short, name, /, **fields):
+    package = 'rcl_interfaces' if short == 'GetParameters' else PACKAGE
+    kind = service_class(f'{package}/srv/{short}')
     client = clients.setdefault(name, node.create_client(kind, name))
     assert client.wait_for_service(300)
     return wait(client.call_async(kind.Request(**fields)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from mechanism_sim.catalogue import scene_names
@@ -23,16 +24,21 @@ from mechanism_sim.nodes.middleware import (
 )
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content, next_machine
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.spawning import Spawned
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.scene.start_pose import Planar, check_start, start_values
 
 # LoadWorld.Response
 UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR, UNSUPPORTED_ELEMENTS = 101, 102, 103, 106
+INVALID_POSE = 101  # SetEntityState.Response
 PACKAGE = 'simulation_interfaces'
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
 STEPS = 'steps'
 ROUNDING = 1e-12
-"""Of times, relative: steps that end with the run are not beyond it."""
+"""Of times, relative: steps that end with the run are not beyond it; and of poses."""
+SLOPPY = 1e-3
+"""Of the norm of a quaternion, as others write it with a few digits."""
 
 
 class Observable(Protocol):
@@ -46,61 +52,111 @@ class Observable(Protocol):
         """The last time [s] up to which the motion is known, and the machine then."""
 
 
-class Entities:
-    """Serves names and states of the links, at the time up to which the motion is known.
+class Links:
+    """The links of a machine, each a dynamic object, as requests name and filter them."""
 
-    Every link is a dynamic object; without the package `simulation_interfaces` there are no
-    services, see `Control`.
+    def __init__(self, node: SimulationNode) -> None:
+        self._node = node
+        self._result = message_class(f'{PACKAGE}/msg/Result')
+        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
+        self._bounds = message_class(f'{PACKAGE}/msg/Bounds')
+
+    @property
+    def names(self) -> list[str]:
+        """Their names."""
+        return [body.name for body in self._node.machine.mechanism.bodies]
+
+    def matching(self, filters: Any, more: Sequence[str] = ()) -> list[str]:
+        """Those that pass, after them those of `more`, which are robots."""
+        wanted = {category.category for category in filters.categories}
+        c = self._category
+        kinds = (c.CATEGORY_DYNAMIC_OBJECT, self.names), (c.CATEGORY_ROBOT, more)
+        return [
+            name
+            for kind, names in kinds
+            for name in names
+            if (not wanted or kind in wanted) and re.search(filters.filter, name)
+        ]
+
+    def accepted(self, filters: Any, response: Any) -> bool:
+        """True if a filter can be applied; the response says why not."""
+        r = self._result
+        if filters.tags.tags or filters.bounds.type != self._bounds.TYPE_EMPTY:
+            reason = 'links have no tags and no bounds: filter by name and category'
+            return _answer(response, r.RESULT_FEATURE_UNSUPPORTED, reason)
+        try:
+            re.compile(filters.filter)
+        except re.error as error:
+            reason = f'filter {filters.filter!r} is not a regular expression: {error}'
+            return _answer(response, r.RESULT_OPERATION_FAILED, reason)
+        return _answer(response, r.RESULT_OK)
+
+    def known(self, link: str, response: Any) -> bool:
+        """True if there is such a link; the response says which there are."""
+        if link in self.names:
+            return _answer(response, self._result.RESULT_OK)
+        reason = f'there is no link {link!r}; known are {", ".join(self.names)}'
+        return _answer(response, self._result.RESULT_NOT_FOUND, reason)
+
+
+class EntityNames:
+    """Serves names and kinds of the links, and of the machines that were spawned."""
+
+    def __init__(self, drive: Drive, machines: Mapping[str, Spawned]) -> None:
+        self._drive, self._machines, self._links = drive, machines, Links(drive)
+        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
+        for short, name, answer in (
+            ('GetEntities', 'get_entities', self._list),
+            ('GetEntityInfo', 'get_entity_info', self._describe),
+        ):
+            drive.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
+
+    def _list(self, request: Any, response: Any) -> Any:
+        if self._links.accepted(request.filters, response):
+            response.entities = self._links.matching(request.filters, [*self._machines])
+        return response
+
+    def _describe(self, request: Any, response: Any) -> Any:
+        info = response.info
+        if spawned := self._machines.get(request.entity):
+            info.category.category = self._category.CATEGORY_ROBOT
+            info.description = f'machine {spawned.uri}, its nodes in {spawned.namespace}'
+            _answer(response, message_class(f'{PACKAGE}/msg/Result').RESULT_OK)
+        elif self._links.known(request.entity, response):
+            info.category.category = self._category.CATEGORY_DYNAMIC_OBJECT
+            info.description = f'link of {self._drive.machine.name}'
+        return response
+
+
+class Entities:
+    """Serves states of the links, at the time up to which the motion is known.
+
+    Without the package `simulation_interfaces` there are no services, see `SimulationControl`.
     """
 
     def __init__(self, node: SimulationNode, integration: Observable) -> None:
         self._node, self._integration = node, integration
         try:
-            self._result = message_class(f'{PACKAGE}/msg/Result')
+            self._links = Links(node)
         except MessageError:
             return  # the drive says so
-        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
-        self._bounds = message_class(f'{PACKAGE}/msg/Bounds')
         self._state_class = message_class(f'{PACKAGE}/msg/EntityState')
         for short, name, answer in (
-            ('GetEntities', 'get_entities', self._list),
             ('GetEntitiesStates', 'get_entities_states', self._list_states),
-            ('GetEntityInfo', 'get_entity_info', self._describe),
             ('GetEntityState', 'get_entity_state', self._report),
         ):
             node.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
 
-    @property
-    def _links(self) -> list[str]:
-        return [body.name for body in self._node.machine.mechanism.bodies]
-
-    def _list(self, request: Any, response: Any) -> Any:
-        if self._accepted(request.filters, response):
-            response.entities = self._matching(request.filters)
-        return response
-
     def _list_states(self, request: Any, response: Any) -> Any:
-        if self._accepted(request.filters, response) and self._begun(response):
-            response.entities = self._matching(request.filters)
+        if self._links.accepted(request.filters, response) and self._begun(response):
+            response.entities = self._links.matching(request.filters)
             response.states = [self._state(link) for link in response.entities]
         return response
 
-    def _describe(self, request: Any, response: Any) -> Any:
-        if self._known(request.entity, response):
-            response.info.category.category = self._category.CATEGORY_DYNAMIC_OBJECT
-            response.info.description = f'link of {self._node.machine.name}'
-        return response
-
     def _report(self, request: Any, response: Any) -> Any:
-        if self._known(request.entity, response) and self._begun(response):
+        if self._links.known(request.entity, response) and self._begun(response):
             response.state = self._state(request.entity)
         return response
-
-    def _matching(self, filters: Any) -> list[str]:
-        wanted = {category.category for category in filters.categories}
-        if wanted and self._category.CATEGORY_DYNAMIC_OBJECT not in wanted:
-            return []
-        return [link for link in self._links if re.search(filters.filter, link)]
 
     def _state(self, link: str) -> Any:
         """Pose, velocity and acceleration of a link's frame in that of the world."""
@@ -122,31 +178,12 @@ class Entities:
             part.angular.z = float(angular[index(frame), 0]) if turns else 0.0
         return state
 
-    # --- what they have in common -------------------------------------------------------------
-
-    def _accepted(self, filters: Any, response: Any) -> bool:
-        r = self._result
-        if filters.tags.tags or filters.bounds.type != self._bounds.TYPE_EMPTY:
-            reason = 'links have no tags and no bounds: filter by name and category'
-            return _answer(response, r.RESULT_FEATURE_UNSUPPORTED, reason)
-        try:
-            re.compile(filters.filter)
-        except re.error as error:
-            reason = f'filter {filters.filter!r} is not a regular expression: {error}'
-            return _answer(response, r.RESULT_OPERATION_FAILED, reason)
-        return _answer(response, r.RESULT_OK)
-
-    def _known(self, link: str, response: Any) -> bool:
-        if link in self._links:
-            return _answer(response, self._result.RESULT_OK)
-        reason = f'there is no link {link!r}; known are {", ".join(self._links)}'
-        return _answer(response, self._result.RESULT_NOT_FOUND, reason)
-
     def _begun(self, response: Any) -> bool:
         if self._integration.begun:
             return True
         reason = 'the run has not begun: try again in a moment'
-        return _answer(response, self._result.RESULT_INCORRECT_STATE, reason)
+        code = message_class(f'{PACKAGE}/msg/Result').RESULT_INCORRECT_STATE
+        return _answer(response, code, reason)
 
 
 def _answer(response: Any, code: int, reason: str = '') -> bool:
@@ -156,9 +193,10 @@ def _answer(response: Any, code: int, reason: str = '') -> bool:
 
 
 class Worlds:
-    """Serves the scenes; one can be loaded that the nodes of the run can go on with.
+    """Serves the scenes, and changes that of the run.
 
-    It then holds from time 0 of a new run, which begins stopped.
+    A scene can be loaded that the nodes of the run can go on with, and a link be put elsewhere at
+    the start. It then holds from time 0 of a new run, which begins stopped.
     """
 
     def __init__(self, drive: Drive, control: SimulationControl) -> None:
@@ -170,6 +208,7 @@ class Worlds:
             ('GetAvailableWorlds', 'get_available_worlds', self._list),
             ('GetCurrentWorld', 'get_current_world', self._report),
             ('LoadWorld', 'load_world', self._load),
+            ('SetEntityState', 'set_entity_state', self._place),
         ):
             kind = service_class(f'{PACKAGE}/srv/{short}')
             drive.create_service(kind, name, answer, callback_group=group)
@@ -186,9 +225,11 @@ class Worlds:
         return self._answer(response, '')
 
     async def _load(self, request: Any, response: Any) -> Any:
-        drive, control, uri = self._drive, self._control, request.uri.removeprefix('file://')
+        drive, control = self._drive, self._control
+        resource = getattr(request, 'world_resource', request)  # before release 2: in the request
+        uri = resource.uri.removeprefix('file://')
         if not uri:
-            code = UNSUPPORTED_FORMAT if request.resource_string else NO_RESOURCE
+            code = UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE
             reason = 'uri must be the name of a scene or the path of a YAML file'
             return self._answer(response, reason, code)
         if reason := control.refusal():
@@ -202,15 +243,55 @@ class Worlds:
             next_machine(drive.machine, asked)
         except InputError as error:
             return self._answer(response, str(error), UNSUPPORTED_ELEMENTS)
-        before = Content.of(drive)
-        self._set(asked)
-        drive.pause()
-        if reason := await control.alone('loading a scene', drive.start_over()):
-            self._set(before)
+        await drive.spawning.clear()
+        if not (reason := await self._begin(asked)):
+            response.world = self._describe(uri, drive.machine.name)
+        return self._answer(response, reason)
+
+    async def _place(self, request: Any, response: Any) -> Any:
+        """Let the next run begin with a link in a pose, and with a velocity."""
+        drive, control, link = self._drive, self._control, request.entity
+        if not Links(drive).known(link, response):
+            return response
+        if getattr(request, 'set_acceleration', False):
+            reason = 'accelerations follow from forces: set pose and twist only'
+            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        if reason := control.refusal():
             return self._answer(response, reason)
-        control.stopped = True
-        response.world = self._describe(uri, drive.machine.name)
-        return self._answer(response, '')
+        if drive.playing or drive.announced > 0.0:
+            reason = 'links are set at the start of a run only: stop first (state 0)'
+            return self._answer(response, reason, self._result.RESULT_INCORRECT_STATE)
+        state = request.state
+        if (frame := state.header.frame_id) not in ('', drive.frame(WORLD)):
+            reason = f'frame {frame!r}: states are taken in {drive.frame(WORLD)!r}'
+            return self._answer(response, reason, INVALID_POSE)
+        pose = velocity = None
+        try:
+            if getattr(request, 'set_pose', True):  # before release 2 all is set
+                pose = _planar_pose(state.pose)
+            if getattr(request, 'set_twist', True):
+                velocity = _planar_velocity(state.twist)
+            before = Content.of(drive)
+            values = start_values(drive.machine, link, pose, velocity)
+            lines = [line for line in before.lines if line.partition('=')[0] not in values]
+            lines += [f'{path}={value}' for path, value in values.items()]
+            asked = Content(before.scene, '\n'.join(lines))
+            check_start(next_machine(drive.machine, asked), link, pose, velocity)
+        except InputError as error:
+            return self._answer(response, str(error), INVALID_POSE)
+        return self._answer(response, await self._begin(asked) if asked != before else '')
+
+    async def _begin(self, content: Content) -> str:
+        """Begin a run of other content, stopped; why it cannot be, empty if it is done."""
+        drive, control, before = self._drive, self._control, Content.of(self._drive)
+        self._set(content)
+        drive.pause()
+        reason = await control.alone('another scene', drive.start_over())
+        if reason:
+            self._set(before)
+        else:
+            control.stopped = True
+        return str(reason)
 
     def _set(self, content: Content) -> None:
         values = zip((SCENE, OVERRIDES), content, strict=True)
@@ -225,6 +306,21 @@ class Worlds:
         return self._control.answer(response, reason, code)
 
 
+def _planar_pose(pose: Any) -> Planar:
+    place, turn = pose.position, pose.orientation
+    norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
+    if place.z or max(abs(turn.x), abs(turn.y)) > ROUNDING or abs(norm - 1.0) > SLOPPY:
+        raise InputError('links move in the plane z = 0, and turn about z: a unit quaternion')
+    return Planar((place.x, place.y), 2.0 * math.atan2(turn.z, turn.w))
+
+
+def _planar_velocity(twist: Any) -> Planar:
+    linear, angular = twist.linear, twist.angular
+    if linear.z or angular.x or angular.y:
+        raise InputError('links move in the plane z = 0, and turn about z')
+    return Planar((linear.x, linear.y), angular.z)
+
+
 class SimulationControl:
     """Features, state, steps and reset of a run, for the node that drives it.
 
@@ -235,11 +331,12 @@ class SimulationControl:
     ----------
     busy : what is under way, such as steps or a reset; empty for nothing
     stopped : whether the run is at time 0, paused, by a request
-    available : whether the services are there
     """
 
     def __init__(self, drive: Drive) -> None:
-        self._drive, self.busy, self.stopped, self.available = drive, '', False, False
+        self._drive, self.busy, self.stopped = drive, '', False
+        if drive.value('leader'):
+            return  # a spawned machine does what the simulation does
         try:
             self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
         except MessageError as error:
@@ -267,16 +364,18 @@ class SimulationControl:
             callback_group=group,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
         )
-        self.available = True
+        self._more = Worlds(drive, self), EntityNames(drive, drive.spawning.machines)
 
     # --- services -----------------------------------------------------------------------------
 
     def _report_features(self, _request: Any, response: Any) -> Any:
         f = self._features
         response.features.features = [
-            f.SIMULATION_RESET, f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE,
+            f.SPAWNING, f.DELETING, f.SPAWNABLES, f.SPAWNING_ENTITIES, f.SIMULATION_RESET,
+            f.SIMULATION_RESET_TIME, f.SIMULATION_RESET_STATE, f.SIMULATION_RESET_SPAWNED,
             f.SIMULATION_STATE_GETTING, f.SIMULATION_STATE_SETTING, f.SIMULATION_STATE_PAUSE,
-            f.ENTITY_CATEGORIES, f.ENTITY_STATE_GETTING, f.ENTITY_INFO_GETTING,
+            f.ENTITY_CATEGORIES, f.ENTITY_STATE_GETTING, f.ENTITY_STATE_SETTING,
+            f.ENTITY_INFO_GETTING,
             f.WORLD_LOADING, f.WORLD_INFO_GETTING, f.AVAILABLE_WORLDS,
             f.STEP_SIMULATION_SINGLE, f.STEP_SIMULATION_MULTIPLE, f.STEP_SIMULATION_ACTION,
         ]  # fmt: skip
@@ -344,12 +443,19 @@ class SimulationControl:
 
     async def _reset(self, request: Any, response: Any) -> Any:
         """Back to time 0, in a run of its own; what was recorded stays in its bag."""
-        scope, both = int(request.scope), 3  # SCOPE_TIME and SCOPE_STATE
-        if scope and scope & both != both:
-            reason = f'scope {scope}: time and state are reset together only; use 0, {both} or 255'
+        scope, both, spawned = int(request.scope) or 255, 3, 4  # SCOPE_TIME and SCOPE_STATE
+        if scope & both not in (0, both) or not scope & (both | spawned):
+            reason = (
+                f'scope {scope}: time and state are reset together only; use 0, {both}, {spawned} '
+                'or 255'
+            )
             return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := self.refusal():
             return self.answer(response, reason)
+        if scope & spawned:
+            await self._drive.spawning.clear()
+        if not scope & both:
+            return self.answer(response, '')
         return self.answer(response, await self.alone('a reset', self._drive.start_over()))
 
     async def _simulate_steps(self, goal: Any) -> Any:

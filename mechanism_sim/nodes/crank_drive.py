@@ -9,7 +9,7 @@ from typing import Any
 from mechanism_sim.messages import Clock, DiagnosticStatus, DriveLaw, service_class, stamp
 from mechanism_sim.messages.events import drive_law
 from mechanism_sim.nodes.commands import DriveCommands
-from mechanism_sim.nodes.control import SimulationControl, Worlds
+from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Client, Future, Parameter, ReentrantCallbackGroup
@@ -17,6 +17,7 @@ from mechanism_sim.nodes.pace import AHEAD, Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content
 from mechanism_sim.nodes.simulation_node import SimulationNode
+from mechanism_sim.nodes.spawning import LeadingDrive, Spawning
 
 BEHIND = 0.95
 """Share of the real-time factor asked for below which the diagnostics warn."""
@@ -33,7 +34,8 @@ class CrankDrive(Drive):
     [s], how far the law is announced ahead of the slowest partner; ``realtime_factor``, simulated
     seconds per second, 0 for as fast as possible (otherwise the lead is at most `AHEAD` of wall
     time, and a longer delay is not caught up); ``paused``, to begin so; ``hold``, to pause at the
-    end of the run instead of ending; ``step_size`` [s]; ``publish_clock``.
+    end of the run instead of ending; ``step_size`` [s]; ``publish_clock``; ``leader``, see
+    `LeadingDrive`.
     """
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
@@ -44,13 +46,12 @@ class CrankDrive(Drive):
             ('step_size', 1e-3, 'Length of a step of the paused simulation [s]', (1e-9, 1e3)),
         ):
             self.declare(name, default, about, within)
-        hold = self.declare('hold', False, 'Pause at the end of the run', read_only=True)
+        self.declare('hold', False, 'Pause at the end of the run', read_only=True)
         paused = self.declare('paused', False, 'Begin the run paused', read_only=True)
         alone = self.get_namespace() == '/'
         self.declare('publish_clock', alone, 'Publish the time on /clock', read_only=True)
         self.announced = 0.0
         self.playing = not paused
-        self._hold = hold
         self.final = False
         self._over = False
         self._quitting = False
@@ -59,13 +60,13 @@ class CrankDrive(Drive):
         self._ending: Future | None = None  # done when partners have finished before another run
         self._take_laws()
         self._pace = Pace()
+        self._leader = LeadingDrive(self)
         self._drive = self.create_publisher(DriveLaw, 'drive', RESULTS)
         if self.value('publish_clock'):
             self._clock_publisher = self.create_publisher(Clock, '/clock', CLOCK)
         self._commands = DriveCommands(self)
+        self.spawning: Spawning = Spawning(self)
         self.control = SimulationControl(self)
-        if self.control.available:
-            self._worlds = Worlds(self, self.control)
         self._content_of_partners = ContentPropagation(self)
         self.join()
 
@@ -92,7 +93,7 @@ class CrankDrive(Drive):
     @property
     def time(self) -> float:
         """Time [s] up to which all partners have come."""
-        return min(self.partners.time, self.announced)
+        return min(self.partners.time, self.spawning.time, self.announced)
 
     def play(self) -> None:
         """Let time go on by itself."""
@@ -141,6 +142,7 @@ class CrankDrive(Drive):
         self._look_who_waits()
         await self._ending
         self.begin_run(self.run + 1)
+        self.spawning.begin_run()
         self.announced = self._goal = 0.0
         self._take_laws()
         self._commands.begin()
@@ -162,6 +164,8 @@ class CrankDrive(Drive):
         self._pace.restart(0.0)
         self._commands.begin()
         self.create_timer(0.01, self._tick)
+        if self._leader.name:
+            self.report(0.0)  # it is there, and waits to hear how far that is
         self._tick()
 
     def on_progress(self, message: Any) -> None:
@@ -170,10 +174,24 @@ class CrankDrive(Drive):
         self._commands.look()
         self._look_who_waits()
 
+    async def on_leader(self) -> None:
+        """Go on as far as the drive that this one follows, or begin anew with it."""
+        leader = self._leader
+        if self.ready and not leader.followed and leader.run > self.run:
+            leader.followed = True
+            await self.start_over()
+            leader.followed = False
+        self.extend()
+
+    def on_spawned(self) -> None:
+        """Extend the law if a machine that follows this one has gone on, or ended."""
+        self.extend()
+        self._look_who_waits()
+
     def _look_who_waits(self) -> None:
         if self._ending and not self._ending.done() and self.partners.finished:
             self._ending.set_result(None)
-        if not self.partners.began:
+        if not (self.partners.began and self.spawning.began):
             return
         there = [w for w in self._waiting if w[0] <= self.time]
         self._waiting = [w for w in self._waiting if w[0] > self.time]
@@ -187,17 +205,23 @@ class CrankDrive(Drive):
         if not final:
             return
         # Who waits for the end of the run gets an answer first, in the time between two ticks.
-        self.done = self._over and not self.control.busy
+        self.done = self._over and not self.control.busy and not self.spawning.machines
         self._over = self.partners.finished
 
     def _publish_clock(self) -> None:
         if self.value('publish_clock'):
             self._clock_publisher.publish(Clock(clock=stamp(self.time)))
 
+    @property
+    def _given(self) -> float:
+        """Time [s] to which commands, and the drive that this one follows, let it go."""
+        return min(self._commands.horizon, self._leader.time)
+
     def _horizon(self) -> float:
         """Time [s] up to which the law may be announced now."""
         lead, factor = self._lead_and_factor()
-        horizon = min(self.partners.time + lead, self.duration, self._commands.horizon)
+        slowest = min(self.partners.time, self.spawning.time)
+        horizon = min(slowest + lead, self.duration, self._given)
         if not self.playing:
             return min(horizon, self._goal)
         if factor > 0.0:
@@ -208,12 +232,15 @@ class CrankDrive(Drive):
         """Announce the law for as long as the slowest partner, the pace and commands allow."""
         if self.final or not self.ready:
             return
+        if self._leader.finished and self.announced >= self._leader.time:
+            self._quitting = True
         end, horizon = self.duration, self._horizon()
-        final = self._quitting or (horizon >= end and not self._hold)
+        stays = self.value('hold') or self._leader.name  # who follows ends when its leader does
+        final = self._quitting or (horizon >= end and not stays)
         if self._quitting:
             horizon = self.announced
         elif horizon <= self.announced or (
-            self.playing and horizon < min(end, self._commands.horizon, self._worthwhile())
+            self.playing and horizon < min(end, self._given, self._worthwhile())
         ):
             return
         self.final = final
@@ -231,7 +258,7 @@ class CrankDrive(Drive):
                 break
             self._law += 1
         self.announced = horizon
-        if self._hold and horizon >= end:
+        if self.value('hold') and horizon >= end:
             self.pause()
         self.report(horizon, finished=final)
 

@@ -17,11 +17,13 @@ class Drive(SimulationNode):
     announced : [s] up to which the law is promised: what is commanded now holds from then on
     playing : whether time goes on by itself
     final : whether the law is announced to the end of the run: nothing can be done any more
+    spawning : the machines that follow this one, see `Spawning`
     """
 
     announced: float
     playing: bool
     final: bool
+    spawning: Any
 
     @property
     @abstractmethod
@@ -57,3 +59,11 @@ class Drive(SimulationNode):
     @abstractmethod
     def quit(self) -> None:
         """End the run where the law is announced to."""
+
+    @abstractmethod
+    async def on_leader(self) -> None:
+        """The drive that this one follows has gone on, or begun anew."""
+
+    @abstractmethod
+    def on_spawned(self) -> None:
+        """A machine that follows this one has gone on, or ended."""

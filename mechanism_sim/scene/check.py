@@ -150,12 +150,12 @@ def check(machine: Machine) -> Report:
         _left_out(machine, len(loose)),
         notes,
         [*doubts(machine), *undetermined_accelerations(machine)],
-        _coordinates(machine),
+        coordinate_starts(machine),
         _range(machine),
     )
 
 
-def _coordinates(machine: Machine) -> dict[str, CoordinateStart]:
+def coordinate_starts(machine: Machine) -> dict[str, CoordinateStart]:
     """Kind and start of every coordinate."""
     mechanism, plan = machine.mechanism, machine.plan
     if machine.level.dynamic:

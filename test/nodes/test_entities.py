@@ -24,7 +24,7 @@ SCENE = 'four_bar_clearance'
 WORLDS = (
     CONTROL
     + """
-import sys
+import math, sys
 def numbers(s):
     p, w, a = s.pose, s.twist, s.acceleration
     return [s.header.stamp.sec + 1e-9 * s.header.stamp.nanosec, p.position.x, p.position.y,
@@ -54,7 +54,11 @@ unknown = call('GetEntityState', 'get_entity_state', entity='roker').result
 found['unknown'] = [int(unknown.result), unknown.error_message]
 found['worlds'] = [w.name for w in call('GetAvailableWorlds', 'get_available_worlds').worlds]
 def load(uri, text=''):
-    answer = call('LoadWorld', 'load_world', uri=uri, resource_string=text)
+    fields = {'uri': uri, 'resource_string': text}
+    request = service_class(f'{PACKAGE}/srv/LoadWorld').Request()
+    if hasattr(request, 'world_resource'):  # since release 2
+        fields = {'world_resource': message_class(f'{PACKAGE}/msg/Resource')(**fields)}
+    answer = call('LoadWorld', 'load_world', **fields)
     return [int(answer.result.result), answer.result.error_message, answer.world.name]
 found['refused'] = [load('geneva'), load('fuor_bar_clearance'), load('', 'links: {}'), load('')]
 def world():
@@ -62,7 +66,25 @@ def world():
     return [world.name, world.world_resource.uri]
 found['before'] = world()
 found['loaded'], found['state'], found['after'] = load(sys.argv[1]), state(), world()
+def place(link, angle, x=0.0, y=0.0, **fields):
+    state = message_class(f'{PACKAGE}/msg/EntityState')()
+    state.pose.position.x, state.pose.position.y = x, y
+    state.pose.orientation.z, state.pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
+    state.twist.angular.z = 1000.0  # none that the drive has: to be ignored
+    for name, value in fields.items():
+        setattr(state.header, name, value)
+    request = service_class(f'{PACKAGE}/srv/SetEntityState').Request()
+    flags = {'set_pose': True} if hasattr(request, 'set_pose') else {}
+    if not flags:
+        state.twist.angular.z = 300 * math.tau / 60
+    result = call('SetEntityState', 'set_entity_state', entity=link, state=state, **flags).result
+    return [int(result.result), result.error_message]
+found['placed'] = [place('crank', 0.25), place('roker', 0.0), place('crank', 0.0, x=0.1),
+                   place('crank', 0.0, frame_id='map'), place('rocker', 0.0, x=0.387)]
+found['overrides'] = call('GetParameters', 'crank_drive/get_parameters', names=['overrides'])
+found['overrides'] = found['overrides'].values[0].string_value
 found['steps'] = step(100)
+found['late'] = place('crank', 0.0)
 found['quit'] = go(3)
 print(json.dumps(found))
 shutdown()
@@ -107,9 +129,19 @@ def test_links_are_entities_and_scenes_are_worlds(tmp_path):
     assert found['loaded'] == [1, '', 'other']
     assert found['after'] == ['other', str(other)]
     assert (found['state'], found['steps'], found['quit']) == (0, [1, ''], [1, ''])
-    second = analyze(bag.with_name('run-2.mcap'))
-    alone = run_json('solve', str(other), '--duration', '0.1')
-    assert second.digest == alone['digest']
+    # A link is put elsewhere at the start of a run, and the machine with it.
+    placed, *others = found['placed']
+    assert placed == [1, '']
+    assert [code for code, _ in others] == [2, 101, 101, 101]
+    for (_, said), words in zip(
+        others, ('known are', 'do not let crank', 'taken in', 'radial clearance'), strict=True
+    ):
+        assert words in said
+    assert found['late'][0] == 3
+    assert found['overrides'].startswith('initial.position.crank=0.25 rad')
+    third = analyze(bag.with_name('run-3.mcap'))
+    alone = run_json('solve', str(other), '--duration', '0.1', '--set', found['overrides'])
+    assert third.digest == alone['digest']
 
 
 MANAGER = """

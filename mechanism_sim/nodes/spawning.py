@@ -1,0 +1,312 @@
+"""Machines that are added to a running simulation, and follow the time of its drive.
+
+Each is a run of its own in a process of its own, below a namespace. It begins at time 0 and
+catches up before the answer is given: all machines of a simulation have one time, whenever they
+came, and move as they would alone.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from mechanism_sim import ending
+from mechanism_sim.catalogue import scene_names
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.export.ideal import WORLD
+from mechanism_sim.messages import (
+    MessageError,
+    Progress,
+    TFMessage,
+    TransformStamped,
+    message_class,
+    service_class,
+)
+from mechanism_sim.messages.part_states import integrator_of
+from mechanism_sim.nodes.drive import Drive
+from mechanism_sim.nodes.middleware import Future, ReentrantCallbackGroup
+from mechanism_sim.nodes.partners import GONE_AFTER
+from mechanism_sim.nodes.qos import LATCHED, RESULTS
+from mechanism_sim.nodes.scene_values import Content
+
+PACKAGE = 'simulation_interfaces'
+NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+# SpawnEntity.Response and SpawnEntities.Response
+NAME_NOT_UNIQUE, NAME_INVALID, UNSUPPORTED_FORMAT, NO_RESOURCE, NAMESPACE_INVALID = range(101, 106)
+RESOURCE_PARSE_ERROR, INVALID_POSE, ENTITIES_SPAWN_FAILED = 106, 109, 150
+NEAR = 1e-3  # of the norm of a quaternion that others have written with a few digits
+
+
+class LeadingDrive:
+    """The drive that a spawned machine follows, as its own drive knows it.
+
+    Attributes
+    ----------
+    time : [s] up to which it has announced its law; infinite without a leader
+    finished : whether it goes no further
+    run : number of its run since this machine is there
+    followed : whether this machine is beginning anew with it
+    """
+
+    def __init__(self, node: Drive) -> None:
+        about = (
+            'Drive whose time this one follows, as /crank_drive; set where machines are spawned'
+        )
+        self.name = node.declare('leader', '', about, read_only=True)
+        self.time, self.finished, self.run = 0.0 if self.name else math.inf, False, 0
+        self._node, self._first, self.followed = node, -1, False
+        if self.name:
+            space, _, self._short = self.name.rpartition('/')
+            self._topic = f'{space}/progress'
+            self._missing_since: float | None = None
+            # Reports of partners must come through while a callback waits for them.
+            group = ReentrantCallbackGroup()
+            node.create_subscription(
+                Progress, self._topic, self._take, RESULTS, callback_group=group
+            )
+            node.create_timer(0.5, self._look)
+
+    async def _take(self, message: Any) -> None:
+        if message.node != self._short:
+            return
+        self._first = message.run if self._first < 0 else self._first
+        self.run, self.time = message.run - self._first, message.time
+        self.finished = message.finished and not message.again
+        await self._node.on_leader()
+
+    def _look(self) -> None:
+        names = [p.node_name for p in self._node.get_publishers_info_by_topic(self._topic)]
+        now = time.monotonic()
+        if self._short in names or self.finished:
+            self._missing_since = None
+        elif self._missing_since is None:
+            self._missing_since = now
+        elif now - self._missing_since > GONE_AFTER:
+            raise RunError(f"{self._node.get_name()}: '{self.name}', which it follows, is gone")
+
+
+@dataclass
+class Spawned:
+    """A machine that was added.
+
+    Attributes
+    ----------
+    uri : its scene
+    namespace : of its nodes
+    run : number of the run that it is asked for
+    heard_run : number of the run that it is in; -1 until it is there
+    time : [s] up to which it has come
+    """
+
+    uri: str
+    namespace: str
+    integrator: str
+    process: subprocess.Popen[bytes]
+    transform: Any
+    heard: Any
+    run: int = 0
+    heard_run: int = -1
+    time: float = 0.0
+
+    @property
+    def began(self) -> bool:
+        """True if it is in the run that it is asked for."""
+        return self.heard_run >= self.run
+
+    def take(self, message: Any) -> None:
+        """Take in how far one of its nodes has come."""
+        if message.node == self.integrator:
+            self.heard_run, self.time = message.run, float(message.time)
+        self.heard_run = max(self.heard_run, 0)
+
+
+class Spawning:
+    """Spawns machines and deletes them, by the services of `simulation_interfaces`."""
+
+    def __init__(self, drive: Drive) -> None:
+        self._drive, self.machines = drive, dict[str, Spawned]()
+        self._waiting: list[tuple[str, float, Future]] = []
+        if drive.value('leader'):
+            return
+        try:
+            self._result = message_class(f'{PACKAGE}/msg/Result')
+        except MessageError:
+            return  # `SimulationControl` says so
+        group = ReentrantCallbackGroup()
+        for short, name, answer in (
+            ('GetSpawnables', 'get_spawnables', self._list),
+            ('SpawnEntity', 'spawn_entity', self._spawn),
+            ('SpawnEntities', 'spawn_entities', self._spawn_all),
+            ('DeleteEntity', 'delete_entity', self._delete),
+        ):
+            kind = service_class(f'{PACKAGE}/srv/{short}')
+            drive.create_service(kind, name, answer, callback_group=group)
+        self._places = drive.create_publisher(TFMessage, '/tf_static', LATCHED)
+        drive.create_timer(0.1, self._look)
+
+    # --- what the drive asks for -------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time [s] up to which all have come; infinite if there are none."""
+        known = (machine.time if machine.began else 0.0 for machine in self.machines.values())
+        return min(known, default=math.inf)
+
+    @property
+    def began(self) -> bool:
+        """True if all are in the run that they are asked for."""
+        return all(machine.began for machine in self.machines.values())
+
+    def begin_run(self) -> None:
+        """Expect all to begin anew."""
+        for machine in self.machines.values():
+            machine.run += 1
+
+    async def clear(self) -> None:
+        """Delete all."""
+        for name in list(self.machines):
+            await self._remove(name)
+
+    # --- services ----------------------------------------------------------------------------
+
+    def _list(self, _request: Any, response: Any) -> Any:
+        kind = message_class(f'{PACKAGE}/msg/Spawnable')
+        for name in scene_names():
+            found = kind()
+            getattr(found, 'entity_resource', found).uri = name  # before release 2: its own
+            response.spawnables.append(found)
+        return self._answer(response)
+
+    async def _spawn(self, request: Any, response: Any) -> Any:
+        code, reason, name = await self._add(request)
+        response.entity_name = name
+        return self._answer(response, code, reason)
+
+    async def _spawn_all(self, request: Any, response: Any) -> Any:
+        kind = message_class(f'{PACKAGE}/msg/SpawnResult')
+        for asked in request.spawn_requests:
+            response.results.append(await self._spawn(asked, kind()))
+        failed = [r.result.error_message for r in response.results if r.result.error_message]
+        return self._answer(response, ENTITIES_SPAWN_FAILED * bool(failed), '; '.join(failed))
+
+    async def _delete(self, request: Any, response: Any) -> Any:
+        if request.entity not in self.machines:
+            known = ', '.join(self.machines) or 'none'
+            reason = f'there is no spawned machine {request.entity!r}; there are {known}'
+            return self._answer(response, self._result.RESULT_NOT_FOUND, reason)
+        await self._remove(request.entity)
+        return self._answer(response)
+
+    def _answer(self, response: Any, code: int = 0, reason: str = '') -> Any:
+        response.result.result = code or self._result.RESULT_OK
+        response.result.error_message = reason
+        return response
+
+    # --- machines ----------------------------------------------------------------------------
+
+    async def _add(self, request: Any) -> tuple[int, str, str]:
+        """Add a machine: code and reason of a refusal, and its name."""
+        drive = self._drive
+        resource = getattr(request, 'entity_resource', request)
+        uri = resource.uri.removeprefix('file://')
+        if not uri:
+            reason = 'uri must be the name of a scene or the path of a YAML file'
+            return UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE, reason, ''
+        if not drive.ready or drive.final:
+            return self._result.RESULT_INCORRECT_STATE, 'the run is not under way', ''
+        try:
+            machine = Content(uri, '').load()
+        except InputError as error:
+            return RESOURCE_PARSE_ERROR, str(error), ''
+        taken = {*self.machines, *(body.name for body in drive.machine.mechanism.bodies)}
+        first = name = request.name or machine.name
+        number = 1
+        while name in taken:
+            if request.name and not request.allow_renaming:
+                return NAME_NOT_UNIQUE, f'there is {name!r} already', ''
+            number += 1
+            name = f'{first}_{number}'
+        below = request.entity_namespace.strip('/') or name
+        if not NAME.fullmatch(name):
+            return NAME_INVALID, f'{name!r} is no name: letters, digits and _ only', ''
+        used = {machine.namespace for machine in self.machines.values()}
+        space = f'{drive.get_namespace().rstrip("/")}/{below}'
+        if not all(map(NAME.fullmatch, below.split('/'))) or space in used:
+            return NAMESPACE_INVALID, f'{below!r} is no namespace, or has a machine already', ''
+        transform, reason = self._placed(request.initial_pose, below)
+        if reason:
+            return INVALID_POSE, reason, ''
+        self._start(name, uri, space, integrator_of(machine), transform)
+        there: Future = Future()
+        self._waiting.append((name, drive.announced, there))
+        if not await there:
+            return self._result.RESULT_OPERATION_FAILED, f'{name!r} has ended: see its log', ''
+        return 0, '', name
+
+    def _placed(self, pose: Any, below: str) -> tuple[Any, str]:
+        """Transform of the world of a machine, or why it cannot be there."""
+        drive, found = self._drive, TransformStamped()
+        world = drive.frame(WORLD)
+        found.header.frame_id = pose.header.frame_id or world
+        found.child_frame_id = drive.frame(f'{below}/{WORLD}')
+        at, turn = found.transform.translation, pose.pose.orientation
+        at.x, at.y, at.z = pose.pose.position.x, pose.pose.position.y, pose.pose.position.z
+        found.transform.rotation = turn
+        good = abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) <= NEAR
+        return found, '' if good else 'the orientation is no unit quaternion'
+
+    def _start(self, name: str, uri: str, space: str, integrator: str, transform: Any) -> None:
+        drive = self._drive
+        command = [
+            sys.executable, '-m', 'mechanism_sim', 'run', uri, '--namespace', space,
+            '--duration', repr(drive.duration),
+            '--ros-args', '-p', f'leader:={drive.get_fully_qualified_name()}',
+        ]  # fmt: skip
+        process = ending.start(command, stdout=subprocess.DEVNULL)
+
+        def take(message: Any) -> None:
+            if name in self.machines:
+                self.machines[name].take(message)
+                drive.on_spawned()
+
+        heard = drive.create_subscription(Progress, f'{space}/progress', take, RESULTS)
+        self.machines[name] = Spawned(uri, space, integrator, process, transform, heard)
+        self._publish_places()
+
+    async def _remove(self, name: str) -> None:
+        """End a machine, and wait until it has ended."""
+        machine = self.machines[name]
+        machine.process.send_signal(signal.SIGTERM)
+        gone: Future = Future()
+        self._waiting.append((name, math.inf, gone))
+        await gone
+
+    def _look(self) -> None:
+        """Take leave of machines that have ended, and answer who waits for one."""
+        for name, machine in list(self.machines.items()):
+            if machine.process.poll() is not None:
+                self._drive.destroy_subscription(machine.heard)
+                del self.machines[name]
+                self._publish_places()
+                self._drive.on_spawned()
+        if not self.began or self.time < self._drive.announced:
+            # Who has come late has not heard how far the drive is.
+            self._drive.report(self._drive.announced)
+        left = []
+        for name, goal, future in self._waiting:
+            found = self.machines.get(name)
+            if found is None or (found.began and found.time >= goal):
+                future.set_result(found is not None)
+            else:
+                left.append((name, goal, future))
+        self._waiting = left
+
+    def _publish_places(self) -> None:
+        placed = [machine.transform for machine in self.machines.values()]
+        self._places.publish(TFMessage(transforms=placed))
