@@ -22,7 +22,7 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.symbolic import Term, add, dense, dot, mul
+from mechanism_sim.numerics.symbolic import Term, add, dot, mul
 from mechanism_sim.planar.switches import Switch
 
 
@@ -140,7 +140,7 @@ class LinearEquations:
 
     def _compiled(self, terms: Sequence[Term], more: Sequence[hy.expression]) -> hy.cfunc_dbl:
         """Terms as a function of points and other symbols."""
-        found = [dense(x) for x in terms]
+        found = self.system.run.unpulled(terms)
         if self._dynamics.depths:
             found = list(hy.subs(found, self._dynamics.depths))
         replace = {

@@ -165,3 +165,14 @@ def test_impacts_while_ideal_joints_rub_have_the_derivatives_of_runs(more: dict[
     off = np.array([own[n][0] for n in names]) - (4.0 * second - first) / 3.0
     assert (np.abs(off) < 1e-7 * np.abs(second).max()).all()
     assert more or len(run.impacts) >= 5
+
+
+def test_compliant_contacts_that_end_a_rounding_late_have_derivatives() -> None:
+    """The force of a Hunt and Crossley contact has no value beyond depth zero."""
+    soft = {f'{PLAY}.contact': {'law': 'hunt_crossley', 'stiffness': 1e8}}
+    machine = ms.load_scene(
+        'four_bar_clearance', soft | {f'{PLAY}.restitution': 0.9, 'start': 'centred'}
+    )
+    run = ms.simulate(machine, duration=0.02, derivatives=['links.coupler.mass'])
+    assert len(run.impacts) == 4
+    assert run.derivatives['links.coupler.mass'].end is None
