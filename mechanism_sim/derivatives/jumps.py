@@ -330,14 +330,9 @@ class Jumps:
             now, rested, _ = self._at_rest(now, z[0], after)
             z = rested[None]
         assert dt is not None  # noqa: S101 - there is an impact
-        if not self._meets(now, before, after)[0]:
+        if not _meets(now, before, after)[0]:
             raise NoDerivativeError('velocities jump there by more than its impacts account for')
         return Saltation(self._later(after, z, dt)[0], dt[0], rows, x.approach)
-
-    def _meets(self, now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
-        """Which of E events are accounted for by their impacts, after which the machine is now."""
-        speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
-        return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)
 
     def _later(self, after: Side, z: Array, dt: Array) -> Array:
         """The state (E, 2f + s, C) after events at fixed time, by differentials as they move."""
@@ -391,7 +386,7 @@ class Jumps:
                 except NoDerivativeError:
                     alone[own] = False
                     continue
-                alone[own] = self._meets(now, before.some(own), after.some(own))
+                alone[own] = _meets(now, before.some(own), after.some(own))
                 state[own] = self._later(after.some(own), later, moved)
                 shift[own], log[own] = instants[:, 0], rows[0]
                 if len(own) == len(which):
@@ -671,29 +666,36 @@ class Jumps:
             x = -(1.0 + e) * r / A[:, 0]
             dx = de * r[..., None] + (1.0 + e)[..., None] * dr + x[..., None] * dA[:, 0]
             return x, -dx / A[:, 0, :, None]
-        found = [self._of_one_blow(touching, *known) for known in
+        found = [_of_one_blow(self._laws[touching], *known) for known in
                  zip(A, dA, r, dr, e, de, mu, dmu, strict=True)]  # fmt: skip
         x, dx = (np.array(x) for x in zip(*found, strict=True))
         return x, dx
 
-    def _of_one_blow(self, touching: list[int], *known: Array) -> tuple[Array, Array]:
-        """Impulses of the rows of one of them."""
-        (A, dA, r, dr, e, de, mu, dmu), m = known, len(touching)
-        if len(r) == m:  # no friction anywhere: tangents without effect
-            wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))
-            wide[:m, :m], dwide[:m, :m] = A, dA
-            A, dA, r = wide, dwide, np.pad(r, (0, m))
-            dr = np.pad(dr, ((0, m), (0, 0)))
-        if m == 1:
-            theta = np.array([A[0, 0], A[0, 1], A[1, 1], r[0], r[1], e[0], mu[0]])
-            slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
-            return of_one(theta, slopes, int(self._laws[touching[0]]))
-        if not np.isfinite(mu).all():
-            raise NoDerivativeError('a rough contact takes part in an impact with others')
-        found = of_several(A, r, e, mu, self._laws[touching], (dA, dr, de, dmu))
-        if found is None:
-            raise NoDerivativeError('no impulses satisfy all contacts')
-        return found
+
+def _meets(now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
+    """Which of E events are accounted for by their impacts, after which the machine is now."""
+    speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
+    return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)
+
+
+def _of_one_blow(laws: NDArray[np.int64], *known: Array) -> tuple[Array, Array]:
+    """Impulses of the rows of one of them."""
+    (A, dA, r, dr, e, de, mu, dmu), m = known, len(laws)
+    if len(r) == m:  # no friction anywhere: tangents without effect
+        wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))
+        wide[:m, :m], dwide[:m, :m] = A, dA
+        A, dA, r = wide, dwide, np.pad(r, (0, m))
+        dr = np.pad(dr, ((0, m), (0, 0)))
+    if m == 1:
+        theta = np.array([A[0, 0], A[0, 1], A[1, 1], r[0], r[1], e[0], mu[0]])
+        slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
+        return of_one(theta, slopes, int(laws[0]))
+    if not np.isfinite(mu).all():
+        raise NoDerivativeError('a rough contact takes part in an impact with others')
+    found = of_several(A, r, e, mu, laws, (dA, dr, de, dmu))
+    if found is None:
+        raise NoDerivativeError('no impulses satisfy all contacts')
+    return found
 
 
 def _solved(A: Array, b: Array) -> Array:
