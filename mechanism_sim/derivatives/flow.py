@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,14 @@ from mechanism_sim.derivatives.influences import (
     influences,
     own,
 )
-from mechanism_sim.derivatives.jumps import Jumps, NoDerivativeError, Saltation, Side, Variation
-from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected, Slopes
+from mechanism_sim.derivatives.jumps import (
+    Jumps,
+    NoDerivativeError,
+    Saltation,
+    Side,
+    Variation,
+)
+from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
 from mechanism_sim.derivatives.numeric_keys import NumericKey
 from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.hybrid.events import Impact, Mode
@@ -211,6 +217,25 @@ class Flows:
         return found
 
 
+class _Events(NamedTuple):
+    """Events at the ends of segments."""
+
+    number: dict[int, int]  #: of each by that of its segment
+    sides: tuple[Side, ...]  #: before and after all of them
+
+    def at(self, segments: Sequence[int]) -> list[Side]:
+        """Both sides of some of them."""
+        return [side.some([self.number[j] for j in segments]) for side in self.sides]
+
+
+class _Blow(NamedTuple):
+    """Derivatives across an impact by the state before and approaches, then what P keys add."""
+
+    impact: int  #: its number
+    shift: Array  #: (2f + s + a + P,) of its instant
+    every: Array  #: (2f + s + len(NUMBERS), 2f + s + a + 1 + P) of state, log; the shift between
+
+
 def _moves(rows: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(rows).max(axis=1, initial=0.0) > 0.0)
 
@@ -296,9 +321,9 @@ class _Walk:
         """Derivatives at the start where keys change contacts or switches there."""
         of, f, t = self._of, len(self._of.free), float(self._motion.curve.start[0])
         at = of.equations.points(self._motion, np.array([0]), np.zeros(1), damped=False)
-        side, modes = self._side(at, of.equations.slopes(at), 0), self._motion.modes[0].tolist()
+        side, modes = self._side(at), self._motion.modes[0].tolist()
         laws = [[_derivative(x[:1], 0.0, order) for order in range(3)] for x in self._laws]
-        x = self._variation(0, laws)
+        x = self._variation(0, laws, np.concatenate([self._state, self._approach]))
         for p, others in enumerate(of.influence.begun):
             closed = {i for now, _ in others for i, mode in enumerate(now) if mode != modes[i]}
             if not others:
@@ -343,21 +368,24 @@ class _Walk:
         columns = np.moveaxis(np.concatenate([touched, forced], axis=3), 0, 2)
         steps = solve(slopes, of.free, curve.duration[k], columns)
         events = self._events(first, last)
-        starts = np.empty((count, f + w, P))
+        blows = self._blows(first, events)
         extended = np.empty((count, f + w + len(touches), P))
-        alive, done = True, count
+        starts, W = extended[:, : f + w], extended.shape[1]
+        alive, done, extended[:, f + w :] = True, count, self._approach
+        across, ahead = np.ascontiguousarray(steps.end[..., :W]), steps.end[..., W:]
         for j in range(count):
             starts[j] = self._state
-            extended[j] = np.concatenate([self._state, self._approach])
-            self._approaches[first + j] = self._approach
-            W = extended.shape[1]
-            self._state = steps.end[j, :, :W] @ extended[j] + steps.end[j, :, W:]
-            if j in events and not self._jump(first + j, j, *events[j]):
-                alive, done = False, j + 1
-                self._state = np.full_like(self._state, np.nan)
-                self._shift[first + j + 1 :] = np.nan
-                break
-        W = extended.shape[1]
+            self._state = across[j] @ extended[j] + ahead[j]
+            if j in blows:
+                self._strike(first + j, blows[j])
+            elif j in events.number:
+                if not self._jump(first + j, j, *events.at([j])):
+                    alive, done = False, j + 1
+                    self._state = np.full_like(self._state, np.nan)
+                    self._shift[first + j + 1 :] = np.nan
+                    break
+                extended[j + 1 :, f + w :] = self._approach
+        self._approaches[first : first + done] = extended[:done, f + w :]
         rates = np.einsum('nkiw,nwp->nkip', steps.rates[:done, ..., :W], extended[:done])
         rates += steps.rates[:done, ..., W:]
         kept = slice(first, first + done)
@@ -371,12 +399,12 @@ class _Walk:
 
     # --- events -------------------------------------------------------------------------------
 
-    def _events(self, first: int, last: int) -> dict[int, tuple[Side, Side]]:
-        """Both sides of the events at the ends of some segments, by the segment's number."""
+    def _events(self, first: int, last: int) -> _Events:
+        """The events at the ends of some segments."""
         of, motion, curve = self._of, self._motion, self._motion.curve
         k = np.arange(first, min(last, len(motion) - 1))
         if not len(k):
-            return {}
+            return _Events({}, ())
         after = self._next[k]
         old, new = (
             of.equations.points(motion, x, np.zeros(len(k))).parameters for x in (k, after)
@@ -389,28 +417,63 @@ class _Walk:
         changed &= np.isin(k, self._next) | (k == 0)
         which = np.flatnonzero(changed)
         if not len(which):
-            return {}
+            return _Events({}, ())
         sides = []
         for segments, dt in (
             (k[which], curve.duration[k[which]]), (after[which], np.zeros(len(which))),
         ):  # fmt: skip
             at = of.equations.points(motion, segments, dt, damped=False)
-            slopes = of.equations.slopes(at)
-            sides.append([self._side(at, slopes, j) for j in range(len(which))])
-        return dict(zip(which.tolist(), zip(*sides, strict=True), strict=True))
+            sides.append(self._side(at))
+        return _Events({j: i for i, j in enumerate(which.tolist())}, tuple(sides))
 
-    def _side(self, at: Points, slopes: Slopes, j: int) -> Side:
-        """One of N points that were looked at together."""
-        of, a = self._of, np.zeros(len(self._of.system.coordinates))
-        a[of.free] = slopes.rate[: len(of.free), j]
-        a[of.system.prescribed_index] = at.a_p[:, j]
-        return Side(Points(*(x[:, j : j + 1] for x in at)), slopes.rate[:, j], a)
+    def _side(self, at: Points) -> Side:
+        """One side of events at points."""
+        of = self._of
+        rates, a = of.equations.slopes(at).rate, np.zeros(at.q.shape)
+        a[of.free], a[of.system.prescribed_index] = rates[: len(of.free)], at.a_p
+        return Side(at, rates, a)
+
+    def _blows(self, first: int, events: _Events) -> dict[int, _Blow]:
+        """Single impacts among the events of the chunk: what they do to any state before."""
+        of, w = self._of, len(self._state)
+        struck = {j: self._struck.get(int(self._next[first + j]), []) for j in events.number}
+        which = [j for j, own in struck.items() if len(own) == 1]
+        if not which:
+            return {}
+        before, after = events.at(which)
+        own_ = [i for symbols in of.system.parameters.switches for i in symbols]
+        switched = (before.at.parameters[own_] != after.at.parameters[own_]).any(axis=0)
+        states = np.eye(w + len(self._approach), of.count + w + len(self._approach))
+        x = self._variation(which, self._ends, states)
+        impacts = [self._impacts[struck[j][0]] for j in which]
+        alone, found = of.jumps.blows(before, after, x, impacts, len(states))
+        alone &= ~switched
+        every = np.concatenate([found.free, found.impacts[0]], axis=1)
+        return {
+            j: _Blow(struck[j][0], found.shift[i], every[i])
+            for i, j in enumerate(which) if alone[i]
+        }  # fmt: skip
+
+    def _strike(self, old: int, blow: _Blow) -> None:
+        """Take derivatives across a single impact after segment `old`."""
+        k, x = int(self._next[old]), np.concatenate([self._state, self._approach])
+        W, w = len(x), len(self._state)
+        dt = blow.shift[:W] @ x + blow.shift[W:]
+        found = blow.every[:, :W] @ x + np.outer(blow.every[:, W], dt) + blow.every[:, W + 1 :]
+        self._state, self._shift[k], self._logged[blow.impact] = found[:w], dt, found[w:]
+        self._moved[k] = True
+        self._note_chatter(k, [self._impacts[blow.impact]])
+
+    def _note_chatter(self, k: int, impacts: Sequence[Impact]) -> None:
+        t = float(self._motion.curve.start[k])
+        chatters = [i.joint for i in impacts if i.ends_chatter]
+        self._limits += [DerivativeLimit(t, joint, CHATTER, False) for joint in chatters]
 
     def _jump(self, old: int, j: int, before: Side, after: Side) -> bool:
         """Take derivatives across the event after segment `old`; False if there are none."""
         of, k = self._of, int(self._next[old])
         t = float(self._motion.curve.start[k])
-        x = self._variation(j, self._ends)
+        x = self._variation(j, self._ends, np.concatenate([self._state, self._approach]))
         struck = self._struck.get(k, [])
         impacts = [self._impacts[i] for i in struck]
         where = ', '.join(dict.fromkeys(i.joint for i in impacts)) or self._changed(old, k)
@@ -428,22 +491,34 @@ class _Walk:
         self._moved[k] = True
         for i, row in zip(struck, found.impacts, strict=False):
             self._logged[i] = row
-        chatters = [i.joint for i in impacts if i.ends_chatter]
-        self._limits += [DerivativeLimit(t, joint, CHATTER, False) for joint in chatters]
+        self._note_chatter(k, impacts)
         return True
 
-    def _variation(self, j: int, laws: Sequence[Sequence[Array]]) -> Variation:
-        """Derivatives at the j-th of some points of the chunk, with those of prescribed motion."""
+    def _variation(
+        self, j: int | list[int], laws: Sequence[Sequence[Array]], state: Array
+    ) -> Variation:
+        """Derivatives at the j-th of some points of the chunk, with those of prescribed motion.
+
+        Parameters
+        ----------
+        state : (2f + s + a, C) with approaches; keys are its last P columns
+        """
         of, system = self._of, self._of.system
-        n, f, P = len(system.coordinates), len(of.free), of.count
-        q, v, a_p = np.zeros((n, P)), np.zeros((n, P)), np.zeros((len(system.prescribed), P))
-        q[of.free], v[of.free] = self._state[:f], self._state[f : 2 * f]
+        n, f, first = len(system.coordinates), len(of.free), state.shape[1] - of.count
+        given = self._given[j]
+        lead = given.shape[:-2]
+        q, v = np.zeros((2, *lead, n, state.shape[1]))
+        a_p = np.zeros((*lead, len(system.prescribed), state.shape[1]))
+        q[..., of.free, :], v[..., of.free, :] = state[:f], state[f : 2 * f]
         for m, (i, ends) in enumerate(zip(system.prescribed_index, laws, strict=True)):
-            q[i], v[i], a_p[m] = (x[j] for x in ends)
-        parameters = self._given[j].copy()
+            q[..., i, first:], v[..., i, first:], a_p[..., m, first:] = (x[j] for x in ends)
+        parameters = np.zeros((*given.shape[:-1], state.shape[1]))
+        parameters[..., first:] = given
+        states, approach = state[2 * f : f + of.width], state[f + of.width :]
         for m, i in enumerate(system.parameters.approach):
-            parameters[of.equations.chosen.index(i)] = self._approach[m]
-        return Variation(q, v, a_p, self._state[2 * f :], parameters, self._approach)
+            parameters[..., of.equations.chosen.index(i), :] = approach[m]
+        wide = np.broadcast_to(states, (*lead, *states.shape))
+        return Variation(q, v, a_p, wide, parameters, approach)
 
     def _passed(self, ends: tuple[int, int], before: Side, after: Side, x: Variation) -> Saltation:
         """Across an event without impact between two segments."""
@@ -476,8 +551,9 @@ class _Walk:
 
     def _switched(self, before: Side, after: Side) -> list[int]:
         """The switches whose rows an event changes."""
+        if not (index := self._of.system.parameters.switches):
+            return []
         old, new = before.at.parameters, after.at.parameters
-        index = self._of.system.parameters.switches
         return [j for j, symbols in enumerate(index) if (old[symbols] != new[symbols]).any()]
 
     def _changed(self, *ends: int) -> str:

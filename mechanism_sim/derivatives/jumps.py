@@ -11,6 +11,7 @@ Calculation of Lyapunov exponents for dynamic systems with discontinuities, Chao
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -47,22 +48,27 @@ class _OrderError(NoDerivativeError):
 
 
 class Side(NamedTuple):
-    """A machine on one side of an event.
+    """A machine on one side of N events.
 
     Attributes
     ----------
     at : coordinates, flags
-    rates : (f + s,) accelerations of free coordinates, rates of states
-    a : (n,) accelerations of all coordinates
+    rates : (f + s, N) accelerations of free coordinates, rates of states
+    a : (n, N) accelerations of all coordinates
     """
 
     at: Points
     rates: Array
     a: Array
 
+    def some(self, which: Sequence[int] | NDArray[np.intp]) -> Side:
+        """Some of the events."""
+        at = Points(*(x[:, which] for x in self.at))
+        return Side(at, self.rates[:, which], self.a[:, which])
+
 
 class Variation(NamedTuple):
-    """Derivatives by P keys at an instant, at fixed time."""
+    """Derivatives by P keys at an instant, at fixed time; of N instants with N before them."""
 
     q: Array  #: (n, P)
     v: Array  #: (n, P)
@@ -73,7 +79,7 @@ class Variation(NamedTuple):
 
 
 class Saltation(NamedTuple):
-    """Derivatives by P keys after an event, and those of its log."""
+    """Derivatives by P keys after an event, and those of its log; of N with N before them."""
 
     free: Array  #: (2f + s, P) of the state after it, at fixed time
     shift: Array  #: (P,) of its instant [s]
@@ -82,19 +88,21 @@ class Saltation(NamedTuple):
 
 
 class _Terms(NamedTuple):
-    """N terms of contacts at a point."""
+    """N terms of contacts at a point, or at E points with E before all shapes."""
 
     values: Array  #: (N,)
-    slopes: Array  #: (z, N)
+    slopes: Array  #: (N, z)
     direct: Array  #: (N, P) derivatives by keys, at a fixed point and fixed parameters
 
     def moved(self, z: Array) -> Array:
-        """Differentials (N, P), by those of the point (z, P)."""
-        return np.asarray(self.slopes.T @ z + self.direct)
+        """Differentials (N, C), by those of the point (z, C), whose last columns are P keys."""
+        found = np.asarray(self.slopes @ z)
+        found[..., found.shape[-1] - self.direct.shape[-1] :] += self.direct
+        return found
 
     def some(self, columns: Sequence[int]) -> _Terms:
         """Some of them."""
-        return _Terms(self.values[columns], self.slopes[:, columns], self.direct[columns])
+        return _Terms(*(x[:, columns] for x in self))
 
 
 class Jumps:
@@ -122,27 +130,33 @@ class Jumps:
     # --- terms --------------------------------------------------------------------------------
 
     def _terms(self, side: Side, chosen: Selected | None) -> _Terms:
-        """Chosen terms of contacts, or those of friction in ideal joints."""
+        """Chosen terms of contacts, or those of friction in ideal joints, of one event."""
+        return _Terms(*(x[0] for x in self._terms_of(side, chosen)))
+
+    def _terms_of(self, side: Side, chosen: Selected | None) -> _Terms:
+        """Terms of E events."""
         eq, at = self._eq, side.at
         values, slopes, built_in = eq.rubs(at) if chosen is None else eq.selected(at, chosen)
+        shape = at.q.shape[1], -1
         direct = np.zeros((len(values), self._influence.start.shape[1]))
         for column, x in built_in.items():
             direct[:, column] = x
-        return _Terms(values, slopes, direct)
+        return _Terms(*(x.reshape(*shape, *x.shape[1:]) for x in (values, slopes.T, direct)))
 
     def _none(self, count: int) -> Selected:
         return Selected.none(self._eq.sizes, count)
 
     def _differential(self, x: Variation, time: bool = False) -> Array:
         """Of what terms depend on (z, P)."""
-        none = np.full((1, x.q.shape[1]), float(time))
-        return np.concatenate([x.q, x.v, x.a_p, x.states, none, x.parameters])
+        none = np.full((*x.q.shape[:-2], 1, x.q.shape[-1]), float(time))
+        return np.concatenate([x.q, x.v, x.a_p, x.states, none, x.parameters], axis=-2)
 
     def _flow(self, side: Side) -> Array:
-        """Rates (z,) of what terms depend on, along the motion."""
-        f, c = len(self._free), len(self._eq.chosen)
-        own = [side.at.v[:, 0], side.a, np.zeros(len(side.at.a_p)), side.rates[f:], [1.0]]
-        return np.concatenate([*own, np.zeros(c)])
+        """Rates (E, z) of what terms depend on, along the motions up to E events."""
+        f, c, count = len(self._free), len(self._eq.chosen), side.a.shape[1]
+        none = np.zeros((c, count))
+        own = [side.at.v, side.a, 0.0 * side.at.a_p, side.rates[f:], np.ones((1, count)), none]
+        return np.concatenate(own).T
 
     # --- events without impact ----------------------------------------------------------------
 
@@ -156,7 +170,7 @@ class Jumps:
         guards : what may have ended the motion before, each in a column
         law : (P,) shift of the instant at which a law takes over, if one does
         """
-        jump = after.rates - before.rates
+        jump = (after.rates - before.rates)[:, 0]
         size = np.abs(np.concatenate([after.rates, before.rates, before.a])).max(initial=0.0)
         size = max(size, np.abs(before.at.v).max() ** 2)
         state = np.concatenate([x.q[self._free], x.v[self._free], x.states])
@@ -164,8 +178,8 @@ class Jumps:
         touches = self._system.compliant and guards.gap.any()
         shifts = [] if law is None else [law]
         if guards.gap.shape[1] and not (smooth and not touches):
-            terms, flow = self._terms(before, guards), self._flow(before)
-            rates = terms.slopes.T @ flow
+            terms, flow = self._terms(before, guards), self._flow(before)[0]
+            rates = terms.slopes @ flow
             if (np.abs(rates) <= _SMALL * np.abs(rates).max(initial=0.0)).any():
                 raise NoDerivativeError('it is reached without a rate')
             shifts += [*(-terms.moved(self._differential(x)) / rates[:, None])]
@@ -185,7 +199,7 @@ class Jumps:
         self, before: Side, after: Side, x: Variation, guards: Selected, dt: Array
     ) -> Array:
         """Derivatives of the speeds to which the damping of touches refers."""
-        z = self._differential(x) + np.outer(self._flow(before), dt)
+        z = self._differential(x) + np.outer(self._flow(before)[0], dt)
         found, index = x.approach.copy(), self._system.parameters.approach
         for i in np.flatnonzero(guards.gap.any(axis=1)):
             asked = self._none(1)
@@ -227,7 +241,7 @@ class Jumps:
             index = self._system.parameters.switches
             for switch, symbols, row in zip(self._system.switches, index, rows, strict=True):
                 pars[symbols, 0] = switch.values(row)
-            rates = self._eq.slopes(side.at._replace(parameters=pars)).rate[:, 0]
+            rates = self._eq.slopes(side.at._replace(parameters=pars)).rate
             if np.abs(rates - side.rates).max(initial=0.0) > _SMALL * size:
                 raise NoDerivativeError('a load begins with another part at the start')
 
@@ -290,39 +304,94 @@ class Jumps:
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
         """Across impacts at one instant."""
-        z, flow = self._differential(x), self._flow(before)
-        n, groups = len(self._system.coordinates), _groups(impacts)
+        z, flow = self._differential(x)[None], self._flow(before)
+        groups = _groups(impacts)
         if len(groups) == 1 < len(impacts) and self._independent(before, impacts):
             return self._apart(before, after, x, impacts)
         now, dt, rows = before, None, []
         speed = np.abs(np.concatenate([before.at.v, after.at.v])).max()
         try:
             for group in groups:
-                found = self._together(now, z, flow, group, dt)
+                ended = [i.joint for i in group if i.ends_chatter]
+                found = self._together(now, z, flow, [i.joint for i in group], dt, ended=ended)
                 now, z, dt, more = found
-                rows += more
+                rows += [row[0] for row in more]
         except _OrderError as error:
             if len(groups) > 1 or not self._closed(after)[[*error.shifts]].all():
                 raise
-            dt = error.shifts[self._names.index(impacts[0].joint)]
-            now, z, _ = self._at_rest(before, z + np.outer(flow, dt), after)
-            known = [error.shifts.get(self._names.index(i.joint), dt) for i in impacts]
+            own = error.shifts[self._names.index(impacts[0].joint)]
+            now, z, _ = self._at_rest(before, z[0] + np.outer(flow[0], own), after)
+            known = [error.shifts.get(self._names.index(i.joint), own) for i in impacts]
             rows = [np.array([t, *np.full((len(NUMBERS) - 1, len(t)), np.nan)]) for t in known]
-        if np.abs(now.at.v[:, 0] - after.at.v[:, 0]).max() > _ALIKE * speed and any(
+            z, dt = z[None], own[None]
+        if np.abs(now.at.v - after.at.v).max() > _ALIKE * speed and any(
             i.ends_chatter for i in impacts
         ):
-            now, z, _ = self._at_rest(now, z, after)
+            now, rested, _ = self._at_rest(now, z[0], after)
+            z = rested[None]
         assert dt is not None  # noqa: S101 - there is an impact
-        off = now.at.v[:, 0] - after.at.v[:, 0]
-        if np.abs(off).max() > _ALIKE * speed:
+        if not _meets(now, before, after)[0]:
             raise NoDerivativeError('velocities jump there by more than its impacts account for')
-        f = len(self._free)
-        moved = z[self._free] - np.outer(after.at.v[self._free, 0], dt)
-        faster = z[n:][self._free] - np.outer(after.rates[:f], dt)
-        s = len(self._system.states)
-        at = 2 * n + len(before.at.a_p)
-        states = z[at : at + s] - np.outer(after.rates[f:], dt)
-        return Saltation(np.concatenate([moved, faster, states]), dt, rows, x.approach)
+        return Saltation(self._later(after, z, dt)[0], dt[0], rows, x.approach)
+
+    def _later(self, after: Side, z: Array, dt: Array) -> Array:
+        """The state (E, 2f + s, C) after events at fixed time, by differentials as they move."""
+        n, f, s = len(self._system.coordinates), len(self._free), len(self._system.states)
+        at, free = 2 * n + len(after.at.a_p), np.array(self._free)
+        own = np.concatenate([z[:, free], z[:, n + free], z[:, at : at + s]], axis=1)
+        rates = np.concatenate([after.at.v[free], after.rates[:f], after.rates[f:]]).T
+        return np.asarray(own - rates[:, :, None] * dt[:, None])
+
+    def blows(
+        self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact], width: int
+    ) -> tuple[NDArray[np.bool_], Saltation]:
+        """Across E impacts, each of one contact alone or beside such as stay closed.
+
+        Nearly all impacts are such ones: they are looked at together. The C columns of their
+        variations are any state of some `width` before, then P keys. The shift of the instant is
+        a column of its own between them in what is found: beside it all is of usual size, however
+        slowly a contact closes.
+
+        Returns
+        -------
+        Which of them these are, and what is true across them
+        """
+        count, C = x.q.shape[0], x.q.shape[2]
+        struck = np.array([self._names.index(i.joint) for i in impacts])
+        ended = np.array([i.ends_chatter for i in impacts])
+        closed = before.at.parameters[self._system.parameters.closed] > 0.0
+        part = self._part(before, closed, struck)
+        alone = ~closed[struck, range(count)] & ((part & ~closed).sum(axis=0) == 1)
+        alone &= not self._system.dynamics.rubs
+        states = 2 * len(self._free) + len(self._system.states)
+        state, shift = np.zeros((count, states, C + 1)), np.zeros((count, C))
+        log = np.zeros((count, len(NUMBERS), C + 1))
+        z, flow = self._differential(x), self._flow(before)
+        wide = np.concatenate([z[..., :width], flow[..., None], z[..., width:]], axis=2)
+        kinds = np.concatenate([struck[None], ended[None], part, closed])
+        for kind in np.unique(kinds[:, alone], axis=1).T:
+            which = np.flatnonzero(alone & (kinds == kind[:, None]).all(axis=0))
+            joint, asked = [self._names[kind[0]]], self._none(2)
+            asked.gap[kind[0], 0] = asked.row[kind[0], 1] = 1.0
+            over = joint if kind[1] else []
+            for own in (which, *which[:, None]):  # one by one if any of them is refused
+                now, moved = before.some(own), np.zeros((len(own), C + 1))
+                terms, moved[:, width] = self._terms_of(now, asked), 1.0
+                opening = np.einsum('enz,ez->en', terms.slopes[:, 1:], flow[own])
+                try:
+                    instants = self._instants(terms.some([0]), opening, z[own], flow[own], now)
+                    now, later, _, rows = self._together(
+                        now, wide[own], flow[own], joint, moved, ended=over
+                    )
+                except NoDerivativeError:
+                    alone[own] = False
+                    continue
+                alone[own] = _meets(now, before.some(own), after.some(own))
+                state[own] = self._later(after.some(own), later, moved)
+                shift[own], log[own] = instants[:, 0], rows[0]
+                if len(own) == len(which):
+                    break
+        return alone, Saltation(state, shift, [log], x.approach)
 
     def _independent(self, now: Side, impacts: Sequence[Impact]) -> bool:
         """True if open gaps are struck that do not feel each other."""
@@ -344,17 +413,20 @@ class Jumps:
         n, f, free = len(self._system.coordinates), len(self._free), np.array(self._free)
         z, flow = self._differential(x), self._flow(before)
         state = np.concatenate([x.q[free], x.v[free], x.states])
-        rates, shift = before.rates.copy(), np.zeros(z.shape[1])
+        first = before.rates[:, 0]
+        rates, shift = first.copy(), np.zeros(z.shape[1])
         rows: list[Array] = []
         for impact in impacts:
-            side, moved, dt, row = self._together(before, z, flow, [impact], None, alone=True)
-            jump = self._eq.slopes(side.at).rate[:, 0] - before.rates
+            side, (moved,), (dt,), row = self._together(
+                before, z[None], flow, [impact.joint], None, alone=True
+            )
+            jump = self._eq.slopes(side.at).rate[:, 0] - first
             state[:f] -= np.outer((side.at.v - before.at.v)[free, 0], dt)
-            state[f : 2 * f] += moved[n + free] - z[n + free] - np.outer(before.rates[:f], dt)
+            state[f : 2 * f] += moved[n + free] - z[n + free] - np.outer(first[:f], dt)
             state[f:] -= np.outer(jump, dt)
-            rates, rows, shift = rates + jump, rows + row, dt
+            rates, rows, shift = rates + jump, [*rows, row[0][0]], dt
         size = max(np.abs(after.rates).max(), np.abs(after.at.v).max() ** 2)
-        if np.abs(rates - after.rates).max() > _SMALL * size:
+        if np.abs(rates - after.rates[:, 0]).max() > _SMALL * size:
             raise NoDerivativeError('several contacts meet, whose order matters')
         return Saltation(state, shift, rows, x.approach)
 
@@ -363,98 +435,131 @@ class Jumps:
         now: Side,
         z: Array,
         flow: Array,
-        group: list[Impact],
+        group: Sequence[str],
         dt: Array | None,
         alone: bool = False,
+        ended: Sequence[str] = (),
     ) -> tuple[Side, Array, Array, list[Array]]:
-        """One blow: the side after it, total differentials, the shift, those of its log."""
-        struck = [self._names.index(i.joint) for i in group]
+        """One blow of E events with the same contacts.
+
+        Parameters
+        ----------
+        z : (E, z, C) differentials, whose last columns are P keys
+        group : joints that are struck
+        dt : (E, C) shifts of the instants, if known
+        alone : whether nothing else takes part
+        ended : joints whose chatter is ended
+
+        Returns
+        -------
+        The side after it, total differentials, the shifts, (E, len(NUMBERS), C) of each joint
+        """
+        struck, C = [self._names.index(i) for i in group], z.shape[2]
         touching = struck if alone else self._touching(now, struck)
-        m, t = len(self._names), len(touching)
+        m, t, E = len(self._names), len(touching), len(z)
         own = touching + ([m + i for i in touching] if self._rows > m else [])
-        terms = self._terms(now, self._unit_terms(tuple(touching), tuple(own)))
+        terms = self._terms_of(now, self._unit_terms(tuple(touching), tuple(own)))
+        closed = self._closed(now)
         if dt is None:
-            closed = self._closed(now)
-            speeds = terms.values[2 * t : 3 * t]
+            speeds = terms.values[0, 2 * t : 3 * t]
             near = speeds < -_ALIKE * np.abs(speeds).max()  # one may take all of a blow
             first = [
                 k for k, i in enumerate(touching) if not closed[i] and (near[k] or i in struck)
             ]
             rates = terms.some([2 * t + k for k in first])
-            shifts = self._instants(terms.some(first), rates.slopes.T @ flow, z, flow, now)
-            dt = shifts[0]
-            if np.abs(shifts - dt).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
-                raise _OrderError(dict(zip([touching[k] for k in first], shifts, strict=True)))
-            z = z + np.outer(flow, dt)
+            opening = np.einsum('enz,ez->en', rates.slopes, flow)
+            shifts = self._instants(terms.some(first), opening, z, flow, now)
+            dt = shifts[:, 0]
+            if np.abs(shifts - dt[:, None]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
+                known = zip([touching[k] for k in first], shifts[0], strict=True)
+                raise _OrderError(dict(known))
+            z = z + flow[:, :, None] * dt[:, None]
         values, moved, n, f = terms.values, terms.moved(z), len(own), len(self._free)
         # of unit impulses: rates of rows and coordinates, impulses of drives
-        ends = np.cumsum([t, t, n, n * n, n * f]).tolist()
-        (_, _, rate, A, W, D), (_, angle, drate, dA, dW, dD) = (
-            np.split(x, ends) for x in (values, moved)
-        )
-        A, dA = A.reshape(n, n), dA.reshape(n, n, -1)
-        W, D = W.reshape(n, f), D.reshape(n, len(self._system.prescribed))
-        ended = {self._names.index(i.joint) for i in group if i.ends_chatter}
-        closed = self._closed(now)
-        applies = np.array([
-            rate[k] < 0.0 and not closed[i] and i not in ended for k, i in enumerate(touching)
-        ], dtype=float)  # fmt: skip
-        e = applies * self._e[touching], applies[:, None] * self._influence.restitution[touching]
-        mu = self._mu[touching], self._influence.friction[touching]
+        p = len(self._system.prescribed)
+        ends = np.cumsum([t, t, n, n * n, n * f, n * p]).tolist()
+        parts = [slice(a, b) for a, b in pairwise([0, *ends])]
+        _, _, rate, A, W, D = (values[:, part] for part in parts)
+        _, angle, drate, dA, dW, dD = (moved[:, part] for part in parts)
+        A, W, D = A.reshape(E, n, n), W.reshape(E, n, f), D.reshape(E, n, p)
+        dA, dW, dD = dA.reshape(E, n, n, C), dW.reshape(E, n, f, C), dD.reshape(E, n, p, C)
+        over = [self._names.index(i) for i in ended]
+        applies = np.array([not closed[i] and i not in over for i in touching])
+        applies = applies & (rate[:, :t] < 0.0)
+        of_keys = self._influence
+        e, mu = (
+            (own_[touching] * on, slopes[touching] * on[:, :, None])
+            for own_, slopes, on in (
+                (self._e, of_keys.restitution, applies),
+                (self._mu, of_keys.friction, np.ones_like(applies)),
+            )
+        )  # fmt: skip
 
         def impulses(A: Array, dA: Array) -> tuple[Array, Array]:
-            more = [(0, 0), (0, dA.shape[2] - len(dt))]
-            wide = [
-                (x, np.pad(dx, more) if dA.shape[2] else np.zeros((len(x), 0)))
-                for x, dx in ((rate, drate), e, mu)
-            ]
-            x, dx = self._impulses(touching, (A, dA), *wide)
-            return x[:n], dx[:n]
+            x, dx = self._impulses(touching, (A, dA), (rate, drate), e, mu)
+            return x[:, :n], dx[:, :n]
 
-        dW, dD, lost = dW.reshape(n, f, len(dt)), dD.reshape(*D.shape, len(dt)), 0.0 * dt
-        if rubs := self._rubs(now, z, own):
+        lost = np.zeros((E, C))
+        if rubs := self._rubs(now, z[0], own):
             own_rubs, slopes = rubs
-            found = beside(impulses, (A, dA), own_rubs, slopes)
+
+            def of_contacts(A: Array, dA: Array) -> tuple[Array, Array]:
+                x, dx = impulses(A[None], dA[None])
+                return x[0], dx[0]
+
+            found = beside(of_contacts, (A[0], dA[0]), own_rubs, slopes)
             if found is None:
                 raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
-            (x, dx), (share, dshare), lost = found
+            (x, dx), (share, dshare), lost_ = found
+            x, dx, lost = x[None], dx[None], lost_[None]
             of_joints = [(own_rubs.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
                          (own_rubs.response, slopes.response),
                          (own_rubs.drive_response, slopes.drive_response)]  # fmt: skip
             dA, dW, dD = (
-                own_ + np.einsum('kip,kj->jip', d, share) + np.einsum('ki,kjp->jip', u, dshare)
-                for own_, (u, d) in zip((dA.swapaxes(0, 1), dW, dD), of_joints, strict=True)
+                (d + np.einsum('kip,kj->jip', w, share) + np.einsum('ki,kjp->jip', u, dshare))[
+                    None
+                ]
+                for d, (u, w) in zip((dA[0].swapaxes(0, 1), dW[0], dD[0]), of_joints, strict=True)
             )
-            A, W, D = (y + share.T @ u for y, (u, _) in zip((A.T, W, D), of_joints, strict=True))
-            A, dA = A.T, dA.swapaxes(0, 1)
+            A, W, D = (
+                (y + share.T @ u)[None]
+                for y, (u, _) in zip((A[0].T, W[0], D[0]), of_joints, strict=True)
+            )
+            A, dA = A.swapaxes(1, 2), dA.swapaxes(1, 2)
         else:
             x, dx = impulses(A, dA)
-        after, dafter = rate + A @ x, drate + np.einsum('ijp,j->ip', dA, x) + A @ dx
+        after = rate + np.einsum('eij,ej->ei', A, x)
+        dafter = drate + np.einsum('eijc,ej->eic', dA, x) + A @ dx
         v, later, c = now.at.v.copy(), z.copy(), len(self._system.coordinates)
-        v[self._free, 0] += x @ W
-        later[[c + i for i in self._free]] += np.einsum('i,ijp->jp', x, dW) + W.T @ dx
+        v[self._free] += np.einsum('ekf,ek->fe', W, x)
+        later[:, [c + i for i in self._free]] += (
+            np.einsum('ek,ekfc->efc', x, dW) + W.swapaxes(1, 2) @ dx
+        )
         index = self._system.prescribed_index
-        turned = now.at.v[index, 0], z[c : 2 * c][index]
-        rows, unknown = [], np.full(len(dt), np.nan)
+        turned = now.at.v[index].T, z[:, c : 2 * c][:, index]
+        rows, unknown = [], np.full((E, C), np.nan)
         for i in struck:
             k = touching.index(i)
             of = [k, t + k] if n > t else [k]
-            drive = x[of] @ D[of], np.einsum(
-                'i,ijp->jp', x[of], dD[of]
-            ) + D[of].T @ dx[of]  # fmt: skip
-            mean, dmean = 0.5 * (rate + after)[of], 0.5 * (drate + dafter)[of]
-            known = {
+            drive = np.einsum('ek,ekp->ep', x[:, of], D[:, of])
+            ddrive = np.einsum('ek,ekpc->epc', x[:, of], dD[:, of])
+            ddrive += D[:, of].swapaxes(1, 2) @ dx[:, of]
+            mean, dmean = 0.5 * (rate + after)[:, of], 0.5 * (drate + dafter)[:, of]
+            work = np.einsum('ek,ekc->ec', x[:, of], dmean)
+            told = {
                 't': dt,
-                'normal_angle': angle[k],
-                'approach_speed': -drate[k],
-                'rebound_speed': dafter[k] * (after[k] > 0.0),
-                'normal_impulse': dx[k],
-                'tangential_impulse': dx[of[-1]] * (n > t),
-                'energy_loss': lost * (i == struck[0]) - (x[of] @ dmean + mean @ dx[of]),
-                'drive_impulse': drive[1].sum(axis=0),
-                'drive_work': drive[0] @ turned[1] + turned[0] @ drive[1],
+                'normal_angle': angle[:, k],
+                'approach_speed': -drate[:, k],
+                'rebound_speed': dafter[:, k] * (after[:, k] > 0.0)[:, None],
+                'normal_impulse': dx[:, k],
+                'tangential_impulse': dx[:, of[-1]] * (n > t),
+                'energy_loss': lost * (i == struck[0])
+                - (work + np.einsum('ek,ekc->ec', mean, dx[:, of])),
+                'drive_impulse': ddrive.sum(axis=1),
+                'drive_work': np.einsum('ep,epc->ec', drive, turned[1])
+                + np.einsum('ep,epc->ec', turned[0], ddrive),
             }
-            rows.append(np.array([known.get(name, unknown) for name in NUMBERS]))
+            rows.append(np.stack([told.get(name, unknown) for name in NUMBERS], axis=1))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows
 
     def _rubs(self, now: Side, z: Array, own: list[int]) -> tuple[Rubs, Rubs] | None:
@@ -501,28 +606,39 @@ class Jumps:
         """Gaps that take part: those of the blow, closed ones, and what is at zero."""
         if len(self._names) == 1:
             return struck
-        asked = self._none(len(self._names))
-        asked.gap[:] = np.eye(len(self._names))
-        near = 64.0 * np.spacing(self._system.mechanism.reach)
-        part = self._closed(now) | (np.abs(self._terms(now, asked).values) <= near)
+        part = self._part(now.some([0]), self._closed(now)[:, None], np.array(struck[:1]))
         part[struck] = True
         return [int(i) for i in np.flatnonzero(part)]
 
+    def _part(
+        self, now: Side, closed: NDArray[np.bool_], struck: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """Gaps (m, E) that take part in E events: struck (E,), closed, or at zero."""
+        part = closed.copy()
+        if len(part) > 1:
+            asked = self._none(len(self._names))
+            asked.gap[:] = np.eye(len(self._names))
+            near = 64.0 * np.spacing(self._system.mechanism.reach)
+            part |= np.abs(self._terms_of(now, asked).values.T) <= near
+        part[struck, range(len(struck))] = True
+        return part
+
     def _instants(self, gaps: _Terms, opening: Array, z: Array, flow: Array, now: Side) -> Array:
-        """Shifts (N, P) of the instants at which the open gaps of a blow close.
+        """Shifts (E, N, C) of the instants at which the open gaps of blows close.
 
         Parameters
         ----------
-        opening : second derivatives of these gaps
+        opening : (E, N) second derivatives of these gaps
         """
-        if not len(gaps.values):
+        if not gaps.values.shape[1]:
             raise NoDerivativeError('closed contacts take part in no impact')
-        along, size = gaps.slopes.T @ flow, self._system.mechanism.size
+        along = np.einsum('enz,ez->en', gaps.slopes, flow)
+        size, fastest = self._system.mechanism.size, np.abs(now.at.v).max(axis=0)
         # not deeper than the error of a step: whether it touches at all is rounding
         grazes = along**2 <= 2.0 * opening * _DEPTH * size
-        if (grazes | (along >= -_SMALL * np.abs(now.at.v).max() * size)).any():
+        if (grazes | (along >= -_SMALL * fastest[:, None] * size)).any():
             raise NoDerivativeError('the contact only grazes')
-        return np.asarray(-gaps.moved(z) / along[:, None])
+        return np.asarray(-gaps.moved(z) / along[:, :, None])
 
     def _impulses(
         self,
@@ -532,27 +648,54 @@ class Jumps:
         restitution: tuple[Array, Array],
         friction: tuple[Array, Array],
     ) -> tuple[Array, Array]:
-        """Impulses of the rows of a blow, and their differentials."""
-        (A, dA), (r, dr), m = compliance, rate, len(touching)
-        if len(r) == m == 1:
-            (e, de), x = restitution, -(1.0 + restitution[0]) * r / A[0]
-            return x, -(de * r + (1.0 + e) * dr + x * dA[0]) / A[0, 0]
-        if len(r) == m:  # no friction anywhere: tangents without effect
-            wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))
-            wide[:m, :m], dwide[:m, :m] = A, dA
-            A, dA, r = wide, dwide, np.pad(r, (0, m))
-            dr = np.pad(dr, ((0, m), (0, 0)))
-        (e, de), (mu, dmu) = restitution, friction
-        if m == 1:
-            theta = np.array([A[0, 0], A[0, 1], A[1, 1], r[0], r[1], e[0], mu[0]])
-            slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
-            return of_one(theta, slopes, int(self._laws[touching[0]]))
-        if not np.isfinite(mu).all():
-            raise NoDerivativeError('a rough contact takes part in an impact with others')
-        found = of_several(A, r, e, mu, self._laws[touching], (dA, dr, de, dmu))
-        if found is None:
-            raise NoDerivativeError('no impulses satisfy all contacts')
-        return found
+        """Impulses (E, n) of the rows of blows, and their differentials (E, n, C).
+
+        Derivatives of rates are by the first, those of coefficients by the last of the columns
+        that rates have; more columns of the compliance are of nothing else.
+        """
+        (A, dA), (r, dr), (e, de), (mu, dmu) = compliance, rate, restitution, friction
+        m, C = len(touching), dA.shape[3]
+        first = min(C, dr.shape[2])
+        wide = np.zeros((*dr.shape[:2], C))
+        wide[:, :, :first] = dr[:, :, :first]
+        coefficients = np.zeros((2, len(r), m, C))
+        if C >= first == dr.shape[2]:
+            coefficients[:, :, :, first - de.shape[2] : first] = de, dmu
+        dr, (de, dmu) = wide, coefficients
+        if r.shape[1] == m == 1:
+            x = -(1.0 + e) * r / A[:, 0]
+            dx = de * r[..., None] + (1.0 + e)[..., None] * dr + x[..., None] * dA[:, 0]
+            return x, -dx / A[:, 0, :, None]
+        found = [_of_one_blow(self._laws[touching], *known) for known in
+                 zip(A, dA, r, dr, e, de, mu, dmu, strict=True)]  # fmt: skip
+        x, dx = (np.array(x) for x in zip(*found, strict=True))
+        return x, dx
+
+
+def _meets(now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
+    """Which of E events are accounted for by their impacts, after which the machine is now."""
+    speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
+    return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)
+
+
+def _of_one_blow(laws: NDArray[np.int64], *known: Array) -> tuple[Array, Array]:
+    """Impulses of the rows of one of them."""
+    (A, dA, r, dr, e, de, mu, dmu), m = known, len(laws)
+    if len(r) == m:  # no friction anywhere: tangents without effect
+        wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))
+        wide[:m, :m], dwide[:m, :m] = A, dA
+        A, dA, r = wide, dwide, np.pad(r, (0, m))
+        dr = np.pad(dr, ((0, m), (0, 0)))
+    if m == 1:
+        theta = np.array([A[0, 0], A[0, 1], A[1, 1], r[0], r[1], e[0], mu[0]])
+        slopes = np.array([dA[0, 0], dA[0, 1], dA[1, 1], dr[0], dr[1], de[0], dmu[0]])
+        return of_one(theta, slopes, int(laws[0]))
+    if not np.isfinite(mu).all():
+        raise NoDerivativeError('a rough contact takes part in an impact with others')
+    found = of_several(A, r, e, mu, laws, (dA, dr, de, dmu))
+    if found is None:
+        raise NoDerivativeError('no impulses satisfy all contacts')
+    return found
 
 
 def _solved(A: Array, b: Array) -> Array:

@@ -22,7 +22,7 @@ from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.numerics.symbolic import Term, add, dense, dot, mul
+from mechanism_sim.numerics.symbolic import Term, add, dot, mul
 from mechanism_sim.planar.switches import Switch
 
 
@@ -140,7 +140,7 @@ class LinearEquations:
 
     def _compiled(self, terms: Sequence[Term], more: Sequence[hy.expression]) -> hy.cfunc_dbl:
         """Terms as a function of points and other symbols."""
-        found = [dense(x) for x in terms]
+        found = self.system.run.unpulled(terms)
         if self._dynamics.depths:
             found = list(hy.subs(found, self._dynamics.depths))
         replace = {
@@ -233,14 +233,18 @@ class LinearEquations:
         return self._compiled([total], [x for group in groups for x in group])
 
     def selected(self, at: Points, chosen: Selected) -> tuple[Array, Array, dict[int, Array]]:
-        """Values (N,) of contact terms at one point, and their derivatives (z, N).
+        """Values (E N,) of contact terms, point by point, and their derivatives (z, E N).
 
-        By coordinates, rates, prescribed accelerations, states, time, parameters; and (N,) by keys
-        whose numbers stand in the equations.
+        By coordinates, rates, prescribed accelerations, states, time, parameters; and (E N,) by
+        keys whose numbers stand in the equations.
+
+        Parameters
+        ----------
+        at : E points
         """
         columns = np.concatenate(chosen)
-        count = columns.shape[1]
-        wide = Points(*(np.repeat(x, count, axis=1) for x in at))
+        wide = Points(*(np.repeat(x, columns.shape[1], axis=1) for x in at))
+        columns = np.tile(columns, at.q.shape[1])
         found = self._call(self._contacts, wide, columns)
         moved = self._differences(lambda other: other._call(other._contacts, wide, columns)[0])
         return found[0], found[1:], moved

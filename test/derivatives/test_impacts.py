@@ -165,3 +165,102 @@ def test_impacts_while_ideal_joints_rub_have_the_derivatives_of_runs(more: dict[
     off = np.array([own[n][0] for n in names]) - (4.0 * second - first) / 3.0
     assert (np.abs(off) < 1e-7 * np.abs(second).max()).all()
     assert more or len(run.impacts) >= 5
+
+
+def test_compliant_contacts_that_end_a_rounding_late_have_derivatives() -> None:
+    """The force of a Hunt and Crossley contact has no value beyond depth zero."""
+    soft = {f'{PLAY}.contact': {'law': 'hunt_crossley', 'stiffness': 1e8}}
+    machine = ms.load_scene(
+        'four_bar_clearance', soft | {f'{PLAY}.restitution': 0.9, 'start': 'centred'}
+    )
+    run = ms.simulate(machine, duration=0.02, derivatives=['links.coupler.mass'])
+    assert len(run.impacts) == 4
+    assert run.derivatives['links.coupler.mass'].end is None
+
+
+def test_a_thousand_turns_from_ten_thousand_away_keep_all_digits() -> None:
+    """A flywheel behind a motor goes by ``w + (w0 - w) exp(-c t/J)``, w its last speed."""
+    T, inertia, torque, loss, speed = 70.0, 0.02, 2.0, 0.02, 10.0
+    scene = f"""
+title: A flywheel behind a motor
+mechanism: linkage
+links:
+  wheel: {{length: 100 mm, cog: 0 mm, mass: 1 kg, inertia: {inertia} kg m^2}}
+joints:
+  shaft: {{revolute: [ground, wheel]}}
+gravity: [0, 0]
+drive:
+  coordinate: wheel
+  start_angle: {1e4 * 2.0 * np.pi!r} rad
+  speed: {speed} rad/s
+  torque: {{constant: {torque} N m, per_speed: {-loss} N m s/rad}}
+duration: 1 s
+"""
+    paths = ['drive.torque.constant', 'drive.speed', 'drive.torque.per_speed']
+    run = ms.simulate(scene, duration=T, derivatives=paths)
+    turned = run.sample(T, 'position.wheel')['position.wheel'][0] / (2.0 * np.pi)
+    assert turned > 11000.0
+    rate, last = loss / inertia, torque / loss
+    decay = np.exp(-rate * T)
+    shares = (1.0 - decay) / rate, 1.0 - decay  # of the speed at the start, and what it loses
+    slow, pace = speed - last, T * decay / loss - shares[0] / loss
+    wanted = [
+        [(T - shares[0]) / loss, shares[1] / loss],
+        [shares[0], decay],
+        [
+            last / loss * (T - shares[0]) - slow * pace,
+            last / loss * shares[1] + slow * T / inertia * decay,
+        ],
+    ]
+    for path, (angle, velocity) in zip(paths, wanted, strict=True):
+        final = run.derivatives[path].final['wheel']
+        assert final['position'] == pytest.approx(angle, rel=1e-10)
+        assert final['velocity'] == pytest.approx(velocity, rel=1e-10, abs=1e-20)
+
+
+def test_loads_a_thousandth_of_a_turn_wide_have_derivatives() -> None:
+    """A flywheel that a narrow load brakes once a turn, from edge to edge of the load."""
+    width, inertia, load, start, end = F(np.pi * 1e-3), F('0.02'), 10, F(62831.85), F(10)
+    edge = float(np.cos(width))
+    scene = f"""
+title: A flywheel with a narrow load
+mechanism: linkage
+links:
+  wheel: {{length: 100 mm, cog: 0 mm, mass: 1 kg, inertia: 0.02 kg m^2}}
+joints:
+  shaft: {{revolute: [ground, wheel]}}
+gravity: [0, 0]
+drive: {{coordinate: wheel, start_angle: 62831.85 rad, speed: 20, torque: {{constant: 0.05}}}}
+loads:
+  punch: {{at: wheel, torque: "-10*(1 + sign(cos(wheel - 1) - {edge!r}))/2"}}
+duration: 1 s
+"""
+    paths = ['drive.torque.constant', 'drive.speed']
+    run = ms.simulate(scene, duration=float(end), derivatives=paths)
+    half, turn = np.arccos(F(edge)), 8 * np.arctan(F(1))
+
+    def last(torque: Any, speed: Any) -> np.ndarray:
+        q, t, first = start, F(0), np.floor((start - 1) / turn)
+        v, ends = (
+            speed,
+            [1 + (first + n // 2) * turn + half * (2 * (n % 2) - 1) for n in range(400)],
+        )
+        for n, place in enumerate(ends):
+            if place <= q:
+                continue
+            a = (torque - load * (n % 2)) / inertia
+            later = np.sqrt(v * v + 2 * a * (place - q))
+            dt = (later - v) / a
+            if t + dt >= end:
+                dt = end - t
+                return np.array([q + v * dt + a * dt * dt / 2, v + a * dt])
+            q, t, v = place, t + dt, later
+        raise AssertionError
+
+    base = [F(0.05), F(20)]
+    for k, path in enumerate(paths):
+        h = np.array([F('1e-6') * x * (i == k) for i, x in enumerate(base)])
+        wanted = (last(*(base + h)) - last(*(base - h))) / (2 * h[k])
+        final = run.derivatives[path].final['wheel']
+        found = [final['position'], final['velocity']]
+        assert found == pytest.approx(wanted.astype(float).tolist(), rel=1e-10)

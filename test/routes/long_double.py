@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import heyoka as hy
 import numpy as np
 
+from test.routes.eighty_bits import newton_impulses
+
 F = np.longdouble
 
 
@@ -76,16 +78,7 @@ class LooseFourBar(NamedTuple):
         rows[1] += [self.pin_radius, -(self.pin_radius + self.radial)]
         vn, vt = rows @ w + [-(pin @ n), pin @ along]
         response = rows / np.array(self._inertias())
-        A = response @ rows.T
-        e, mu, slip = self.restitution, self.friction, np.sign(vt)
-        first = np.array([F(1), -mu * slip])  # impulses while it slips as it does
-        rise, rebound = A @ first, -e * vn
-        x = first * ((rebound - vn) / rise[0])
-        if mu and slip * (vt + A[1] @ x) < 0:  # it has stopped before: it sticks, or slips back
-            x = first * (-vt / rise[1])
-            rough = abs(A[0, 1]) <= mu * A[1, 1]
-            last = np.array([F(1), -A[0, 1] / A[1, 1] if rough else -mu * np.sign(A[0, 1])])
-            x = x + last * ((rebound - vn - A[0] @ x) / (A[0] @ last))
+        x = newton_impulses(response @ rows.T, [vn, vt], self.restitution, self.friction)
         return w + response.T @ x, x[0], x[1]
 
     def run(self, impacts: int, end: F) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
