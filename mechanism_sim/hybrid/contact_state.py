@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from time import thread_time
+from time import perf_counter
 from typing import Any, cast
 
 import numpy as np
@@ -56,9 +56,9 @@ class _Response:
             self._call = RESPOND.bind(*self._known, impacts, changes)
         if way is not RESPOND.function:
             return self._call()
-        began = thread_time()
+        began = perf_counter()
         after = self._call()
-        charge(thread_time() - began)
+        charge(perf_counter() - began)
         return after
 
 
