@@ -286,16 +286,16 @@ def _settled(
         raise InputError(f'{machine.name}: a motion in closed form has no sections')
     tally, runner = _SectionTally(machine, plan), Runner(machine, engine)
     turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
-    while turns < most:
+    keep = 0
+    while turns < most and not keep:
         for piece in runner.to(turns * machine.drive.period, final=False):
             tally.add(piece)
-        if tally.has_settled():
-            break
-        turns += turns // 2
+        keep = tally.settled()
+        turns += 0 if keep else turns // 2
     turns = min(turns, most)
     for piece in runner.to(turns * machine.drive.period):
         tally.add(piece)
-    return tally.found(turns), replace(engine.state, time=Fraction(0))
+    return tally.found(turns, keep or plan.keep), replace(engine.state, time=Fraction(0))
 
 
 class _SectionTally:
@@ -336,9 +336,9 @@ class _SectionTally:
         left = t[sum(map(len, taken)) :]
         return np.asarray(np.minimum(left[left <= curve.end * (1.0 + 1e-12)], curve.end))
 
-    def found(self, turns: int) -> dict[str, Any]:
-        """Period, section and impacts per turn of a run of so many turns, as plain data."""
-        states, keep = np.concatenate(self._states), min(turns, self._plan.keep)
+    def found(self, turns: int, keep: int) -> dict[str, Any]:
+        """Period, section and impacts per turn of the last turns of so many, as plain data."""
+        states = np.concatenate(self._states)
         p = self._period(states[-(keep // 2 + 1) :])
         kept = p or keep
         # impacts at the very end of a turn are in that turn or in the next: count between turns
@@ -357,21 +357,24 @@ class _SectionTally:
             'impacts': len(last) / kept,
         }
 
-    def has_settled(self) -> bool:
-        """True if what is left of the transient, by how it has died out, is nothing that counts."""
+    def settled(self) -> int:
+        """Turns over which the motion has repeated itself, 0 if it has not.
+
+        What is left of the transient follows from how it has died out, as a geometric series.
+        """
         states = np.concatenate(self._states)
         near = self._near(states)
         for p in range(1, self._plan.longest + 1):
             m = p * -(-_SEEN // p)
             if len(states) < 2 * m + p:
-                return False
+                return 0
             off = (self._off(states[-2 * m - p :], p) / near).max(axis=1)
             before, now = off[:m].max(), off[m:].max()
             share = now / max(before, 1e-300)
             left = m / p * now * share / (1.0 - share) if share < 1.0 else math.inf
             if now <= 1.0 and min(left, 1e3 * now) <= _SETTLED:
-                return True
-        return False
+                return 2 * (m + p)  # half of it is looked at for the period
+        return 0
 
     def _near(self, states: Array) -> Array:
         """How near sections are the same (2 f,)."""
