@@ -38,6 +38,7 @@ def add(command: Command) -> None:
     )
     flag(sub, '--restart', 'discard what was computed before')
     option(sub, '--plot', 'FILE', 'draw clearances and profiles over the cycles')
+    option(sub, '--page', 'FILE', 'page with a slider that plays the machine along its life')
     option(sub, '--scenes', 'DIR', 'folder for the scene of every stage')
     option(sub, '--bags', 'DIR', 'folder for a recorded run of every stage')
 
@@ -48,6 +49,7 @@ def _life(options: argparse.Namespace) -> int:
     from mechanism_sim.report import life as report  # noqa: PLC0415
     from mechanism_sim.studies.life import life  # noqa: PLC0415
 
+    page = output.check_path('--page', options.page, '.html', '.htm') if options.page else None
     picture = figures.check_picture('--plot', options.plot) if options.plot else None
     table = tables.check_file('--output', Path(options.output)) if options.output else None
     folders = {name: _folder(name, getattr(options, name)) for name in ('scenes', 'bags')}
@@ -68,6 +70,11 @@ def _life(options: argparse.Namespace) -> int:
         tables.write(table, found.columns())
     if picture:
         figures.save(figures.paint(report.chart(found, machine.scene.title)), picture)
+    if page:
+        from mechanism_sim.pages.families import life_page  # noqa: PLC0415
+
+        with progress.busy('life', options.json) as say:
+            output.write_text(page, life_page(found, say))
     if folder := folders['scenes']:
         for k, stage in enumerate(found.stages):
             output.write_text(folder / f'stage_{k:02d}.yaml', report.scene_text(found, stage))

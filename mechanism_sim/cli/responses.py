@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mechanism_sim import output
 from mechanism_sim.cli.options import (
     TABLES,
     Command,
@@ -39,6 +40,7 @@ def add(command: Command) -> None:
     flag(sub, '--starts', "begin each value from the scene's own start, too")
     text = 'follow what repeats through folds and flips, stable or not, to where it grazes'
     flag(sub, '--continue', text)
+    option(sub, '--page', 'FILE', 'page of the diagram: a slider plays the motion at each point')
     text = 'which response each start, or each pair of values, leads to'
     _shared(command('basins', _bifurcation, text), f'{vary}; two of them')
 
@@ -75,7 +77,10 @@ def _bifurcation(options: argparse.Namespace) -> int:
     if options.command == 'basins' and not two:
         raise InputError('basins: --vary: give two keys; bifurcation takes one')
     if two and options.command == 'bifurcation':
-        refuse_options(options, ['of', 'starts', 'continue'], 'does not apply to two keys')
+        no = ['of', 'starts', 'continue', 'page']
+        refuse_options(options, no, 'does not apply to two keys')
+    given_page = None if two else options.page
+    page = output.check_path('--page', given_page, '.html', '.htm') if given_page else None
     if options.plot:
         figures.check_picture('--plot', options.plot)
     if options.output:
@@ -102,6 +107,11 @@ def _bifurcation(options: argparse.Namespace) -> int:
         with progress.busy('bifurcation', options.json) as say:
             lines = branches(found, say)
     _write(options, found.columns(), report.chart(found, machine.scene.title, lines))
+    if page:
+        from mechanism_sim.pages.families import bifurcation_page  # noqa: PLC0415
+
+        with progress.busy('bifurcation', options.json) as say:
+            output.write_text(page, bifurcation_page(found, lines, say))
     return print_result(options, (found, lines), report.to_json, report.render)
 
 

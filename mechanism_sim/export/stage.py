@@ -39,6 +39,7 @@ _LONGEST = 0.35
 """Length of an arrow for a force that is rarely exceeded, of the machine's size."""
 _FINE = 100.0  # points of curves for JSON: parts of a tenth of a symbol
 _RARELY = 98.0  # [%] of the instants have smaller forces
+_SURFACE = 180  # points of a worn surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,6 +323,8 @@ class Stage:
 
     def _bearing(self, joint: Joint) -> dict[str, Any]:
         play = self.machine.plan.clearances[joint.name]
+        profile = getattr(play, 'profile', None)
+        worn = [np.round(x, 9).tolist() for x in profile.depths(_SURFACE)] if profile else None
         return {
             'joint': joint.name,
             'first': joint.first,
@@ -329,6 +332,7 @@ class Stage:
             'on_first': list(joint.on_first),
             'on_second': list(joint.on_second),
             'radial': play.radial,
+            **({'worn': worn} if worn else {}),
             'restitution': play.restitution,
             'friction': play.friction,
             'contact': play.contact.law if play.contact else 'rigid',

@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from html import escape
 from typing import Any
 
-import numpy as np
-
 from mechanism_sim.analysis.open_run import is_run
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.series import drawn
 from mechanism_sim.errors import InputError
-from mechanism_sim.export.stage import packed
 from mechanism_sim.pages import report
-from mechanism_sim.pages.charts import brief, places, sections
-from mechanism_sim.pages.recorded import recorded, together
+from mechanism_sim.pages.charts import sections
+from mechanism_sim.pages.families import Member, family_page
+from mechanism_sim.pages.recorded import recorded
 from mechanism_sim.pages.writing import record_of
 from mechanism_sim.recording.reader import Bag
-from mechanism_sim.report.charts.thinning import SampledLine, thin
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Source, load_scene
-from mechanism_sim.units import argument, for_people, typeset
-
-_NOTHING = 1e-12  # of a machine's size, which is rounding
+from mechanism_sim.units import argument
 
 
 class Player:
@@ -119,30 +112,11 @@ def explore(
     """
     if not len(values):
         raise InputError(f'explore: {path}: no values are given')
-    runs, lines = [], []
+    members = []
     for value in values:
         machine = load_scene(scene, {**(overrides or {}), path: value})
         solution = simulate(machine, revolutions=revolutions, duration=duration)
-        record = Record(machine, solution, {})
-        found = catalogue(machine).find(quantity)
-        (series,) = drawn(solution, [found.name], record.start, record.end)
-        runs.append(recorded(record))
-        if found.unit == 'm':  # of what touches only rounding is left
-            rounding = np.abs(series.values) < _NOTHING * machine.mechanism.size
-            series = replace(series, values=np.where(rounding, 0.0, series.values))
-        lines.append(thin(SampledLine(series.t, series.values)))
-    size = max(abs(line.values).max() for line in lines)
-    unit, scale = for_people(found.unit, size)
-    curves = {
-        'label': found.words,
-        'unit': typeset(unit),
-        'runs': [
-            {'at': packed(places(line.at)), 'values': packed(brief(scale * line.values))}
-            for line in lines
-        ],
-    }
-    runs = list(together(*runs))
+        members.append(Member(str(value), Record(machine, solution, {})))
     label = path.replace('_', ' ').replace('.', ' ')
-    family = report.Family(label, [str(value) for value in values], runs, curves)
-    page = report.page(runs[0], family=family)
-    return Player(page, height, runs[0].record.machine.scene.title)
+    page = family_page(label, members, [catalogue(machine).find(quantity).name])
+    return Player(page, height, members[0].record.machine.scene.title)

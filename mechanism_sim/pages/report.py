@@ -34,13 +34,15 @@ class Family(NamedTuple):
     label : of the value
     values : with their units, one for each run
     runs : the first is that of the page
-    curves : what is drawn of all runs over time: `Curves.to_json`
+    curves : what is drawn of all runs over time, see `curves.js`
+    places : of the runs, x and heights, on charts over the value
     """
 
     label: str
     values: Sequence[str]
     runs: Sequence[Recorded]
-    curves: dict[str, Any]
+    curves: Sequence[dict[str, Any]]
+    places: Sequence[tuple[float, list[float]]] = ()
 
 
 class ComparisonPage(NamedTuple):
@@ -85,7 +87,7 @@ def page(
         data['others'] = [other.to_json() for other in beside.runs]
         data['names'] = beside.names
     if family:
-        data['curves'] = family.curves
+        data['curves'], data['places'] = family.curves, family.places
         data['family'] = [x.to_json() for x in family.runs[1:]]
     charts = {chart.key: figure(chart) for part in parts for chart in part.charts}
     return render(

@@ -119,9 +119,7 @@ def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = (
     periods = sorted({r.period for r in found.responses}, key=lambda p: (not p, p))
     along = Axis('.'.join(found.parameter.path.split('.')[-3:]), found.unit)
     panels = []
-    for k, (unit, words) in enumerate(zip(found.units, found.words, strict=True)):
-        size = max(float(np.abs(r.points[:, k]).max(initial=0.0)) for r in found.responses)
-        shown, scale = for_people(unit, size)
+    for k, (words, (shown, scale)) in enumerate(zip(found.words, scales(found), strict=True)):
         curves = []
         for number, period in enumerate(periods):
             for branch, marker in marks.items():
@@ -139,7 +137,16 @@ def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = (
             number = min(periods.index(followed.period), _COLOURED - 1)
             curves += _lines(found, followed, k, scale, number)
         panels.append(Panel(along, Axis(words, shown), tuple(curves), height=3.2))
-    return Chart('bifurcation', title, tuple(panels))
+    return Chart('bifurcation', title, tuple(panels), 'value')
+
+
+def scales(found: Bifurcation) -> list[tuple[str, float]]:
+    """Unit in which each quantity of the section is drawn, and the size of 1 SI unit in it."""
+    sizes = [
+        max(float(np.abs(r.points[:, k]).max(initial=0.0)) for r in found.responses)
+        for k in range(len(found.units))
+    ]
+    return [for_people(unit, size) for unit, size in zip(found.units, sizes, strict=True)]
 
 
 def _lines(

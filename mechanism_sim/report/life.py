@@ -91,14 +91,21 @@ def scene_text(found: Life, stage: LifeStage) -> str:
 
 
 def chart(found: Life, title: str) -> Chart:
+    """All of `charts` above each other."""
+    both = charts(found, title)
+    return Chart('life', title, sum((each.panels for each in both), ()))
+
+
+def charts(found: Life, title: str) -> tuple[Chart, Chart]:
     """Clearances over cycles, and profiles of worn surfaces along the life."""
     n = np.array([stage.cycles for stage in found.stages])
     curves = []
     for k, joint in enumerate(found.joints):
-        size = np.array([1e3 * stage.clearance[k] for stage in found.stages])
+        own = np.array([1e3 * stage.clearance[k] for stage in found.stages])
         doubt = np.array([1e3 * (stage.error[k] + stage.scatter[k]) for stage in found.stages])
-        curves.append(ChartCurve(n, size, joint, joint, k, marker='circle', error=doubt))
-    panels = [Panel(Axis('cycles'), Axis('largest clearance', 'mm'), tuple(curves), height=2.6)]
+        curves.append(ChartCurve(n, own, joint, joint, k, marker='circle', error=doubt))
+    size = Panel(Axis('cycles'), Axis('largest clearance', 'mm'), tuple(curves), height=2.6)
+    panels = []
     count = len(found.stages)
     chosen = np.unique(np.linspace(1, count - 1, min(count - 1, _PROFILES)).round().astype(int))
     angle = 360.0 / PLACES * np.arange(PLACES + 1.0)
@@ -119,4 +126,5 @@ def chart(found: Life, title: str) -> Chart:
             ]  # fmt: skip
             axes = Axis('angle on its link', 'deg', 0.0, 360.0, every=60.0), Axis('depth', unit)
             panels.append(Panel(*axes, tuple(lines), f'{name} of {joint}', height=2.6))
-    return Chart('life', title, tuple(panels))
+    wear = Chart('life', title, (size,), 'value')
+    return wear, Chart('profiles', 'Worn surfaces', tuple(panels), 'angle')

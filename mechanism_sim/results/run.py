@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -68,6 +68,17 @@ class Piece(Rich):
     balance: EnergyTerms
     impacts: list[Impact]
     modes: list[ModeChange]
+
+    @staticmethod
+    def joined(pieces: Sequence[Piece]) -> Piece:
+        """Pieces of a run that follow one another, as one."""
+        impacts = [impact for piece in pieces for impact in piece.impacts]
+        changes = [change for piece in pieces for change in piece.modes]
+        motion = Motion.joined([piece.motion for piece in pieces])
+        first, *_ = pieces
+        work = Work(*np.concatenate([piece.balance.work for piece in pieces], axis=1))
+        balance = EnergyTerms(work, impacts, first.balance.drive_work, first.balance.dissipated)
+        return Piece(first.machine, motion, balance, impacts, changes)
 
     def __repr__(self) -> str:
         curve = self.motion.curve

@@ -12,13 +12,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Self
 
-import numpy as np
-
 from mechanism_sim.errors import InputError
 from mechanism_sim.hybrid import plotting
-from mechanism_sim.hybrid.audit import Energy, Work
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
+from mechanism_sim.hybrid.audit import Energy
 from mechanism_sim.hybrid.events import StopReason
 from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.hybrid.totals import Totals
@@ -219,15 +215,13 @@ def simulate(
 
 def whole(run: Stream, pieces: Sequence[Piece]) -> Solution:
     """The solution of a run that has come to its end, by all of its pieces."""
-    machine = run.machine
-    impacts = [impact for piece in pieces for impact in piece.impacts]
-    work = np.concatenate([piece.balance.work for piece in pieces], axis=1)
+    machine, all_ = run.machine, Piece.joined(pieces)
     return Solution(
         machine,
-        Motion.joined([piece.motion for piece in pieces]),
-        EnergyTerms(Work(*work), impacts),
-        impacts,
-        [change for piece in pieces for change in piece.modes],
+        all_.motion,
+        all_.balance,
+        all_.impacts,
+        all_.modes,
         machine.name,
         machine.level.value,
         run.stats,

@@ -204,8 +204,11 @@ class Machine(Rich):
 
     # --- runs -----------------------------------------------------------------------------------
 
-    def start(self, law: Law | None = None) -> Run:
-        """A new run of the machine, under the scene's laws or another of its main drive."""
+    def start(self, law: Law | None = None, state: State | None = None) -> Run:
+        """A new run of the machine, under the scene's laws or another of its main drive.
+
+        A free motion begins at the scene's start, or at another state.
+        """
         laws = {**self.plan.laws, **({} if law is None else {self.plan.main: (law,)})}
         system_order = [*self.plan.prescribed, *self.plan.powered]
         first = [laws[c][0] for c in system_order]
@@ -215,7 +218,7 @@ class Machine(Rich):
             run = EventLoop(
                 self.equations.system,
                 first,
-                self.initial_state(),
+                state or self.initial_state(),
                 solver.rtol,
                 solver.atol,
                 min(self.drive.period / 8.0, 0.1),

@@ -8,6 +8,7 @@ joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995,
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -18,6 +19,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.hybrid.event_loop import EventLoop
+from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.results.catalogue import catalogue
@@ -47,6 +49,13 @@ _APART = 0.381966
 where something strikes, and at that very instant rates have two values."""
 _MOST_POINTS = 400
 """Points of a section at impacts that are kept: the last ones."""
+_FEWEST = 10
+"""Turns of a run, and at least a quarter of those left out: until then what repeats may be an
+unstable motion near which the run begins."""
+_SEEN = 4
+"""Turns at least, over which a transient is compared with as many before."""
+_SETTLED = 1e-3
+"""Of the distance within which sections are the same: what may be left of a transient."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +66,8 @@ class SectionPlan:
     ----------
     of : names of the quantities of a section
     joint : at whose impacts it is taken; once a turn of the drive if empty
-    transient, keep : turns of the drive until the motion has settled, and of the section
+    transient, keep : turns of the drive until the motion has settled, and of the section; fewer
+        where it repeats itself before
     longest : period that is looked for [turns]
     """
 
@@ -270,29 +280,30 @@ def _settled(
     machine: Machine, plan: SectionPlan, state: State | None
 ) -> tuple[dict[str, Any], State]:
     """The section of a machine after its transient, and the state at the end."""
-    engine = machine.start()
+    begin = state and replace(state, turns=(0,) * len(state.turns))
+    engine = machine.start(state=begin)
     if not isinstance(engine, EventLoop):
         raise InputError(f'{machine.name}: a motion in closed form has no sections')
-    first = machine.initial_state()
-    if state is not None:
-        engine.restart(replace(state, time=first.time, turns=(0,) * len(state.turns)))
-    period = machine.drive.period
-    begin = float(first.time)
-    turns = np.arange(plan.transient, plan.transient + plan.keep + 1, dtype=np.float64)
-    edges: Array = begin + period * turns
-    tally = _SectionTally(machine, plan, edges)
-    for piece in Runner(machine, engine).to(float(edges[-1])):
+    tally, runner = _SectionTally(machine, plan), Runner(machine, engine)
+    turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
+    keep = 0
+    while turns < most and not keep:
+        for piece in runner.to(turns * machine.drive.period, final=False):
+            tally.add(piece)
+        keep = tally.settled()
+        turns += 0 if keep else turns // 2
+    turns = min(turns, most)
+    for piece in runner.to(turns * machine.drive.period):
         tally.add(piece)
-    end = replace(engine.state, time=Fraction(first.time))
-    return tally.found(), end
+    return tally.found(turns, keep or plan.keep), replace(engine.state, time=Fraction(0))
 
 
 class _SectionTally:
     """Sections of a run that comes in pieces."""
 
-    def __init__(self, machine: Machine, plan: SectionPlan, edges: Array) -> None:
-        self._plan, self._edges = plan, edges
-        self._period_of_drive = machine.drive.period
+    def __init__(self, machine: Machine, plan: SectionPlan) -> None:
+        self._plan, self._turn = plan, machine.drive.period
+        self._edges: Array = self._turn * np.arange(plan.transient + plan.keep + 1.0)
         free = machine.equations.system.free
         self._names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in free]
         slides = np.array([c in machine.mechanism.displacements for c in free])
@@ -304,25 +315,20 @@ class _SectionTally:
         self._scale = np.concatenate([place, machine.drive.fastest * place])
         self._states: list[Array] = []
         self._points: list[Array] = []
-        self._struck: list[tuple[float, ...]] = []
-        self._impacts = 0
+        self._struck: list[Impact] = []
 
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
         curve = piece.motion.curve
+        self._struck += piece.impacts
         if not len(curve):
             return
-        if len(t := self._due(self._edges - _APART * self._period_of_drive, self._states, curve)):
+        if len(t := self._due(self._edges[1:] - _APART * self._turn, self._states, curve)):
             found = piece.sample(t, *self._names)
             self._states.append(np.array([found[n] for n in self._names]).T)
         if not self._plan.joint and len(t := self._due(self._edges, self._points, curve)):
             chosen = piece.sample(t, *self._plan.of)
             self._points.append(np.array([chosen[n] for n in self._plan.of]).T)
-        for impact in piece.impacts:
-            if impact.t > self._edges[0]:
-                self._impacts += 1
-                if impact.joint == self._plan.joint:
-                    self._struck.append(tuple(getattr(impact, n) for n in self._plan.of))
 
     @staticmethod
     def _due(t: Array, taken: Sequence[Array], curve: PiecewisePolynomial) -> Array:
@@ -330,34 +336,62 @@ class _SectionTally:
         left = t[sum(map(len, taken)) :]
         return np.asarray(np.minimum(left[left <= curve.end * (1.0 + 1e-12)], curve.end))
 
-    def found(self) -> dict[str, Any]:
-        """Period, section and impacts per turn, as plain data."""
+    def found(self, turns: int, keep: int) -> dict[str, Any]:
+        """Period, section and impacts per turn of the last turns of so many, as plain data."""
         states = np.concatenate(self._states)
-        p = self._period(states)
+        p = self._period(states[-(keep // 2 + 1) :])
+        kept = p or keep
+        # impacts at the very end of a turn are in that turn or in the next: count between turns
+        end = turns - _APART
+        last = [i for i in self._struck if end - kept < i.t / self._turn <= end]
+        own = [i for i in last if i.joint == self._plan.joint][-_MOST_POINTS:]
         points = (
-            np.array(self._struck[-_MOST_POINTS:]).reshape(-1, len(self._plan.of))
+            np.array([[getattr(i, n) for n in self._plan.of] for i in own])
             if self._plan.joint
-            else np.concatenate(self._points)[-(p or self._plan.keep) :]
+            else np.concatenate(self._points)[-kept:]
         )
-        if self._plan.joint and p:
-            share = -(-len(self._struck) * p // self._plan.keep)  # those of one period
-            points = points[-max(share, 1) :] if len(points) else points
         return {
             'period': p,
             'points': points.tolist(),
-            'returns': (states[-(p or self._plan.keep) :] / self._scale).tolist(),
-            'impacts': self._impacts / self._plan.keep,
+            'returns': (states[-kept:] / self._scale).tolist(),
+            'impacts': len(last) / kept,
         }
 
-    def _period(self, states: Array) -> int:
-        """Fewest turns after which sections of the second half come back, 0 if none."""
-        states = states[len(states) // 2 :]
+    def settled(self) -> int:
+        """Turns over which the motion has repeated itself, 0 if it has not.
+
+        What is left of the transient follows from how it has died out, as a geometric series.
+        """
+        states = np.concatenate(self._states)
+        near = self._near(states)
+        for p in range(1, self._plan.longest + 1):
+            m = p * -(-_SEEN // p)
+            if len(states) < 2 * m + p:
+                return 0
+            off = (self._off(states[-2 * m - p :], p) / near).max(axis=1)
+            before, now = off[:m].max(), off[m:].max()
+            share = now / max(before, 1e-300)
+            left = m / p * now * share / (1.0 - share) if share < 1.0 else math.inf
+            if now <= 1.0 and min(left, 1e3 * now) <= _SETTLED:
+                return 2 * (m + p)  # half of it is looked at for the period
+        return 0
+
+    def _near(self, states: Array) -> Array:
+        """How near sections are the same (2 f,)."""
         near = _RETURN * self._scale
-        near = np.maximum(near, np.where(self._turns, 0.0, _OF_RANGE * np.ptp(states, axis=0)))
+        return np.maximum(near, np.where(self._turns, 0.0, _OF_RANGE * np.ptp(states, axis=0)))
+
+    def _off(self, states: Array, p: int) -> Array:
+        """By how much sections differ from those p turns before (N - p, 2 f)."""
+        off = states[p:] - states[:-p]
+        off -= self._turns * np.round(off / np.where(self._turns, self._turns, 1.0))
+        return np.asarray(np.abs(off))
+
+    def _period(self, states: Array) -> int:
+        """Fewest turns after which all sections come back, 0 if none."""
+        near = self._near(states)
         for p in range(1, min(self._plan.longest, len(states) // 2) + 1):
-            off = states[p:] - states[:-p]
-            off -= self._turns * np.round(off / np.where(self._turns, self._turns, 1.0))
-            if (np.abs(off) <= near).all():
+            if (self._off(states, p) <= near).all():
                 return p
         return 0
 

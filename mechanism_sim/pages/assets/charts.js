@@ -48,8 +48,9 @@ export class Charts {
   /**
    * @param {Object<string, {data: Object[], layout: Object, columns: Object}>} figures by key
    * @param {{seek: function(number): void, hover: function(number): void,
-   *   light: function(?string[]): void, loop: function(?number[]): void}} acts goes to a time [s],
-   *   shows one as long as nothing plays, lights what lines are of, plays an interval over and over
+   *   light: function(?string[]): void, loop: function(?number[]): void,
+   *   pick: function(number, number): void}} acts goes to a time [s], shows one as long as nothing
+   *   plays, lights what lines are of, plays an interval over and over, chooses a run
    * @param {Object<string, string>} dark colours on dark ground, by those on paper
    * @param {string} scene with whose name files begin
    */
@@ -170,6 +171,12 @@ export class Charts {
     for (const chart of this.drawn.values()) this.#point(chart);
   }
 
+  /** Moves the cursors of charts over the value of a family. @param {number} [value] */
+  place(value) {
+    this.value = value;
+    for (const chart of this.drawn.values()) this.#point(chart);
+  }
+
   #draw(place) {
     const { chart: key, axis } = place.dataset;
     if (this.drawn.has(key)) return;
@@ -182,6 +189,7 @@ export class Charts {
     Plotly.newPlot(plot, data, { autosize: true, ...layout }, config);
     const when = (point) => (axis === 'time' ? point.x : point.customdata?.[0] ?? point.customdata);
     plot.on('plotly_click', ({ points: [point] }) => {
+      if (axis === 'value') this.acts.pick(point.x, point.y);
       if (Number.isFinite(when(point))) this.acts.seek(when(point));
     });
     plot.on('plotly_hover', ({ points: [point] }) => {
@@ -189,9 +197,9 @@ export class Charts {
       this.acts.light(about(point.fullData));
     });
     plot.on('plotly_unhover', () => this.acts.light(null));
-    if (axis !== 'time') return;
+    if (axis !== 'time' && axis !== 'value') return;
     plot.on('plotly_relayout', (change) => {
-      if (this.zooming) return;
+      if (this.zooming || axis === 'value') return;
       const span = change['xaxis.range'] ?? [change['xaxis.range[0]'], change['xaxis.range[1]']];
       if (span.every(Number.isFinite)) this.acts.loop(span);
       else if (change['xaxis.autorange']) this.acts.loop(null);
@@ -211,10 +219,10 @@ export class Charts {
 
   // Where an axis lies is not part of plotly's interface, but to redraw a chart for every picture
   // of the machine is too slow.
-  #point({ plot, cursors, axes }) {
+  #point({ plot, cursors, axes, axis }) {
     cursors.forEach((cursor, i) => {
       const { xaxis, yaxis } = plot._fullLayout._plots[axes[i].id] ?? axes[i];
-      const x = xaxis.l2p(this.time);
+      const x = xaxis.l2p(axis === 'time' ? this.time : this.value);
       const seen = x >= 0 && x <= xaxis._length;
       cursor.style.display = seen ? '' : 'none';
       cursor.style.transform = `translateX(${xaxis._offset + x}px)`;

@@ -67,8 +67,11 @@ class Lens extends Glass {
    */
   constructor(host, stage, index, pathOfPin) {
     const bearing = stage.bearings[index];
-    super(host, stage, bearing, bearing.radial, 'clearance',
-      `radial clearance ${quantity(bearing.radial, 'm')}`);
+    const worn = bearing.worn?.map((depths) => Math.max(...depths)) ?? [0, 0];
+    const note = `radial clearance ${quantity(bearing.radial, 'm')}`;
+    super(host, stage, bearing, bearing.radial + Math.max(worn[0], 0), 'clearance',
+      Math.max(...worn) > 0 ? `${note}, worn by ${worn.map((x) => quantity(x, 'm')).join(' and ')}` : note);
+    this.bore = this.inner + bearing.radial * this.scale; // where it is not worn
     this.index = index;
     this.bearing = bearing;
     this.joint = stage.joints.findIndex(({ name }) => name === this.bearing.joint);
@@ -87,6 +90,7 @@ class Lens extends Glass {
     const far = Math.hypot(px, py) || 1;
     const out = [px / far, py / far];
     this.#turn(this.bushing, this.bearing.second, frame);
+    if (this.limit) this.#turn(this.limit, this.bearing.second, frame);
     const moved = `translate(${px.toFixed(3)} ${py.toFixed(3)}) `;
     this.#turn(this.pin, this.bearing.first, frame, moved);
     this.pin.dataset.x = x;
@@ -107,11 +111,17 @@ class Lens extends Glass {
   #draw(svg) {
     this.bushing = add(svg, 'g', { class: 'bushing' });
     add(this.bushing, 'circle', { r: BORE + 18, class: 'body' });
-    add(this.bushing, 'circle', { r: BORE, class: 'bore' });
+    const [bushing, pin] = this.bearing.worn ?? [];
+    this.#surface(this.bushing, 'bore', this.bore, bushing);
     add(this.bushing, 'path', { d: line([[BORE + 4, 0], [BORE + 14, 0]]), class: 'mark' });
-    add(svg, 'circle', { r: this.room, class: 'limit' });
+    // where the centre of a pin that has its shape can be
+    if (!pin?.some((x) => x)) {
+      const within = bushing ? add(svg, 'g') : svg;
+      this.#surface(within, 'limit', this.bearing.radial * this.scale, bushing);
+      if (bushing) this.limit = within;
+    }
     this.pin = add(svg, 'g', { class: 'journal' });
-    add(this.pin, 'circle', { r: this.inner, class: 'body' });
+    this.#surface(this.pin, 'body', this.inner, pin?.map((x) => -x));
     add(this.pin, 'path', { d: line([[this.inner - 12, 0], [this.inner - 3, 0]]), class: 'mark' });
     add(this.pin, 'circle', { r: 2.5, class: 'centre' });
     const path = add(svg, 'g', { class: 'path' });
@@ -121,6 +131,19 @@ class Lens extends Glass {
     this.flash = add(svg, 'circle', { class: 'flash', r: 0 });
     this.normal = add(svg, 'path', { class: 'force' });
     this.friction = add(svg, 'path', { class: 'force' });
+  }
+
+  /** A circle, or what is deeper by so much [m] at even angles of its link. */
+  #surface(group, kind, radius, depths) {
+    if (!depths?.some((x) => x)) {
+      add(group, 'circle', { r: radius, class: kind });
+      return;
+    }
+    const points = depths.map((depth, k) => {
+      const [far, angle] = [radius + depth * this.scale, (2 * Math.PI * k) / depths.length];
+      return [far * Math.cos(angle), -far * Math.sin(angle)];
+    });
+    add(group, 'path', { class: kind, d: `${line(points)}Z` });
   }
 
   #path(t) {
@@ -144,7 +167,7 @@ class Lens extends Glass {
     const [fx, fy] = [force[0], -force[1]];
     const normal = fx * ux + fy * uy;
     const friction = -fx * uy + fy * ux;
-    const touch = [BORE * ux, BORE * uy];
+    const touch = [this.bore * ux, this.bore * uy];
     const k = this.force;
     this.normal.setAttribute('d',
       arrow(pin, [pin[0] + k * normal * ux, pin[1] + k * normal * uy], 3.2));
@@ -160,8 +183,8 @@ class Lens extends Glass {
     const last = own.reduce((a, b) => (a && a.age <= b.age ? a : b), null);
     this.flash.setAttribute('r', last ? 30 * Math.max(last.share, 1e-3) ** (1 / 3) : 0);
     if (!last) return;
-    this.flash.setAttribute('cx', (BORE * Math.cos(last.angle)).toFixed(2));
-    this.flash.setAttribute('cy', (-BORE * Math.sin(last.angle)).toFixed(2));
+    this.flash.setAttribute('cx', (this.bore * Math.cos(last.angle)).toFixed(2));
+    this.flash.setAttribute('cy', (-this.bore * Math.sin(last.angle)).toFixed(2));
     this.flash.setAttribute('opacity', (1 - last.age).toFixed(3));
   }
 }

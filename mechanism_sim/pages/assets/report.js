@@ -18,7 +18,8 @@ const family = [data, ...(data.family ?? [])];
 let chosen = data; // of the family
 let recording = new Recording(data);
 let stage = new Stage(by('stage'), data.stage);
-const curves = data.curves ? new Curves(by('curves'), data.curves) : null;
+const curves = (data.curves ?? []).map((each, k) => (
+  new Curves(document.querySelectorAll('svg.curves')[k], each)));
 const others = (data.others ?? []).map((each, k) => ({
   data: each, run: new Recording(each), lens: null,
   ghost: new Stage(document.querySelectorAll('svg.ghost')[k], each.stage),
@@ -33,15 +34,16 @@ performance.mark('plays');
 await loadPlotly();
 charts = new Charts(JSON.parse(by('charts').textContent), {
   seek, loop, hover: (t) => { if (!player.playing) player.seek(t); },
-  light: (names) => stage.light(names),
+  light: (names) => stage.light(names), pick,
 }, data.dark, data.stage.scene);
 charts.cursor(player.time);
+charts.place(data.places?.[0]?.[0]);
 document.documentElement.dataset.ready = '1';
 
 function start() {
   player.speed = speeds();
   by('family')?.addEventListener('input', () => become(Number(by('family').value)));
-  if (curves) name(0);
+  if (data.family) name(0);
   ticks();
   choose(0);
   layers();
@@ -75,7 +77,19 @@ function layers() {
 function name(member) {
   by('value').textContent = by('family').dataset.values.split('|')[member];
   by('family').setAttribute('aria-valuetext', by('value').textContent);
-  curves.choose(member);
+  for (const each of curves) each.choose(member);
+  charts?.place(data.places[member]?.[0]);
+}
+
+/** Shows the run of the family that is nearest to a place of a chart over its value. */
+function pick(x, y) {
+  const nearest = (all, to) => Math.min(...all.map((at) => Math.abs(at - to)));
+  const at = nearest(data.places.map(([each]) => each), x);
+  const off = data.places.map(([each, heights]) => (
+    Math.abs(each - x) <= at ? nearest(heights, y) : Infinity));
+  const member = off.indexOf(Math.min(...off));
+  by('family').value = member;
+  become(member);
 }
 
 /** Shows another run of the family, as far on as this one. */
@@ -97,7 +111,7 @@ function become(member) {
 
 function show(frame, shown) {
   stage.show(frame);
-  curves?.show(frame.t);
+  for (const each of curves) each.show(frame.t);
   lens?.show(frame);
   for (const { run, ghost, lens: beside } of others) {
     const now = run.at(Math.min(frame.t, run.end), shown?.glow ?? 0);

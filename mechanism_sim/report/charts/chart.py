@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.export import palette
 from mechanism_sim.units import typeset
 
-Over = Literal['time', 'angle', 'frequency', 'polar', 'other']
+Over = Literal['time', 'angle', 'frequency', 'polar', 'value', 'other']
 
 PANEL, SMALL, ROW = 1.9, 1.15, 0.28  #: heights of panels [in]: usual, one of several, of a band
 ROUND = 2.8  #: of round ones
@@ -199,7 +199,8 @@ class Chart:
     Attributes
     ----------
     key : unique among all charts of a report
-    over : what is on the horizontal axes: of ``time`` it is the time of the run [s]
+    over : what is on the horizontal axes: of ``time`` it is the time of the run [s], of ``value``
+        that by which runs of a family differ
     joint : the joint, sensor or part that it is about; empty if it is about several
     columns : panels side by side; panels above each other with the same x share it
     width : [in] of a picture
