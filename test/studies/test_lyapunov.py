@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from bouncing_ball import ball, speed
+from gear_rattle import ExactRattle, rattle
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -28,6 +29,15 @@ def test_exponents_of_a_ball_that_bounces_once_a_turn():
     expected = np.log(np.sort(multipliers)[::-1]) / T
     assert sum(found.values) == pytest.approx(expected.sum(), rel=1e-6)
     assert math.isinf(found.horizon)
+
+
+@pytest.mark.parametrize(('speed', 'e'), [(6.0, 0.8), (10.0, 0.9)])
+def test_exponents_of_gear_rattle_are_those_of_its_exact_map(speed, e):
+    """Chaotic and not: over turns in which a chaotic motion still has most of its digits."""
+    found = ms.lyapunov(rattle(speed, e), revolutions=20, skip=0, count=2)
+    exact = ExactRattle(speed, e).growths(30)[10:].mean(axis=0) / found.period
+    assert found.values == pytest.approx(exact.tolist(), abs=1e-3 * abs(exact).max())
+    assert (found.values[0] > 0.0) == (speed == 6.0)
 
 
 @pytest.mark.slow
