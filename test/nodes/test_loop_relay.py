@@ -64,6 +64,7 @@ shutdown()
 
 
 @pytest.mark.network
+@pytest.mark.usefixtures('backend')
 def test_every_state_of_the_driver_is_answered_by_all_joints(tmp_path):
     env, places = environment(), np.linspace(-1.0, 14.0, 301)
     relay = start('node', 'loop_relay', '--scene', 'four_bar_clearance', env=env)

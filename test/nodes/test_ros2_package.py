@@ -37,6 +37,9 @@ from zenoh_rclpy.arguments import parse_arguments
 
 NODES = Path(nodes.__file__).parent
 needs_ros = pytest.mark.skipif(not ros_found(), reason='no ROS 2 here with this package built')
+needs_rosbag = pytest.mark.skipif(
+    not ros_found() or find_spec('ros2bag') is None, reason='no rosbag2 here'
+)
 
 
 def executables() -> list[str]:
@@ -336,7 +339,7 @@ def test_no_node_takes_an_attribute_that_rclpy_uses():
     assert not {kind: names & taken for kind, names in own.items() if names & taken}
 
 
-@needs_ros
+@needs_rosbag
 def test_a_launched_machine_is_recorded_alike_by_both_recorders(ros, tmp_path):
     """Every message of every topic, byte for byte, and the motion that `solve` finds."""
     own, theirs = tmp_path / 'own.mcap', tmp_path / 'theirs'
@@ -498,7 +501,7 @@ def test_nodes_that_are_launched_end_cleanly_at_a_signal(ros):
     assert 'has died' not in text
 
 
-@needs_ros
+@needs_rosbag
 def test_a_bag_of_ours_is_played_by_ros(ros, tmp_path):
     bag = tmp_path / 'run.mcap'
     outcome = run_json('run', 'four_bar_clearance', '--record', str(bag), env=ros)
