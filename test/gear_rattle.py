@@ -2,8 +2,8 @@
 
 K. Karagiannis and F. Pfeiffer, Nonlinear Dynamics 2 (1991) 367; S. L. T. de Souza and I. L.
 Caldas, Chaos, Solitons and Fractals 19 (2004) 171. Along the flanks the driving gear moves by
-``s = A sin(w t)``, and the loose one slows down: ``x = x0 + v0 (1 - exp(-b t))/b``. It strikes where
-``x - s`` is half of the backlash to either side; an impact takes changes by its saltation.
+``s = A sin(w t)``, and the loose one slows down: ``x = x0 + v0 (1 - exp(-b t))/b``. It strikes
+where ``x - s`` is half of the backlash to either side; an impact takes changes by its saltation.
 """
 
 from __future__ import annotations
@@ -88,12 +88,9 @@ class ExactRattle:
         while h < most:
             on = min(h + step, most)
             if abs(self._off(on)) > HALF:
-                side = math.copysign(HALF, self._off(on))
-                if (self._off(h) - side) * (self._off(on) - side) < 0.0:
-                    return float(
-                        scipy.optimize.brentq(lambda z: self._off(z) - side, h, on, xtol=1e-16)
-                    )
-                return h
+                return float(
+                    scipy.optimize.brentq(lambda z: abs(self._off(z)) - HALF, h, on, xtol=1e-16)
+                )
             h = on
         return None
 
