@@ -6,6 +6,19 @@ what is set; ``ROS_DISTRO`` chooses them.
 
 import os
 
+_SPAWNED = """uint8 NAME_NOT_UNIQUE=101
+uint8 NAME_INVALID=102
+uint8 UNSUPPORTED_FORMAT=103
+uint8 NO_RESOURCE=104
+uint8 NAMESPACE_INVALID=105
+uint8 RESOURCE_PARSE_ERROR=106
+uint8 MISSING_ASSETS=107
+uint8 UNSUPPORTED_ASSETS=108
+uint8 INVALID_POSE=109
+Result result
+string entity_name
+"""
+
 MESSAGES = {
     'simulation_interfaces/msg/Result': """uint8 RESULT_FEATURE_UNSUPPORTED=0
 uint8 RESULT_OK=1
@@ -106,18 +119,7 @@ Resource entity_resource
 string entity_namespace
 geometry_msgs/PoseStamped initial_pose
 """,
-    'simulation_interfaces/msg/SpawnResult': """uint8 NAME_NOT_UNIQUE=101
-uint8 NAME_INVALID=102
-uint8 UNSUPPORTED_FORMAT=103
-uint8 NO_RESOURCE=104
-uint8 NAMESPACE_INVALID=105
-uint8 RESOURCE_PARSE_ERROR=106
-uint8 MISSING_ASSETS=107
-uint8 UNSUPPORTED_ASSETS=108
-uint8 INVALID_POSE=109
-Result result
-string entity_name
-""",
+    'simulation_interfaces/msg/SpawnResult': _SPAWNED,
     'simulation_interfaces/msg/Spawnable': """Resource entity_resource
 string description
 Bounds spawn_bounds
@@ -229,18 +231,8 @@ Resource entity_resource
 string entity_namespace
 geometry_msgs/PoseStamped initial_pose
 ---
-uint8 NAME_NOT_UNIQUE=101
-uint8 NAME_INVALID=102
-uint8 UNSUPPORTED_FORMAT=103
-uint8 NO_RESOURCE=104
-uint8 NAMESPACE_INVALID=105
-uint8 RESOURCE_PARSE_ERROR=106
-uint8 MISSING_ASSETS=107
-uint8 UNSUPPORTED_ASSETS=108
-uint8 INVALID_POSE=109
-Result result
-string entity_name
-""",
+"""
+    + _SPAWNED,
 }
 ACTIONS = {
     'simulation_interfaces/action/SimulateSteps': """uint64 steps
