@@ -75,9 +75,17 @@ class Switching:
             self.set_rows(tuple(s.row_at(x) for s, x in places))
 
     def turn_over(self, switch: int) -> None:
-        """Let the row follow that comes after the present one."""
+        """Let the row follow that comes after the present one.
+
+        What has let go at this very instant does not hold again: where its part is all or nothing
+        but for rounding, that would go to and fro. It is brought to rest, and moves as it will.
+        """
+        since, rows = self._turns.get(switch, (math.nan, 0))[0], self.rows
         self._count_turns(switch)
-        rows, after = self.rows, self._row_after(switch)
+        after = self._row_after(switch)
+        if after == HOLDS and since == self._now.time and self._turned[switch][1] == HOLDS:
+            self._stop([switch])
+            return
         self._turned[switch] = self.places()[switch], rows[switch]
         self.set_rows((*rows[:switch], after, *rows[switch + 1 :]))
 
