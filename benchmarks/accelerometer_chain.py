@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.problem import Answer
 from benchmarks.stages import State, connect_in_series, lead, low_pass, resonator
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import chebyshev_nodes, fit_powers, shift_powers
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, load_scene

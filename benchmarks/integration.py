@@ -10,9 +10,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.problem import Answer, Method, Outcome, Run, run_once
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.scene import Machine
 
 

@@ -20,8 +20,8 @@ import numpy as np
 from benchmarks.peers import exudyn, mujoco
 from benchmarks.problem import OURS, Answer
 from benchmarks.tree import Tree
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, load_scene

@@ -31,13 +31,11 @@ WORDS = {
     'derivatives': 'by numbers of scenes',
     'scene': 'YAML to machine, kinds of joints, sensors, loads',
     'sensing': 'instruments',
-    'linkages': 'gaps, slots',
-    'cams': 'laws, profiles',
-    'gears': 'teeth, trains',
+    'linkages': 'ideal motion',
+    'joints': 'a folder a kind',
     'vibration': 'linear theory',
-    'hybrid': 'event loop, solutions, audit',
+    'engine': 'contact laws, event loop, solutions, audit',
     'planar': 'bodies, tree, equations',
-    'contact': 'impact laws, LCP',
 }
 """What the rooms hold; the lowest three layers are drawn by their names alone."""
 

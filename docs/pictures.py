@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, FancyArrowPatch
 from numpy.typing import NDArray
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import LinkPart

@@ -13,7 +13,7 @@ from typing import Any as _Any
 
 __path__ = _extend_path(__path__, __name__)
 
-from mechanism_sim.hybrid import plotting as _plotting
+from mechanism_sim.engine import plotting as _plotting
 from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
 
 _ROOMS = {

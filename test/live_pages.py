@@ -9,7 +9,7 @@ import numpy as np
 from middleware_network import eventually
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import pack
 from mechanism_sim.pages.assets import contents_of

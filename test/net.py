@@ -36,7 +36,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.scene import span
 
 RECORD = Path(__file__).parent / 'references/net.json'

@@ -11,7 +11,7 @@ from benchmarks.four_bar import reference
 from benchmarks.integration import event_loop, run_solve_ivp, solve_ivp_methods
 from benchmarks.peers.exudyn_beams import method, prepare_slider_crank
 from benchmarks.problem import OURS, Answer, Method, Problem, Run
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.scene import Machine, load_scene
 

@@ -23,8 +23,8 @@ from benchmarks.problem import (
     missing,
 )
 from benchmarks.rattling import GEARS, VALVE, Rattling
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.scene import load_scene
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)

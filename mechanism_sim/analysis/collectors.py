@@ -12,9 +12,9 @@ import numpy as np
 from mechanism_sim.analysis.published import PublishedRange
 from mechanism_sim.analysis.series import Field, MessagePath, numeric_paths, recorded
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Mode, ModeChange
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Mode, ModeChange
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.chain import QUANTITIES

@@ -20,12 +20,12 @@ import numpy as np
 
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.energy_terms import EnergyTerms
+from mechanism_sim.engine.events import Impact, Mode, ModeChange
 from mechanism_sim.errors import InputError, check_known
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
-from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, row_names
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial

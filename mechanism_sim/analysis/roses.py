@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record, loose_bearing
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.bearing_wear import binned, wear_sums

@@ -41,10 +41,10 @@ from mechanism_sim.analysis.record import (
     pieces,
 )
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.peak_shapes import PeakShape
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.hybrid.peak_shapes import PeakShape
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.recording.inventory import displacements, scene_name, scene_text

@@ -83,9 +83,9 @@ def add(command: Command) -> None:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from mechanism_sim.hybrid.digest import MotionDigest  # noqa: PLC0415
-    from mechanism_sim.hybrid.events import Impact, ModeChange  # noqa: PLC0415
-    from mechanism_sim.hybrid.snapshot import Snapshot  # noqa: PLC0415
+    from mechanism_sim.engine.digest import MotionDigest  # noqa: PLC0415
+    from mechanism_sim.engine.events import Impact, ModeChange  # noqa: PLC0415
+    from mechanism_sim.engine.snapshot import Snapshot  # noqa: PLC0415
     from mechanism_sim.report import (  # noqa: PLC0415
         derivatives,
         measured,

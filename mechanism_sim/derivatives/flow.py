@@ -30,9 +30,9 @@ from mechanism_sim.derivatives.jumps import (
 )
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
 from mechanism_sim.derivatives.numeric_keys import NumericKey
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Impact, Mode
-from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Impact, Mode
+from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.planar.switches import SwitchTable
 from mechanism_sim.scene import Machine
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.contact.impact import NEWTON, POISSON
+from mechanism_sim.engine.contact.impact import NEWTON, POISSON
 from mechanism_sim.numerics.complementarity import (
     BACKWARD,
     FORWARD,

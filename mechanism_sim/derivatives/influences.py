@@ -12,10 +12,10 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.numeric_keys import NumericKey, differences
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.system import System
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.hybrid.system import System
 from mechanism_sim.numerics import compiled
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw, Law, unrolled
 from mechanism_sim.scene import Machine

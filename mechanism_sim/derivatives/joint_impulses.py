@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.contact.rubbing import Rubs, friction_impulses
+from mechanism_sim.engine.contact.rubbing import Rubs, friction_impulses
 
 _ROUNDS = 200
 _SETTLED = 1e-14

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.contact.rubbing import Rubs, rubs_of
 from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
 from mechanism_sim.derivatives.influences import NUMBERS, Influence
 from mechanism_sim.derivatives.joint_impulses import beside
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
-from mechanism_sim.hybrid.events import Impact, Mode
+from mechanism_sim.engine.contact.rubbing import Rubs, rubs_of
+from mechanism_sim.engine.events import Impact, Mode
 
 _ALIKE = 1e-7  # of the largest: what differs by less is equal
 _SMALL = 1e-9

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.numeric_keys import WEIGHTS
-from mechanism_sim.hybrid.dense_output import Motion, instants
-from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.physics import DynamicPhysics
+from mechanism_sim.engine.dense_output import Motion, instants
+from mechanism_sim.engine.events import Mode
+from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.symbolic import Term, add, dot, mul

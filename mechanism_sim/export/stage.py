@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.export.bending import round_below
 from mechanism_sim.export.palette import index
 from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.play import SIDES as CORNERS

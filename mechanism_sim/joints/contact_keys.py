@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.contact.compliant import (
+from mechanism_sim.engine.contact.compliant import (
     Flores,
     Hertz,
     HuntCrossley,

@@ -19,11 +19,11 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Impact, ModeChange
+from mechanism_sim.engine.physics import each_instant, outside, rows
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.physics import each_instant, outside, rows
-from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
 from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, NominalPiece
 from mechanism_sim.numerics.polynomials import (

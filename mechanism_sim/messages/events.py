@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim import strict_json
+from mechanism_sim.engine.events import Impact as ImpactEvent
+from mechanism_sim.engine.events import ModeChange as ModeChangeEvent
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Impact as ImpactEvent
-from mechanism_sim.hybrid.events import ModeChange as ModeChangeEvent
 from mechanism_sim.planar.drive import DriveLaw as MotionLaw
 from mechanism_sim.planar.drive import Law, TorqueLaw
 from mechanism_sim.scene.build import build

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.messages import CamState, GearState, GenevaState
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.results.quantity import View

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.scene.machine import Machine

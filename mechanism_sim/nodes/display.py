@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.analysis.preview import preview
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.export.stage import Swaying
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import Impact, MarkerArray
 from mechanism_sim.nodes.following import MotionFollower, Schedule
 from mechanism_sim.nodes.force_markers import ForceMarkers, shapes

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
+from mechanism_sim.engine.dense_output import Motion as MotionBatch
 from mechanism_sim.messages import Motion
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.nodes.qos import RESULTS

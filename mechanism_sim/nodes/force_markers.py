@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.preview import Preview
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import frame_of
 from mechanism_sim.export.palette import ACCENT, INK, PAPER, colour, rgb, tint
@@ -24,7 +25,6 @@ from mechanism_sim.export.shapes import OPEN, Shape, Style, coil
 from mechanism_sim.export.skeleton import Skeleton, strung
 from mechanism_sim.export.stage import StageFrames
 from mechanism_sim.export.triangles import triangles
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point, message_class, stamp
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Joint

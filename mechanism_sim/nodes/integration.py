@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from mechanism_sim.engine.audit import Work
+from mechanism_sim.engine.dense_output import Motion as MotionBatch
+from mechanism_sim.engine.energy_terms import work_since_start
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.hybrid.audit import Work
-from mechanism_sim.hybrid.dense_output import Motion as MotionBatch
-from mechanism_sim.hybrid.energy_terms import work_since_start
 from mechanism_sim.messages import (
     DriveLaw,
     Impact,

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import message_class, service_class, stamp
 from mechanism_sim.messages.part_states import KINDS, integrator_of, kinds_of
 from mechanism_sim.nodes.described_node import Diagnosis

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages import OscillatorState, stamp
 from mechanism_sim.messages.topics import OSCILLATOR_STATE
 from mechanism_sim.nodes.following import MotionFollower, Schedule

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.energy_terms import EnergyTerms
+from mechanism_sim.engine.physics import Physics
 from mechanism_sim.export.ideal import WORLD
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
-from mechanism_sim.hybrid.physics import Physics
 from mechanism_sim.messages import (
     BearingLoads,
     JointReactions,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.messages import Imu, SensorBlock, float64_array
 from mechanism_sim.nodes.following import MotionFollower
 from mechanism_sim.nodes.middleware import Parameter

@@ -11,8 +11,8 @@ import numpy as np
 
 from mechanism_sim.analysis.preview import preview
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.export.stage import StageFrames, Swaying, packed
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import foreign, motion_of
 from mechanism_sim.pages.recorded import PER_TURN

@@ -10,8 +10,8 @@ import numpy as np
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.export.stage import Stage, StageFrames, Swaying, packed, stage_of
-from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.results.run import instants
 
 PER_TURN = 120

@@ -3,7 +3,7 @@
 What rubs is one number T per joint, on the second-named link: a moment about the pin, or a force
 along the line. While it slides ``T = -b sign(rate)``; while it sticks T is what keeps the rate at
 zero, as long as ``|T| <= b``. The bound b grows with the joint's own force, which depends on T:
-equations for all T at once, solved by Newton's method: in `hybrid.holding` for equations of
+equations for all T at once, solved by Newton's method: in `engine.holding` for equations of
 motion, in `solve_friction` for known motions. The derivation is in docs/physics.md.
 """
 

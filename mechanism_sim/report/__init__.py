@@ -8,7 +8,7 @@ import sys
 from types import ModuleType
 from typing import Any
 
-from mechanism_sim.hybrid import plotting
+from mechanism_sim.engine import plotting
 
 
 class _Report(ModuleType):

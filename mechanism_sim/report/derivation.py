@@ -15,7 +15,7 @@ from typing import Any
 import heyoka as hy
 import sympy
 
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.engine.system import System
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import CORNERED
 from mechanism_sim.numerics.formula import Words

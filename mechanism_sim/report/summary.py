@@ -12,9 +12,9 @@ import numpy as np
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.events import Impact, Mode, ModeChange, StopReason
-from mechanism_sim.hybrid.totals import Totals
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.events import Impact, Mode, ModeChange, StopReason
+from mechanism_sim.engine.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.recording.runs import realtime_factor
 from mechanism_sim.report.sections import Section, SummaryRow, amount

@@ -17,10 +17,10 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine import plotting
+from mechanism_sim.engine.peak_shapes import PeakShape, peak_shape
+from mechanism_sim.engine.physics import each_instant
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid import plotting
-from mechanism_sim.hybrid.peak_shapes import PeakShape, peak_shape
-from mechanism_sim.hybrid.physics import each_instant
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit

@@ -21,11 +21,11 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flow, Flows
 from mechanism_sim.derivatives.influences import NUMBERS, influences
 from mechanism_sim.derivatives.numeric_keys import WEIGHTS, NumericKey, numeric_keys
+from mechanism_sim.engine.audit import Work, work_in
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.energy_terms import EnergyTerms
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Work, work_in
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
-from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.results.measures import Measurement

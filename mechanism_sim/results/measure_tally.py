@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.audit import recovers
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import recovers
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.expressions import ExpressionNode, numbers
 from mechanism_sim.numerics.extremes import GLANCES, ExtremeSearch
 from mechanism_sim.numerics.monotone import Monotone, joined, monotone

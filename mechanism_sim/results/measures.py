@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Impact, Mode
 from mechanism_sim.errors import InputError, check_known, nearest
-from mechanism_sim.hybrid.events import Impact, Mode
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.energy_terms import EnergyTerms, energy_so_far
-from mechanism_sim.hybrid.physics import each_instant
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.energy_terms import EnergyTerms, energy_so_far
+from mechanism_sim.engine.physics import each_instant
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -104,7 +104,7 @@ class View:
 
     @cached_property
     def modes(self) -> NDArray[np.uint8]:
-        """States (m, N) of the gaps, see `mechanism_sim.hybrid.events.Mode`."""
+        """States (m, N) of the gaps, see `mechanism_sim.engine.events.Mode`."""
         return self._motion.modes_at(self._segments, self._dt)
 
     @property

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.peak_shapes import PeakOutlines, PeakShape
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.peak_shapes import PeakOutlines, PeakShape
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.results.catalogue import catalogue

@@ -15,16 +15,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine import plotting
+from mechanism_sim.engine.audit import Audit, Energy, Work
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.energy_terms import EnergyTerms
+from mechanism_sim.engine.events import Impact, ModeChange, StopReason
+from mechanism_sim.engine.physics import Physics
+from mechanism_sim.engine.plotting import Rich
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid import plotting
-from mechanism_sim.hybrid.audit import Audit, Energy, Work
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
-from mechanism_sim.hybrid.events import Impact, ModeChange, StopReason
-from mechanism_sim.hybrid.physics import Physics
-from mechanism_sim.hybrid.plotting import Rich
-from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.results.catalogue import Catalogue, catalogue
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine

@@ -12,12 +12,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Self
 
+from mechanism_sim.engine import plotting
+from mechanism_sim.engine.audit import Energy
+from mechanism_sim.engine.events import StopReason
+from mechanism_sim.engine.snapshot import Snapshot
+from mechanism_sim.engine.totals import Totals
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid import plotting
-from mechanism_sim.hybrid.audit import Energy
-from mechanism_sim.hybrid.events import StopReason
-from mechanism_sim.hybrid.snapshot import Snapshot
-from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.derivatives import AskedDerivatives

@@ -9,8 +9,8 @@ from fractions import Fraction
 from itertools import islice, pairwise, takewhile
 from typing import NamedTuple
 
+from mechanism_sim.engine.clock import take_off_turns
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.clock import take_off_turns
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.formulas import FormulaTorque
 from mechanism_sim.numerics.time_series import TimeSeries

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from mechanism_sim.hybrid.dynamics import AppliedForces
-from mechanism_sim.hybrid.observer import Observer
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.engine.dynamics import AppliedForces
+from mechanism_sim.engine.observer import Observer
+from mechanism_sim.engine.system import System
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.keys.names import SceneError

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.physics import Physics, outside
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.physics import Physics, outside
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.impulses import JointImpulses

@@ -22,11 +22,11 @@ from functools import cached_property
 from itertools import islice, takewhile
 from typing import Any, TypeAlias
 
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.physics import DynamicPhysics, Physics
+from mechanism_sim.engine.plotting import Rich
+from mechanism_sim.engine.snapshot import Snapshot, State
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
-from mechanism_sim.hybrid.plotting import Rich
-from mechanism_sim.hybrid.snapshot import Snapshot, State
 from mechanism_sim.joints.contact_keys import Play, in_plane
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors

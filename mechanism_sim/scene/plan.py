@@ -15,9 +15,9 @@ from itertools import islice, takewhile
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.clock import take_off_turns
+from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.clock import take_off_turns
-from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of

@@ -21,10 +21,10 @@ from fractions import Fraction
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.clock import take_off_turns
+from mechanism_sim.engine.observer import Instants
+from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.clock import take_off_turns
-from mechanism_sim.hybrid.observer import Instants
-from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
 from mechanism_sim.joints.revolute.keys import leaning

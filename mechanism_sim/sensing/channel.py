@@ -14,7 +14,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, exact_sum
 from mechanism_sim.numerics.rational import Modes, Rational

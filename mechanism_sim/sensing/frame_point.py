@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.points import Vector2

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.physics import Physics
+from mechanism_sim.engine.events import Mode
+from mechanism_sim.engine.physics import Physics
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
@@ -27,7 +27,7 @@ class JointView:
 
     Attributes
     ----------
-    modes : (m, N) of the gaps of the machine, see `mechanism_sim.hybrid.events.Mode`
+    modes : (m, N) of the gaps of the machine, see `mechanism_sim.engine.events.Mode`
     """
 
     mechanism: Mechanism

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, factors, product

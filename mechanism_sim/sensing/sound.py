@@ -19,9 +19,9 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.events import Impact
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
 from mechanism_sim.planar.play import is_stop, joint_of_gap

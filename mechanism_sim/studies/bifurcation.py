@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError, RunError, nearest
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.run import Piece, Runner

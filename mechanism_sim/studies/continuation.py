@@ -19,10 +19,10 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.events import Impact
-from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine

@@ -18,10 +18,10 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import Flows
 from mechanism_sim.derivatives.numeric_keys import OFFSETS, WEIGHTS
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.snapshot import State
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine

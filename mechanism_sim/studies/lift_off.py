@@ -9,8 +9,8 @@ import heyoka as hy
 import scipy
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.physics import outside
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.physics import outside
 from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.numerics.extremes import ExtremeSearch

@@ -14,8 +14,8 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flows
+from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Machine, Source, load_scene

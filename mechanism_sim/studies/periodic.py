@@ -16,11 +16,11 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import Flows
 from mechanism_sim.derivatives.numeric_keys import WEIGHTS, numeric_keys
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.snapshot import State
+from mechanism_sim.engine.totals import Totals
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.hybrid.totals import Totals
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.results.run import Runner

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.run import Observer, Piece

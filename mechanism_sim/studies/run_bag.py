@@ -11,8 +11,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Self
 
-from mechanism_sim.hybrid import events as happened
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine import events as happened
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.recording.rosbag2 import Qos

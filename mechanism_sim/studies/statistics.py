@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement, per_turn

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output, tables
+from mechanism_sim.engine import plotting
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid import plotting
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan

@@ -49,8 +49,8 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.simulate import simulate

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import stream

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.numerics.rational import Modes, Rational

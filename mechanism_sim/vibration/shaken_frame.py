@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.physics import Physics, outside, rows
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.physics import Physics, outside, rows
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, ModalResponse, polynomials
 from mechanism_sim.numerics.polynomials import (
     Nodes,

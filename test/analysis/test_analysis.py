@@ -17,9 +17,9 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.details import Wanted, find_details
 from mechanism_sim.analysis.record import RecordedPiece, read_record
 from mechanism_sim.analysis.summary import Crank, analyze
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of

@@ -17,8 +17,8 @@ from switched import switched
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.run import Solution
 

@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.planar.drive import TWO_PI
 
 INPUTS = Path(__file__).parent / 'inputs'

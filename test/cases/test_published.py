@@ -15,8 +15,8 @@ from mcap.writer import IndexType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 import mechanism_sim as ms
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.imports import import_machine
 from mechanism_sim.messages import definition
 from mechanism_sim.recording.reader import read_bag

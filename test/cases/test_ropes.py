@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 
 INPUTS = Path(__file__).parent / 'inputs'
 G = 9.81

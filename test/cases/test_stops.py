@@ -14,8 +14,8 @@ from scipy.integrate import quad, solve_ivp
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.scene.gate import admit
 
 INPUTS = Path(__file__).parent / 'inputs'

@@ -7,7 +7,7 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.derivatives.flow import Flows
-from mechanism_sim.hybrid.snapshot import State
+from mechanism_sim.engine.snapshot import State
 from mechanism_sim.studies.periodic import PoincareMap, find_periodic
 from test.builders import PLAY
 

@@ -38,7 +38,7 @@ from running import command, environment
 import mechanism_sim as ms
 from mechanism_sim import ending
 from mechanism_sim.analysis.summary import analyze
-from mechanism_sim.hybrid.digest import MotionDigest
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.messages import (
     DriveLaw,
     MessageError,

@@ -15,8 +15,8 @@ from itertools import product
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.event_loop import EventLoop
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.scene import Machine

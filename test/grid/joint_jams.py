@@ -15,8 +15,8 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.symbolic import add, dense, dot
 from mechanism_sim.tolerances import TOLERANCES
 

@@ -14,10 +14,10 @@ from fractions import Fraction
 
 import numpy as np
 
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.snapshot import Snapshot
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene import Machine, run_length

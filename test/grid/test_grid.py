@@ -9,12 +9,12 @@ from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.contact import respond
-from mechanism_sim.contact.problem import Rest
+from mechanism_sim.engine import frictional_shocks
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.contact import respond
+from mechanism_sim.engine.contact.problem import Rest
+from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid import frictional_shocks
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.event_loop import EventLoop
 from test.grid import jams as jams_module
 from test.grid.case import Draft, Family, GridCase, exchanged_energy, run_case, variant
 from test.grid.command import main

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from mechanism_sim.engine.audit import Energy
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.audit import Energy
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import load_scene

@@ -12,14 +12,14 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.audit import Audit, Energy
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.events import Impact, ModeChange
-from mechanism_sim.hybrid.observer import Observer
-from mechanism_sim.hybrid.physics import DynamicPhysics
-from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.engine.audit import Audit, Energy
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.events import Impact, ModeChange
+from mechanism_sim.engine.observer import Observer
+from mechanism_sim.engine.physics import DynamicPhysics
+from mechanism_sim.engine.snapshot import State
+from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.symbolic import Term
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.frames import Frames, Jet, lift

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from test.hard.bodies import GRAVITY, SIZE, Floor, ThrownBody, residual
 from test.hard.case import Figure, hard_case
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.joints.cam.laws import MeasuredLaw
 from mechanism_sim.joints.mesh.constraint import GearMesh

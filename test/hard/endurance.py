@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.dense_output import Motion
-from mechanism_sim.hybrid.snapshot import Snapshot
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.scene import Machine
 from test.hard.bodies import TURN, thesis
 from test.hard.case import Figure, hard_case

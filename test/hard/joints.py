@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.hybrid.events import Mode, gains
+from mechanism_sim.engine.events import Mode, gains
 from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine

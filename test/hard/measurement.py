@@ -21,7 +21,7 @@ from benchmarks.stages import (
     resonator,
 )
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, exact_sum
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic

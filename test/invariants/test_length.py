@@ -12,10 +12,10 @@ from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
-from mechanism_sim.hybrid.snapshot import Snapshot
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.energy_terms import EnergyTerms
+from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.numerics.formula import Words, expression
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import Piece, Runner

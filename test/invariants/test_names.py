@@ -14,8 +14,8 @@ import yaml
 from builders import made
 
 import mechanism_sim as ms
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.results.catalogue import catalogue
 

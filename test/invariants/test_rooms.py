@@ -16,7 +16,7 @@ PACKAGE = ROOT / 'mechanism_sim'
 def test_numerics_knows_no_mechanics_and_physics_no_middleware():
     """Importing the engine loads nothing that carries or stores messages."""
     code = (
-        'import sys, mechanism_sim.hybrid.event_loop, mechanism_sim.linkages.nominal; '
+        'import sys, mechanism_sim.engine.event_loop, mechanism_sim.linkages.nominal; '
         'rooms = {m.split(".")[1] for m in sys.modules if m.startswith("mechanism_sim.")}; '
         'print(" ".join(sorted(rooms)))'
     )
@@ -25,7 +25,7 @@ def test_numerics_knows_no_mechanics_and_physics_no_middleware():
         cwd=PACKAGE.parent,
     )  # fmt: skip
     assert set(out.stdout.split()) <= {
-        'arrays', 'errors', 'numerics', 'units', 'planar', 'contact', 'hybrid', 'linkages',
+        'arrays', 'errors', 'numerics', 'units', 'planar', 'engine', 'linkages',
         'output', 'memory', 'packages', 'terminal', 'tolerances',
         'strict_json', 'text_table',
     }  # fmt: skip

@@ -11,8 +11,8 @@ from four_bars import loose
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
+from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.results.measures import EXACT, Measurement, measure

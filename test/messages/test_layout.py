@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mechanism_sim.hybrid.events import Impact, Mode, ModeChange
+from mechanism_sim.engine.events import Impact, Mode, ModeChange
 from mechanism_sim.messages import (
     CamState,
     CheckedBytes,

@@ -19,8 +19,8 @@ from running import FOLLOW, ROOT, TIMEOUT, environment, ros_found, run_json, scr
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.digest import MotionDigest
 from mechanism_sim.messages.events import law_of
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.recording.reader import read_bag

@@ -16,9 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
-from mechanism_sim.contact.problem import ContactArrays, problem_of
-from mechanism_sim.hybrid.observer import Instants, Observer
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.engine.contact.problem import ContactArrays, problem_of
+from mechanism_sim.engine.observer import Instants, Observer
+from mechanism_sim.engine.system import System
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.symbolic import dense

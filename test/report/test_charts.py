@@ -15,8 +15,8 @@ from running import one_of
 import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import ModeShares
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.pages.charts import figure, sections
 from mechanism_sim.report.charts import bands, impacts
 from mechanism_sim.report.charts.course import ChartedRun

@@ -16,9 +16,9 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import Asked
 from mechanism_sim.analysis.series import parse
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import LINKS
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag

@@ -21,8 +21,8 @@ from running import environment, one_of, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
-from mechanism_sim.hybrid.events import Mode
-from mechanism_sim.hybrid.observer import Instants, Observer
+from mechanism_sim.engine.events import Mode
+from mechanism_sim.engine.observer import Instants, Observer
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.reactions import generalized_forces

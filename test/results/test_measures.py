@@ -11,9 +11,9 @@ from four_bars import loose
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.energy_terms import EnergyTerms
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
 from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure

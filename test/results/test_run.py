@@ -10,10 +10,10 @@ from four_bars import loose
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
+from mechanism_sim.engine import audit
+from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import RunError
-from mechanism_sim.hybrid import audit
-from mechanism_sim.hybrid.digest import MotionDigest
-from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.results.run import Batch, Runner, run
 from mechanism_sim.studies.floquet import station
 from mechanism_sim.studies.periodic import find_periodic
@@ -23,7 +23,7 @@ from mechanism_sim.studies.runs import compute
 from mechanism_sim.studies.statistics import statistics
 
 PACKAGE = Path(ms.__file__).parent
-ENGINES = 'hybrid', 'linkages'
+ENGINES = 'engine', 'linkages'
 TURNED = {'drive': {
     'coordinate': 'crank', 'torque': {'constant': 0.2, 'per_speed': -0.01}, 'speed': 20.0,
 }}  # fmt: skip

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mechanism_sim.contact.impact import (
+from mechanism_sim.engine.contact.impact import (
     ContactCompliance,
     ContactImpulse,
     Hypothesis,

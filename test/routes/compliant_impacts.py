@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import gamma, inf, log1p, pi, sqrt
 
-from mechanism_sim.contact.compliant import CompliantLaw, Hertz
+from mechanism_sim.engine.contact.compliant import CompliantLaw, Hertz
 
 
 def _work(damping: float, u: float) -> float:

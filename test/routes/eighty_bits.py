@@ -20,7 +20,7 @@ import mechanism_sim as ms
 from mechanism_sim.derivatives.influences import Influence, own
 from mechanism_sim.derivatives.linearised import LinearEquations
 from mechanism_sim.derivatives.numeric_keys import NumericKey, numeric_keys
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.switches import Switch
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic

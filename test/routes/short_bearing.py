@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.engine.contact.film import ShortBearing
 
 OIL = ShortBearing(viscosity=0.02, width=8e-3, radius=10e-3, clearance=30e-6)
 eccentric = st.floats(0.0, 0.95)

@@ -13,7 +13,7 @@ from scipy.linalg import block_diag, expm
 from scipy.stats import kstest
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.modal_filter import ModalFilter
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.sensing.chain import (

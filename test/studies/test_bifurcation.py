@@ -11,8 +11,8 @@ from bouncing_ball import E, G, ball, speed
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.audit import Audit
 from mechanism_sim.studies import bifurcation as study
 
 

@@ -11,7 +11,7 @@ from four_bars import RADIAL, SPEED, reference
 from scipy.integrate import quad
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.thesis.contact_loss import (
     ClearanceLink,
     contact_loss,

@@ -14,8 +14,8 @@ from running import run, run_json
 from two_masses import TwoMasses
 
 import mechanism_sim as ms
+from mechanism_sim.engine.observer import Instants
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.observer import Instants
 from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.scene.start import Start
 from mechanism_sim.studies.floquet import repeated, station

@@ -8,7 +8,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.contact.film import JournalMotion, ShortBearing
+from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Mechanism

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from pydantic import Field
 
-from mechanism_sim.contact.film import ShortBearing
+from mechanism_sim.engine.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import (
     AxialPlay,

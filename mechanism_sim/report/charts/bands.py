@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.report.charts.chart import ROW, TIME, Axis, ChartCurve, Panel
 
 MODES: dict[int, str] = {

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechanism_sim.analysis.roses import Rose, impact_rose, wear_maps
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.events import Impact
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (

@@ -8,7 +8,7 @@ from typing import get_type_hints
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.linkages.springs import Elongation, TorsionSpring
 from mechanism_sim.numerics.symbolic import Term, neg
 from mechanism_sim.planar.frames import Frames, Parameters

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.physics import DynamicPhysics, Physics
+from mechanism_sim.engine.physics import DynamicPhysics, Physics
 from mechanism_sim.planar.configuration import Poses
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.joint_friction import JointFriction

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import check_known
-from mechanism_sim.hybrid.physics import DynamicPhysics
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames, Parameters

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.scene.frame_forces import JointWrenches
 from mechanism_sim.scene.sensor_keys import (

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.hybrid.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.sensor_keys import SENSORS, BetweenKeys, angle_between

@@ -9,9 +9,9 @@ from builders import made
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
+from mechanism_sim.engine.events import StopReason
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.skeleton import skeleton_of
-from mechanism_sim.hybrid.events import StopReason
 from mechanism_sim.scene.check import check
 
 J1, J2, R1, R2, K = 0.003, 0.08, 0.04, 0.1, 5e4

@@ -13,7 +13,7 @@ from event_solution import Machine, Wall, apart, solve
 from rattling import CycloidalLaw, EccentricLaw, GrooveCam, SprungFollower
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.studies.lift_off import lift_offs
 from test.grid.case import variant
 

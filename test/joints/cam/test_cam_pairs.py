@@ -8,8 +8,8 @@ from absolute import differences
 from builders import cam_pair, made, placed
 
 import mechanism_sim as ms
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam import curves
 from mechanism_sim.joints.cam.distance import displacement
 from mechanism_sim.joints.cam.laws import Diagram, Eccentric, MeasuredLaw, Raised, Segment

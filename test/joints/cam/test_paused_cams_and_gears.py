@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.snapshot import Snapshot
+from mechanism_sim.engine.snapshot import Snapshot
 
 PAUSES = {'valve_train': 100, 'gear_rattle': 20, 'whole_machine': 8}
 SPANS = {'valve_train': 0.04, 'gear_rattle': 0.2, 'whole_machine': 0.1}  # [s]

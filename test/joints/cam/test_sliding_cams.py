@@ -9,8 +9,8 @@ from builders import cam_pair, made, placed
 from event_solution import Machine, Wall, apart, solve
 
 import mechanism_sim as ms
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.hybrid.events import Mode
 from mechanism_sim.joints.cam.reading import read_cam
 from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.points import rotate

@@ -10,7 +10,7 @@ from rattling import GearRattle
 from scipy.integrate import quad, solve_ivp
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.events import Mode
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.joints.mesh.compliance import middle, touching
 from mechanism_sim.joints.mesh.pair import Path
 

@@ -10,12 +10,12 @@ from builders import made
 from four_bars import reference
 
 import mechanism_sim as ms
-from mechanism_sim.hybrid.audit import Audit
-from mechanism_sim.hybrid.event_loop import EventLoop
-from mechanism_sim.hybrid.observer import Observer
-from mechanism_sim.hybrid.physics import DynamicPhysics
-from mechanism_sim.hybrid.snapshot import State
-from mechanism_sim.hybrid.system import System
+from mechanism_sim.engine.audit import Audit
+from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.observer import Observer
+from mechanism_sim.engine.physics import DynamicPhysics
+from mechanism_sim.engine.snapshot import State
+from mechanism_sim.engine.system import System
 from mechanism_sim.joints.prismatic.contact import corners
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.drive import DriveLaw

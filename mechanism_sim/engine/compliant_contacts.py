@@ -1,0 +1,162 @@
+"""Touches of compliant contacts, read from the finished polynomials of the motion."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebder, chebroots, chebval
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array, some
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Impact, Mode
+from mechanism_sim.engine.observer import Observer
+from mechanism_sim.engine.physics import DynamicPhysics
+from mechanism_sim.engine.system import System
+from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
+from mechanism_sim.numerics.quadrature import Assumptions, integrate, parts_of
+from mechanism_sim.tolerances import TOLERANCES
+
+_COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more
+_NODES = Nodes(tuple(chebyshev_nodes(_COUNT).tolist()))
+# integrals over [0, 1] of the Chebyshev polynomials: Fejer's quadrature
+_WEIGHTS = np.array([0.0 if k % 2 else 1.0 / (1.0 - k * k) for k in range(_COUNT)])
+
+
+class OngoingTouch(NamedTuple):
+    """A touch that lasts still, as far as it is known; without one, `begin` is infinite."""
+
+    begin: float = math.inf  #: [s]; negative infinite if it is that of the start
+    approach: float = 0.0  #: [m/s]
+    angle: float = 0.0  #: [rad] of the normal at the beginning
+    normal: float = 0.0  #: [N s] so far
+    tangential: float = 0.0  #: [N s] so far
+    loss: float = 0.0  #: [J] so far
+    peak: float = 0.0  #: [N] so far
+
+
+class Touches:
+    """Gathers the touches of a run, batch by batch; how it is cut does not matter.
+
+    Attributes
+    ----------
+    present : of every gap, what is not complete
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._physics = DynamicPhysics(Observer(system))
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what lasts; a contact that is closed next has been so from the start."""
+        self.present: tuple[OngoingTouch, ...] = (OngoingTouch(-math.inf),) * len(
+            self._system.gaps
+        )
+
+    def add(self, motion: Motion) -> list[Impact]:
+        """Go on with the segments that follow; returns the touches that end there."""
+        self.present, found = self.follow(motion)
+        return found
+
+    def follow(self, motion: Motion) -> tuple[tuple[OngoingTouch, ...], list[Impact]]:
+        """Touches that last at the end of the segments that follow, and those that end there."""
+        present, found = [], []
+        for gap, touch in enumerate(self.present):
+            last, ended = self._follow(gap, touch, motion)
+            present.append(last)
+            found += ended
+        return tuple(present), sorted(found, key=lambda i: i.t)
+
+    def _follow(
+        self, gap: int, touch: OngoingTouch, motion: Motion
+    ) -> tuple[OngoingTouch, list[Impact]]:
+        closed = motion.closed[:, gap]
+        inside = np.flatnonzero(closed)
+        shares = self._shares(gap, motion, inside) if len(inside) else np.zeros((4, 0))
+        found, k = [], 0
+        edges = [0, *(np.flatnonzero(np.diff(closed)) + 1).tolist(), len(closed)]
+        for first, end in pairwise(edges):
+            if first == end:
+                continue
+            if not closed[first]:
+                if math.isfinite(touch.begin):
+                    found.append(self._ended(gap, touch, motion, first))
+                touch = OngoingTouch()
+                continue
+            if touch.begin == math.inf:
+                rate, angle = self._edge(gap, motion, first)
+                touch = OngoingTouch(float(motion.curve.start[first]), -rate, angle)
+            count = end - first
+            p, q, loss, peak = shares[:, k : k + count].tolist()
+            k += count
+            if touch.begin > -math.inf:
+                for i in range(count):  # one by one, so that batches do not show
+                    touch = touch._replace(
+                        normal=touch.normal + p[i],
+                        tangential=touch.tangential + q[i],
+                        loss=touch.loss + loss[i],
+                        peak=max(touch.peak, peak[i]),
+                    )
+        return touch, found
+
+    def _edge(self, gap: int, motion: Motion, segment: int) -> tuple[float, float]:
+        """Rate [m/s] of the gap where a segment begins, and the angle [rad] of its normal."""
+        seen = self._physics.touch(motion, np.array([segment]), np.zeros(1))
+        return float(seen.rate[gap, 0]), float(seen.normal_angle[gap, 0])
+
+    def _ended(self, gap: int, touch: OngoingTouch, motion: Motion, segment: int) -> Impact:
+        """A touch that is over where `segment` begins."""
+        t = float(motion.curve.start[segment])
+        return Impact(
+            t=t,
+            joint=self._system.gaps[gap].name,
+            normal_angle=touch.angle,
+            approach_speed=touch.approach,
+            rebound_speed=max(0.0, self._edge(gap, motion, segment)[0]),
+            normal_impulse=touch.normal,
+            tangential_impulse=touch.tangential,
+            energy_loss=touch.loss,
+            drive_impulse=0.0,
+            drive_work=0.0,
+            ends_chatter=False,
+            duration=t - touch.begin,
+            peak_force=touch.peak,
+        )
+
+    def _shares(self, gap: int, motion: Motion, segments: NDArray[np.intp]) -> Array:
+        """Impulses [N s], loss [J] and largest force [N] in segments: (4, N)."""
+        seen = self._physics.touch(motion, segments, _NODES)
+        force, friction, loss = (
+            x[gap].reshape(-1, _COUNT) for x in (seen.normal_force, seen.friction_force, seen.loss)
+        )
+        series = chebyshev_coefficients(np.array([force, friction, loss]))
+        p, q, lost = motion.curve.duration[segments] * (series @ _WEIGHTS)
+        recovers = np.flatnonzero(motion.modes[segments, gap] == Mode.RECOVERING)
+        if len(recovers):
+            parts, powers = some(parts_of(motion.curve), segments[recovers]), recovers >= 0
+            lost[recovers] = integrate(
+                lambda k, dt: self._physics.touch(motion, k, dt).loss[[gap]],
+                parts,
+                powers,
+                assumed=Assumptions(in_order=False),
+            ).value[0]
+        return np.array([p, q, lost, _peaks(series[0])])
+
+
+def _peaks(series: Array) -> Array:
+    """Largest values on [-1, 1] of Chebyshev series (N, d + 1): at an end, or at a level point."""
+    orders = np.arange(series.shape[1])
+    ends = np.array([series @ (-1.0) ** orders, series.sum(axis=1)])
+    slopes = np.array([series @ ((-1.0) ** (orders + 1) * orders**2), series @ orders**2.0])
+    peaks = np.asarray(ends.max(axis=0))
+    for k in np.flatnonzero((slopes[0] > 0.0) & (slopes[1] < 0.0)):
+        roots = chebroots(chebder(series[k]))
+        level = roots.real[
+            (np.abs(roots.imag) < TOLERANCES.contacts.real_root) & (np.abs(roots.real) <= 1.0)
+        ]
+        peaks[k] = max(peaks[k], np.max(chebval(level, series[k]), initial=0.0))
+    return peaks

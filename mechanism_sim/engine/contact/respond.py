@@ -1,0 +1,489 @@
+"""Response of contacts to an event, on arrays: impact, rest, release, slip and stick.
+
+`respond` takes a stage, goes on until it needs functions of the state at another place, and
+returns the stage that follows once they are evaluated; `NEEDS` says which. All that is kept of a
+machine are `EventArrays`: it may be one of many lanes.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.contact.chatter import ends, remaining_time
+from mechanism_sim.engine.contact.impact import jam_margin
+from mechanism_sim.engine.contact.problem import (
+    FLIES,
+    RECOVERS,
+    SLIDES_BACKWARD,
+    SLIDES_FORWARD,
+    STICKS,
+    ContactArrays,
+    ContactProblem,
+    Instant,
+    Layout,
+    Limits,
+    Mask,
+    Resting,
+    T,
+    come_to_rest,
+    horizon_of,
+    impact_of_all,
+    part_of,
+    problem_of,
+    push,
+    release,
+    slip_of,
+)
+from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernels import entry, kernel
+from mechanism_sim.tolerances import TOLERANCES
+
+_CONTACTS = TOLERANCES.contacts
+_GUARDS = TOLERANCES.guards
+_IMPACTS = TOLERANCES.impacts
+_ROUNDING = TOLERANCES.rounding
+
+DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED, SEEN = range(10)
+"""Stages: nothing is left; a guard of a gap fell, or one of friction; a gap strikes; contacts
+rest; gaps part; the state was projected, once or again; guards are looked at that are past zero.
+The last is none: it gives the guard that is past zero beside that of the counters, or -1."""
+
+UNSOLVED, JAMMED, SHOCK = -1, -2, -3
+"""Instead of a stage: no impulses satisfy all contacts; no forces keep those at rest; the guard's
+slide is to be stopped by an impact without collision. The last two go on with `RESTS`."""
+
+NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, *('watch',) * 2)
+"""By stage, the function of the state that is evaluated before."""
+
+(STAGE, GUARD, IMPACTS, CHANGES, TRIES, HELD, DRAWS, BEGINS, ROUNDS, WATCHED, GUARDS, SMOOTH,
+ RELATIONS, SIZE, LAYOUT) = range(15)  # fmt: skip
+COUNTERS = LAYOUT + len(Layout._fields)
+"""Columns of the counters of a run: the stage to go on from; the guard or gap of it; rows in the
+logs of impacts and of changes; how often gaps were moved apart; the gap whose slip ends, plus 1;
+whether others are drawn shut, or slides begin, after this stage; guards looked at so far, whether
+it is done here; guards, whether nothing rubs or is known by its rate only, whether loops close;
+numbers of the terms, then their layout."""
+
+TIME, HORIZON, FLOOR, MARGIN, LIMITS, DRIVES = 0, 1, 2, 3, 4, 10
+"""Columns of the reals: time [s], longest next step [s], what guards of friction may be below
+zero, two roundings of a place [m]; then limits, rates of the drives, restitutions, frictions."""
+
+MODE, BEFORE, HYPOTHESIS, GIVEN, CLOSED, STICK, SLIP, PRESS, RUBS, RATED = range(10)
+"""Rows of the integers of every gap: mode, that before the event, hypothesis, sign of a slip to
+be; parameters of its four flags or -1; the gaps with friction; whether it has a rate only."""
+
+SHUT, TOUCHING, RESTING, BEGINNING, DRAWN, PARTING = range(6)
+"""Rows of marks of every gap: closed, taking part, at rest, to slide, drawn shut, parting."""
+
+
+class EventArrays(NamedTuple):
+    """The arrays of a run with m gaps, all changed in place."""
+
+    x: Array  #: (2f,) free coordinates and rates
+    parameters: Array  #: runtime parameters of the equations
+    terms: Array  #: what ``contact_function`` gives, see `contact.problem.problem_of`
+    seen: Array  #: what ``watch`` or ``projection`` gives
+    reals: Array  #: see `TIME`
+    counters: Indices  #: see `STAGE`
+    gaps: NDArray[np.int64]  #: (10, m) see `MODE`
+    marks: NDArray[np.bool_]  #: (6, m) see `SHUT`
+    impacts: Array  #: (n, 12) log, with room for m rows
+    changes: Array  #: (n, 4) log: time, gap, mode, mode before; with room for 2 m rows
+
+
+class Situation(NamedTuple):
+    """The same, taken apart."""
+
+    run: EventArrays
+    c: ContactProblem
+    limits: Limits
+    now: Instant
+
+
+@kernel
+def run_of(
+    x: Array, parameters: Array, values: Array, reals: Array, whole: Indices,
+    marks: NDArray[np.bool_], impacts: Array, changes: Array,
+) -> EventArrays:  # fmt: skip
+    """A run's arrays by what they hold: of `values` first the terms, of `whole` the counters."""
+    size, gaps = whole[SIZE], whole[COUNTERS:].reshape((10, whole[LAYOUT]))
+    return EventArrays(
+        x, parameters, values[:size], values[size:], reals, whole[:COUNTERS], gaps, marks, impacts,
+        changes,
+    )  # fmt: skip
+
+
+@kernel
+def situation_of(run: EventArrays) -> Situation:
+    """The contact problem, limits and instant of a run's arrays."""
+    n, r = run.counters, run.reals
+    layout = Layout(n[LAYOUT], n[LAYOUT + 1], n[LAYOUT + 2], n[LAYOUT + 3], n[LAYOUT + 4])
+    m, f, p = layout.gaps, layout.free, layout.drives
+    at = DRIVES + p
+    laws = r[at : at + 2 * m].reshape((2, m))
+    arrays = ContactArrays(run.terms, layout, laws, run.marks[SHUT], run.gaps[HYPOTHESIS])
+    limits = Limits(r[4], r[5], r[6], r[7], r[8], r[9])
+    now = Instant(r[TIME], r[DRIVES:at], run.x[f:])
+    return Situation(run, problem_of(arrays), limits, now)
+
+
+@kernel
+def write_flags(
+    modes: Indices, sticking: Mask, places: NDArray[np.int64], parameters: Array
+) -> None:
+    """The flags closed, sticks, slips and presses of modes, in their places (4, m) if not -1.
+
+    Those set in `sticking` (m,), or of none (0,), count as if they stuck.
+    """
+    for i in range(len(modes)):
+        mode = STICKS if len(sticking) and sticking[i] else modes[i]
+        slip = 1.0 if mode == SLIDES_FORWARD else -1.0 if mode == SLIDES_BACKWARD else 0.0
+        for k in range(4):
+            if places[k, i] >= 0:
+                parameters[places[k, i]] = (
+                    (1.0 if mode > FLIES else 0.0) if k == 0
+                    else (1.0 if mode == STICKS else 0.0) if k == 1
+                    else slip if k == 2
+                    else (1.0 if FLIES < mode < RECOVERS else 0.0)
+                )  # fmt: skip
+
+
+@kernel
+def flag(run: EventArrays, sticking: Mask) -> None:
+    """Write the flags of the present modes."""
+    write_flags(run.gaps[MODE], sticking, run.gaps[CLOSED : PRESS + 1], run.parameters)
+
+
+@kernel
+def set_mode(run: EventArrays, gap: int, mode: int) -> None:
+    """Let a gap have another mode from now on, and enter that in the log."""
+    old = run.gaps[MODE, gap]
+    if old != mode:
+        row = run.changes[run.counters[CHANGES]]
+        row[0], row[1], row[2], row[3] = run.reals[TIME], gap, mode, old
+        run.counters[CHANGES] += 1
+    run.gaps[MODE, gap], run.marks[SHUT, gap] = mode, mode > FLIES
+
+
+@kernel
+def fell(run: EventArrays) -> int:
+    """A guard of a gap fell through zero."""
+    guard, mode = run.counters[GUARD], run.gaps[MODE]
+    if run.marks[SHUT, guard]:
+        return _lift(run, guard)
+    if not run.gaps[RATED, guard]:
+        alone = run.counters[SMOOTH] > 0
+        for k in range(len(mode)):
+            near = k != guard and run.terms[k] <= run.reals[LIMITS + 1]
+            alone = alone and mode[k] == FLIES and not near
+        return _bounce(run, guard) if alone else STRIKES
+    run.marks[TOUCHING] = run.marks[SHUT]
+    run.marks[TOUCHING, guard] = True
+    run.marks[RESTING] = run.marks[TOUCHING]
+    return RESTS
+
+
+@kernel
+def slips(run: EventArrays) -> int:
+    """A guard of friction fell through zero: sticking gives way, sliding ends or jams."""
+    k = run.counters[GUARD] - len(run.gaps[MODE])
+    gap, sign = run.gaps[RUBS, k // 2], 1 - 2 * (k % 2)
+    run.gaps[BEFORE] = run.gaps[MODE]
+    run.marks[TOUCHING] = run.marks[SHUT]
+    run.marks[RESTING] = run.marks[SHUT]
+    s = situation_of(run)
+    if run.gaps[MODE, gap] == STICKS:
+        if _would_jam(s, gap, -sign):
+            run.gaps[GIVEN, gap] = -sign
+            return RESTS
+        set_mode(run, gap, SLIDES_FORWARD if sign < 0 else SLIDES_BACKWARD)
+        flag(run, run.marks[SHUT, :0])
+        return _after(run)
+    if sign > 0:
+        run.counters[HELD] = gap + 1
+        return RESTS
+    # what jams; or there is nothing to be stopped
+    return SHOCK if slip_of(s.c, gap, s.limits.still) else _lift(run, gap)
+
+
+@kernel
+def _would_jam(s: Situation, gap: int, way: int) -> bool:
+    """True if the closed contacts could not slide if one of them began to."""
+    rows, A, _ = part_of(s.c, s.run.marks[SHUT])
+    friction, slip = np.empty(len(rows)), np.zeros(len(rows), dtype=np.int64)
+    for k in range(len(rows)):
+        mode = s.run.gaps[MODE, rows[k]]
+        friction[k] = min(s.c.friction[rows[k]], _IMPACTS.rough)
+        slip[k] = 1 if mode == SLIDES_FORWARD else -1 if mode == SLIDES_BACKWARD else 0
+        if rows[k] == gap:
+            slip[k] = way
+    return jam_margin(A, friction, slip) <= _GUARDS.jammed
+
+
+@kernel
+def _lift(run: EventArrays, gap: int) -> int:
+    """A closed contact opens."""
+    set_mode(run, gap, FLIES)
+    flag(run, run.marks[SHUT, :0])
+    run.marks[PARTING] = False
+    run.marks[PARTING, gap] = True
+    run.counters[DRAWS] = 0
+    return PARTS
+
+
+@kernel
+def _bounce(run: EventArrays, i: int) -> int:
+    """Impact of a gap without friction while all fly: `strikes` in few operations."""
+    s = situation_of(run)
+    c, limits, drives, e = s.c, s.limits, s.now.drives, s.c.restitution[i]
+    rate, acceleration = min(c.rate[i], 0.0), c.acceleration[i]
+    stop = ends(limits.allowed, limits.resolved, -e * rate, acceleration, e, -c.value[i])
+    after = 0.0 if stop else -e * rate
+    p = (after - rate) / c.compliance[i, i]
+    if p > 0.0:
+        push(c, i, p, 0.0, s.now.v)
+        row = run.impacts[run.counters[IMPACTS]]
+        given = work = 0.0
+        for k in range(len(drives)):
+            x = c.drive_response[i, k] * p
+            given += x
+            work += x * drives[k]
+        row[0], row[1], row[2], row[3], row[4] = s.now.time, i, c.normal_angle[i], -rate, after
+        row[5], row[6], row[7], row[8] = p, 0.0, -0.5 * (rate + after) * p, given
+        row[9], row[10] = work, 1.0 if stop else 0.0
+        row[11] = remaining_time(-e * rate, acceleration, e) if stop else 0.0
+        run.counters[IMPACTS] += 1
+    run.reals[HORIZON] = min(run.reals[HORIZON], horizon_of(after, acceleration))
+    if after <= -_IMPACTS.rebound * rate:
+        run.marks[TOUCHING] = False
+        run.marks[TOUCHING, i] = True
+        run.marks[RESTING] = run.marks[TOUCHING]
+        return RESTS
+    return DONE if run.counters[GUARDS] == len(c.value) else _after(run)
+
+
+@kernel
+def strikes(run: EventArrays) -> int:
+    """Impact in a gap and in all others that touch."""
+    s = situation_of(run)
+    done = impact_of_all(
+        s.c,
+        s.limits,
+        run.counters[GUARD],
+        s.now,
+        run.impacts,
+        run.counters[IMPACTS],
+        run.marks[TOUCHING],
+        run.marks[RESTING],
+    )
+    if not done.found:
+        return UNSOLVED
+    run.counters[IMPACTS] = done.entered
+    run.reals[HORIZON] = min(run.reals[HORIZON], done.horizon)
+    return RESTS if done.rests else _after(run)
+
+
+@kernel
+def rests(run: EventArrays) -> int:
+    """Keep closed those of the contacts without normal speed that are pressed together.
+
+    Where no force can keep a contact that slides, friction jams it.
+    """
+    s = situation_of(run)
+    c, m, n = s.c, len(s.c.value), run.counters
+    none, given = run.marks[SHUT, :0], run.gaps[GIVEN]
+    old = run.gaps[MODE].copy()
+    # what coming to rest loses is booked in the impact of this instant, if there was one
+    count = n[IMPACTS]
+    booked = count > 0 and run.impacts[count - 1, T] == run.reals[TIME]
+    booked = booked and (m > 1 or len(c.rate) > m)
+    found = come_to_rest(
+        c, s.limits, Resting(run.marks[RESTING], run.marks[TOUCHING], given), s.now.drives,
+        run.impacts[count - 1 if booked else count : count], run.gaps[MODE], run.marks[BEGINNING],
+        run.marks[DRAWN],
+    )  # fmt: skip
+    eased = given.any()
+    given[:] = 0
+    if not found.solved:
+        flag(run, none)
+        return RESTS if eased else JAMMED  # those that gave way need not, by rounding
+    run.reals[HORIZON] = min(run.reals[HORIZON], found.horizon)
+    for i in range(m):
+        mode = run.gaps[MODE, i]
+        run.gaps[MODE, i] = old[i]
+        set_mode(run, i, mode)
+    if found.changed or found.begins:
+        flag(run, run.marks[BEGINNING] if found.begins else none)
+    run.marks[PARTING] = False
+    if found.parts:
+        for i in range(m):
+            run.marks[PARTING, i] = run.marks[RESTING, i] and not run.marks[SHUT, i]
+    n[DRAWS], n[BEGINS] = found.draws, found.begins
+    if found.off or found.begins or n[RELATIONS]:
+        return PROJECTED
+    return _next(run)
+
+
+@kernel
+def projected(run: EventArrays) -> int:
+    """Closures and closed contacts were brought to zero, at the state that `seen` begins with."""
+    size, stage = len(run.x), run.counters[STAGE]
+    first = size // 2 if stage == TURNED else 0
+    for k in range(first, size):
+        run.x[k] = run.seen[k]
+    rubs = run.gaps[STICK, 0] >= 0 or run.gaps[STICK].max() >= 0
+    # what moved positions by a rounding turned the normals of fine clearances
+    if stage == PROJECTED and rubs and run.marks[SHUT].any():
+        return TURNED
+    if run.counters[BEGINS]:  # to slide, from a slip of exactly zero
+        run.counters[BEGINS] = 0
+        flag(run, run.marks[SHUT, :0])
+    return _next(run)
+
+
+@kernel
+def _next(run: EventArrays) -> int:
+    """After contacts came to rest: those that open part, then those that are drawn shut rest."""
+    run.counters[TRIES] = 0
+    if run.marks[PARTING].any():
+        return PARTS
+    if run.counters[DRAWS]:
+        run.counters[DRAWS] = 0
+        for i in range(run.gaps.shape[1]):
+            if run.marks[DRAWN, i]:
+                run.marks[RESTING, i] = run.marks[TOUCHING, i] = True
+        return RESTS
+    return _after(run)
+
+
+@kernel
+def part(run: EventArrays) -> int:
+    """Start the flight of gaps a few roundings inside, at rest in the normal direction.
+
+    A flight that started on the wrong side of zero would never be seen to end. Other open
+    gaps that touch at rest are moved along, lest they are pushed out.
+    """
+    s = situation_of(run)
+    c, limits, m = s.c, s.limits, len(s.c.value)
+    parting, tries = run.marks[PARTING], run.counters[TRIES]
+    clear = True
+    for i in range(m):
+        if not parting[i]:
+            continue
+        if run.gaps[RATED, i]:  # it has no place: roundings of its rate instead
+            push(c, i, (limits.bare - c.rate[i]) / c.compliance[i, i], 0.0, s.now.v)
+            parting[i] = False
+            return _next(run)
+        clear = clear and c.value[i] > 0.0
+    if tries == 4 or (tries > 0 and clear):
+        parting[:] = False
+        return _next(run)
+    moved = parting.copy()
+    for i in range(m):
+        free = m > 1 and not (run.marks[SHUT, i] or run.gaps[RATED, i])
+        if free and abs(c.value[i]) <= limits.touching and abs(c.rate[i]) <= limits.bare:
+            moved[i] = True
+    release(c, moved, (1 << tries) * run.reals[MARGIN], run.x)
+    run.counters[TRIES] = tries + 1
+    return PARTS
+
+
+@kernel
+def _after(run: EventArrays) -> int:
+    """An event is resolved: hold a slip that goes nowhere, then see what else is past zero."""
+    n = run.counters
+    if n[HELD]:
+        _hold_slip(run, n[HELD] - 1)
+        n[HELD] = 0
+    if n[WATCHED] and n[ROUNDS] < n[GUARDS] and n[GUARDS] > 1:
+        n[ROUNDS] += 1
+        return MISSED
+    return DONE
+
+
+@kernel
+def _hold_slip(run: EventArrays, gap: int) -> None:
+    """Let a slip count as none that has ended and goes nowhere, for other contacts hold it.
+
+    Where two corners of a block rest on one line, the friction of one may be at its bound
+    while the other sticks: then its slip is zero but for rounding, which would fall through
+    zero for ever. A hair within the bound, friction has no slip to watch.
+    """
+    if (run.gaps[MODE] != run.gaps[BEFORE]).any():
+        return
+    c, least = situation_of(run).c, 0.0
+    for x in c.free_acceleration:
+        least = max(least, _ROUNDING.acceleration * abs(x))
+    if abs(c.acceleration[len(c.value) + gap]) <= least:
+        run.parameters[run.gaps[SLIP, gap]] *= 1.0 - _CONTACTS.held_slip
+
+
+@kernel
+def missed(run: EventArrays) -> int:
+    """Respond to a guard which is past zero already: the integrator would never see it fall."""
+    guard = _past_zero(run, -1)
+    if guard < 0:
+        return DONE
+    run.counters[GUARD] = guard
+    return FELL if guard < len(run.gaps[MODE]) else SLIPS
+
+
+@kernel
+def _past_zero(run: EventArrays, fell: int) -> int:
+    """A guard of a gap or its friction that is past zero, by what ``watch`` gives; -1 for none.
+
+    That happens where a step ends within its error of an event. Beside the guard that
+    `fell`, others count only beyond what falls at the same instant.
+    """
+    seen, count, m = run.seen, run.counters[GUARDS], run.gaps.shape[1]
+    floor, touching, bare = run.reals[FLOOR], run.reals[LIMITS], run.reals[LIMITS + 2]
+    margin = 0.0 if fell < 0 else touching
+    for i in range(count):
+        if seen[i] > 0.0 or i == fell:
+            continue
+        if i < m and run.gaps[MODE, i] == FLIES:
+            least = max(margin, bare) if run.gaps[RATED, i] else margin
+            if seen[i] <= -least and seen[count + i] < 0.0:
+                return i
+            continue
+        least = floor if i >= m else 0.0
+        if fell >= 0:
+            least = _CONTACTS.same_instant * (least - margin)
+        if seen[i] <= least:
+            return i
+    return -1
+
+
+@kernel
+def look(run: EventArrays) -> int:
+    """A guard that is past zero beside that which fell."""
+    return _past_zero(run, run.counters[GUARD])
+
+
+@entry
+def respond(*arrays: Any) -> int:
+    """Take the stage of the counters; the one that follows.
+
+    Parameters
+    ----------
+    arrays : those of `run_of`
+    """
+    run = run_of(*arrays)
+    stage = run.counters[STAGE]
+    if stage == FELL:
+        return fell(run)
+    if stage == SLIPS:
+        return slips(run)
+    if stage == STRIKES:
+        return strikes(run)
+    if stage == RESTS:
+        return rests(run)
+    if stage == PARTS:
+        return part(run)
+    if stage == MISSED:
+        return missed(run)
+    return look(run) if stage == SEEN else projected(run)

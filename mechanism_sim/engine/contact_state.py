@@ -1,0 +1,322 @@
+"""The contacts at the present state: modes, the contact problem, events so far."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from time import perf_counter
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.contact import respond
+from mechanism_sim.engine.contact.chatter import ChatterRule
+from mechanism_sim.engine.contact.impact import Hypothesis
+from mechanism_sim.engine.contact.problem import (
+    ContactArrays,
+    ContactProblem,
+    Limits,
+    Mask,
+    problem_of,
+    slip_of,
+)
+from mechanism_sim.engine.dense_output import Status, floats
+from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
+from mechanism_sim.engine.present_state import PresentState, rate_of
+from mechanism_sim.engine.system import System
+from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernels import charge
+from mechanism_sim.tolerances import TOLERANCES
+
+_CONTACTS = TOLERANCES.contacts
+_GUARDS = TOLERANCES.guards
+RESPOND = respond.respond
+
+
+SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
+"""Modes of a closed contact with friction by the sign of its slip."""
+
+
+class _Response:
+    """Calls of `respond` with arrays that stay where they are, but for the logs, which grow."""
+
+    def __init__(self, known: tuple[Any, ...], counters: Indices) -> None:
+        self._known = known
+        self.counters: memoryview[int] = memoryview(cast(Any, counters))
+        self._bound: tuple[object, object, object] = (None, None, None)
+        self._call: Callable[[], int]
+
+    def __call__(self, impacts: Array, changes: Array) -> int:
+        way, rows, more = self._bound
+        if way is not RESPOND.run or rows is not impacts or more is not changes:
+            self._bound = RESPOND.run, impacts, changes
+            self._call = RESPOND.bind(*self._known, impacts, changes)
+        if way is not RESPOND.function:
+            return self._call()
+        began = perf_counter()
+        after = self._call()
+        charge(perf_counter() - began)
+        return after
+
+
+class ContactState:
+    """Modes of the m gaps, and the contact problem of the present instant.
+
+    Parameters
+    ----------
+    present : the integrator's state
+    rule : when bounces are left out
+    rtol : relative error of a step
+    speed : [m/s] that this error refers to
+
+    Attributes
+    ----------
+    modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
+    run : the arrays of all that follows, by which `contact.respond` resolves events
+    problem, arrays : as of the last `refresh`, except for what is closed
+    impacts, changes : the events so far
+    taken, fallen : the last stage of an event, and the guard that it is about
+    floors : of every guard, what it may be below zero by rounding
+    """
+
+    def __init__(
+        self, present: PresentState, rule: ChatterRule, rtol: float, speed: float
+    ) -> None:
+        system, gaps = present.system, present.system.gaps
+        self.present, self.rule = present, rule
+        m = len(gaps)
+        names = [gap.name for gap in gaps]
+        self.impacts, self.changes = ImpactLog(names), ModeLog(names)
+        self.limits = _limits(present, rule, rtol, speed)
+        known, self.run = self._arrays()
+        self._response = _Response(known, self.run.counters)
+        reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
+        self._reals = floats(reals)
+        laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
+        self.arrays = ContactArrays(
+            self.run.terms,
+            system.contact_layout,
+            laws,
+            marks[respond.SHUT],
+            whole[respond.HYPOTHESIS],
+        )
+        self.problem = problem_of(self.arrays)
+        floor = float(reals[respond.FLOOR])
+        self.floors = [floor if guard.friction else 0.0 for guard in system.guards]
+        self.slowest = (
+            _CONTACTS.slowest_touch * speed
+        )  # [m/s] to which the damping of a touch may refer
+        if system.parameters.margin is not None:
+            present.pars[system.parameters.margin] = self.limits.bare
+        self.modes: tuple[int, ...] = ()
+        self.approach = (1.0,) * len(system.parameters.approach)
+        self._status = Status((), ())
+        self.taken = self.fallen = respond.DONE
+        self._holding = [*system.set_valued.holding]
+        self._acts = bool(self._holding or system.parameters.sides)
+        self.set_modes((int(Mode.FREE_FLIGHT),) * m)
+
+    def _arrays(self) -> tuple[tuple[Any, ...], respond.EventArrays]:
+        """The arrays by which events are responded to, but for the logs, and what they hold."""
+        system, present = self.present.system, self.present
+        gaps, m, size = system.gaps, len(system.gaps), system.contact_layout.size
+        least = max(
+            _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
+        )
+        reals = [
+            0.0, math.inf, -least, present.rounding, *self.limits,
+            *(0.0 for _ in system.prescribed), *(g.restitution for g in gaps),
+            *(g.friction for g in gaps),
+        ]  # fmt: skip
+        rubs = system.dynamics.contacts.frictional
+        whole = np.full(respond.COUNTERS + 10 * m, -1)
+        values, marks = np.zeros(size + present.seen), np.zeros((6, m), dtype=np.bool_)
+        whole[: respond.SIZE] = 0
+        whole[respond.SIZE], whole[respond.LAYOUT : respond.COUNTERS] = size, system.contact_layout
+        known = present.x, present.parameters, values, np.array(reals), whole, marks
+        run = respond.run_of(*known, self.impacts.rows, self.changes.rows)
+        run.counters[respond.GUARDS] = len(system.guards)
+        own = [guard.gap >= 0 for guard in system.guards]
+        run.counters[respond.WATCHED] = all(own) and not system.compliant
+        smooth = not (rubs or any(system.rated) or system.dynamics.rubs)
+        run.counters[respond.SMOOTH] = smooth
+        run.counters[respond.RELATIONS] = bool(system.relations)
+        run.gaps[respond.CLOSED : respond.PRESS + 1] = _flag_index(system)
+        run.gaps[respond.HYPOTHESIS] = [Hypothesis(gap.hypothesis).code for gap in gaps]
+        run.gaps[respond.GIVEN], run.gaps[respond.RATED] = 0, system.rated
+        run.gaps[respond.RUBS, : len(rubs)] = rubs
+        return known, run
+
+    @property
+    def horizon(self) -> float:
+        """Longest next step [s]: a root much nearer to its start than to its end gets lost."""
+        return self._reals[respond.HORIZON]
+
+    @horizon.setter
+    def horizon(self, longest: float) -> None:
+        self._reals[respond.HORIZON] = longest
+
+    def begin_event(self, t: float) -> None:
+        """Tell the arrays when an event happens [s], and how fast the drives are then."""
+        self._reals[respond.TIME] = t
+        self._response.counters[respond.ROUNDS] = 0
+        laws, tau = self.present.base.laws, self.present.integrator.time
+        for k, law in enumerate(laws, start=respond.DRIVES):
+            self._reals[k] = rate_of(law, tau)
+
+    def go_on(self, stage: int, guard: int) -> int:
+        """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
+        counters, impacts, changes = self._response.counters, self.impacts, self.changes
+        impacts.reserve(len(self.modes))
+        changes.reserve(2 * len(self.modes))
+        counters[respond.STAGE], counters[respond.GUARD] = stage, guard
+        counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
+        after = self._response(impacts.rows, changes.rows)
+        self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
+        count = counters[respond.CHANGES]
+        if count > changes.count:
+            changes.count = count
+            self.adopt_modes()
+        self.taken = stage
+        return after
+
+    @property
+    def flying(self) -> bool:
+        """True if any gap is open."""
+        return int(Mode.FREE_FLIGHT) in self.modes
+
+    @property
+    def touching(self) -> Mask:
+        """The gaps (m,) that take part in an event, to be changed in place."""
+        return cast(Mask, self.run.marks[respond.TOUCHING])
+
+    @property
+    def resting(self) -> Mask:
+        """Those of them that are at rest."""
+        return cast(Mask, self.run.marks[respond.RESTING])
+
+    @property
+    def mode_array(self) -> Indices:
+        """The modes (m,), to be changed in place."""
+        return cast(Indices, self.run.gaps[respond.MODE])
+
+    @property
+    def drive_rates(self) -> Array:
+        """Rates (p,) [rad/s] of the drives at the present event."""
+        return self.run.reals[respond.DRIVES :][: self.arrays.layout.drives]
+
+    @cached_property
+    def rated(self) -> Mask:
+        """The gaps (m,) that have a rate only."""
+        return np.array(self.present.system.rated, dtype=np.bool_)
+
+    @property
+    def status(self) -> Status:
+        """Contacts and switches that a step is taken with; the same object until it changes."""
+        known = self._status
+        if not self._acts and known.modes is self.modes and known.approach is self.approach:
+            return known
+        rows, pars = self.present.rows, self.present.pars
+        sides = self.present.system.parameters.sides
+        acting = tuple([rows[k] for k in self._holding] + [int(pars[i] > 0.0) for i in sides])
+        now = Status(self.modes, self.approach, acting)
+        if now != known:
+            self._status = known = now
+        self.modes, self.approach = known.modes, known.approach
+        return known
+
+    def set_modes(self, modes: tuple[int, ...], approach: tuple[float, ...] | None = None) -> None:
+        """Set the modes that hold from now on, and the speeds of first touches [m/s]."""
+        if approach is not None:
+            self.approach = approach
+            self.present.set(self.present.system.parameters.approach, approach)
+        self.mode_array[:] = modes
+        np.greater(self.mode_array, Mode.FREE_FLIGHT, out=self.problem.closed)
+        self.write_flags(self.mode_array)
+        self.adopt_modes()
+
+    def change(self, gap: int, mode: Mode) -> None:
+        """Set the mode of one gap."""
+        self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
+
+    def adopt_modes(self) -> None:
+        """Make the modes in the array, of which the equations know, those that hold."""
+        self.modes = tuple(self.mode_array.tolist())
+
+    def write_flags(self, modes: Indices) -> None:
+        """Tell the equations some modes."""
+        places = self.run.gaps[respond.CLOSED : respond.PRESS + 1]
+        respond.write_flags(modes, self.problem.closed[:0], places, self.present.parameters)
+
+    def record_modes(self, before: tuple[int, ...]) -> None:
+        """Enter the changes from other modes to those that hold."""
+        for gap, (old, new) in enumerate(zip(before, self.modes, strict=True)):
+            if old != new:
+                self.changes.enter(self.present.time, gap, new, old)
+
+    def refresh(self) -> None:
+        """Evaluate the terms of the contact problem at the present state."""
+        self.present.evaluate(
+            self.present.system.functions.contact_function, out=self.arrays.terms
+        )
+
+    def see(self, stage: int) -> None:
+        """Evaluate what a stage of `contact.respond` needs at the present state."""
+        name, present = respond.NEEDS[stage], self.present
+        function = getattr(present.system.functions, name)
+        out = self.run.terms if stage < respond.PROJECTED else self.run.seen[: function.nouts]
+        present.evaluate(function, out=out)
+
+    def terms(self) -> ContactProblem:
+        """The contact problem at the present state, until asked again."""
+        self.refresh()
+        return self.problem
+
+    def closed(self, gap: int) -> bool:
+        """True if a gap carries force."""
+        return self.modes[gap] > Mode.FREE_FLIGHT
+
+    def slip(self, gap: int) -> int:
+        """Which way a contact with friction slides, 0 if not at all."""
+        return int(slip_of(self.problem, gap, self.limits.still))
+
+    def mode_of_closed(self, gap: int) -> Mode:
+        """The mode of a gap that is closed from now on."""
+        return SLIDING[self.slip(gap)] if self.problem.friction[gap] else Mode.FOLLOWING
+
+    def mask(self, gaps: Sequence[int]) -> Mask:
+        """Flags (m,) of some gaps."""
+        mask = np.zeros(len(self.modes), dtype=np.bool_)
+        mask[gaps] = True
+        return mask
+
+
+def chosen(mask: Mask) -> list[int]:
+    """Indices of what is set."""
+    found: list[int] = mask.nonzero()[0].tolist()
+    return found
+
+
+def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float) -> Limits:
+    touching = _CONTACTS.touching * present.rounding
+    return Limits(
+        touching,
+        max(touching, min(rtol, _CONTACTS.tie) * present.system.mechanism.size),
+        _CONTACTS.bare * float(np.spacing(speed)),
+        max(_CONTACTS.still_least, _CONTACTS.still * rtol) * speed,
+        rule.allowed,
+        rule.resolved,
+    )
+
+
+def _flag_index(system: System) -> NDArray[np.int64]:
+    """Parameters (4, m) of every gap: closed, sticks, slips, presses; -1 where it has none."""
+    found = np.full((4, len(system.gaps)), -1)
+    found[0] = system.parameters.closed
+    found[1, system.dynamics.contacts.frictional] = system.parameters.sticks
+    found[2, system.dynamics.contacts.frictional] = system.parameters.slips
+    found[3, : len(system.parameters.presses)] = system.parameters.presses
+    return found

@@ -1,0 +1,286 @@
+"""Contact transitions at an event: impact, sticking, sliding, separation.
+
+One set of equations with a flag for each gap serves every pattern of contact: the pattern changes
+by parameters, and nothing is compiled at an event. Compliant contacts run by the same flags: with
+an event at the touch all pieces are smooth, where friction smoothed over a slip would be stiff.
+
+An event of gaps that are rigid is resolved by `contact.respond`, which asks for functions of the
+state as it goes; `_go_on` evaluates them. Switches, friction in ideal joints and compliant
+contacts are resolved here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mechanism_sim.engine.compliant_events import initialise_rates, is_leaving, touch_or_part
+from mechanism_sim.engine.contact.problem import LOSS
+from mechanism_sim.engine.contact.respond import (
+    DONE,
+    FELL,
+    GIVEN,
+    JAMMED,
+    RESTS,
+    SEEN,
+    SHOCK,
+    SLIPS,
+    STRIKES,
+    UNSOLVED,
+    WATCHED,
+)
+from mechanism_sim.engine.contact_state import SLIDING, ContactState, chosen
+from mechanism_sim.engine.events import Mode
+from mechanism_sim.engine.frictional_shocks import stop_jammed_slide, unjam
+from mechanism_sim.engine.guards import Guard
+from mechanism_sim.engine.rubbing_contacts import (
+    add_joint_friction,
+    iterate_friction_modes,
+    set_trial_modes,
+)
+from mechanism_sim.engine.switching import Switching
+from mechanism_sim.planar.switches import HOLDS
+from mechanism_sim.tolerances import TOLERANCES
+
+_CONTACTS = TOLERANCES.contacts
+
+
+class Contacts:
+    """Resolves events: what became of gaps, switches and friction when a guard fell.
+
+    Parameters
+    ----------
+    state : the contacts at the integrator's present state
+    """
+
+    def __init__(self, state: ContactState) -> None:
+        self.state, self.present = state, state.present
+        self.switching = Switching(state.present, state.problem)
+        self._system = state.present.system
+        #: whether all that can happen is resolved by `contact.respond`
+        self._resolves_all = bool(state.run.counters[WATCHED])
+
+    def change_restitution(self, joint: str, restitution: float) -> None:
+        """Let impacts in all gaps of a joint have another coefficient.
+
+        Raises
+        ------
+        KeyError
+            If the joint has no gap.
+        """
+        own = [i for i, gap in enumerate(self._system.gaps) if gap.joint == joint]
+        for i in own:
+            self.state.problem.restitution[i] = restitution
+        if not own:
+            raise KeyError(joint)
+
+    # --- the start ----------------------------------------------------------------------------
+
+    def start(self, closed: Sequence[bool]) -> None:
+        """Begin a run: some gaps are closed by decree, those that touch are resolved."""
+        state, slipping = self.state, self._system.set_valued.slipping
+        if self._system.switches:
+            self.switching.find_rows()
+            self.switching.pass_edges()
+        if slipping:
+            self.switching.sides = (1.0,) * len(self._system.parameters.sides)
+            if not state.modes:
+                self._begin_to_rub()
+        state.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
+        if any(closed):
+            state.refresh()
+            modes = zip(closed, state.modes, strict=True)
+            state.set_modes(
+                tuple(
+                    int(state.mode_of_closed(i)) if shut else mode
+                    for i, (shut, mode) in enumerate(modes)
+                )
+            )
+            if self._system.compliant:
+                initialise_rates(state)
+        if any(closed) or self._system.relations:
+            self.present.project()
+        self.settle()
+        if state.modes and slipping:
+            self._begin_to_rub()
+        state.changes.count = 0
+        for gap, mode in enumerate(state.modes):
+            state.changes.enter(self.present.time, gap, mode, Mode.UNKNOWN)
+
+    def _begin_to_rub(self) -> None:
+        """Note what presses on ideal joints that rub, and what holds there."""
+        self.switching.update_sides()
+        for k in range(len(self._system.parameters.towards) // 2):
+            self.switching.update_pin_direction(k)
+        self.switching.hold_or_slide(self._system.set_valued.slipping)
+        self._respond_to_missed()
+
+    def settle(self) -> None:
+        """Resolve the gaps that touch without an event having said so."""
+        state = self.state
+        if not state.modes:
+            return
+        if self._system.compliant:
+            self._respond_to_missed()
+            return
+        terms = state.terms()
+        for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
+            # as good as resting is what would rise no farther than rounding reaches
+            stays = rate <= 0.0 or state.rule.ends(rate, terms.acceleration[i], 1.0, -value)
+            if state.closed(i) or (value <= state.limits.touching and stays):
+                state.begin_event(self.present.time)
+                self._go_on(STRIKES, i)
+                return
+
+    # --- events -------------------------------------------------------------------------------
+
+    def handle(self, guard: int, t: float) -> None:
+        """A guard fell through zero at a time [s]."""
+        found = self._system.guards[guard]
+        self.state.begin_event(t)
+        self._respond(found, guard)
+        if not self._resolves_all and len(self._system.guards) > 1:
+            self._respond_to_missed()
+
+    def _respond_to_missed(self) -> None:
+        self.state.begin_event(self.present.time)
+        for _ in self._system.guards:
+            guard = self.missed_event()
+            if guard is None:
+                break
+            self._respond(self._system.guards[guard], guard)
+
+    def _respond(self, guard: Guard, index: int) -> None:
+        """Resolve an event while switches that hold act with the parts they have now."""
+        if self._resolves_all:
+            self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
+            return
+        rows = self.switching.rows
+        held = [k for k in self._system.set_valued.holding if rows[k] == HOLDS]
+        if held:
+            self.switching.freeze(held)
+        self._resolve(guard, index)
+        if held and guard.switch is None:
+            self.switching.release()
+
+    def _resolve(self, guard: Guard, index: int) -> None:
+        """Tell apart by its guard what happened."""
+        if guard == Guard(-1, 0):
+            raise self.switching.jammed_joints()
+        if guard.pin is not None:
+            self.switching.update_pin_direction(guard.pin)
+        elif guard.side is not None:
+            side = self._system.parameters.sides[guard.side]
+            self.present.pars[side] = -self.present.pars[side]
+        elif guard.switch is not None:
+            self._turn_over(guard.switch)
+        elif self._system.compliant:
+            self._change_compliant(guard)
+        else:
+            self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
+
+    def _go_on(self, stage: int, guard: int) -> None:
+        """Let an event of a gap be resolved from a stage on."""
+        state, jams = self.state, _CONTACTS.jams
+        rubs = bool(self._system.dynamics.rubs)
+        while stage != DONE:
+            if stage == JAMMED:
+                stage, jams = unjam(state, jams), jams - 1
+            elif stage == SHOCK:
+                gap = self._system.guards[guard].gap
+                closed = chosen(state.problem.closed)
+                state.resting[:] = state.mask(stop_jammed_slide(state, closed, gap))
+                stage = RESTS
+            elif stage == UNSOLVED:
+                raise ArithmeticError('no impulses satisfy all contacts of this instant')
+            else:
+                if not (stage == STRIKES and state.taken == FELL):  # of the same state
+                    state.see(stage)
+                stage = self._beside_joints(stage, guard) if rubs else state.go_on(stage, guard)
+                guard = state.fallen
+
+    def _beside_joints(self, stage: int, guard: int) -> int:
+        """`ContactState.go_on` where ideal joints rub by the forces of the contacts."""
+        state, log, switching = self.state, self.state.impacts, self.switching
+        if stage == STRIKES:
+            first, lost = log.count, add_joint_friction(state, switching, guard)
+            stage = state.go_on(stage, guard)
+            if lost and log.count > first:
+                log.rows[first, LOSS] += lost
+            return stage
+        if stage == RESTS and not iterate_friction_modes(
+            state, switching, state.resting, state.touching, state.run.gaps[GIVEN]
+        ):
+            set_trial_modes(state, switching, state.mode_array)
+            given, state.run.gaps[GIVEN] = state.run.gaps[GIVEN].any(), 0
+            return RESTS if given else JAMMED
+        return state.go_on(stage, guard)
+
+    def _turn_over(self, switch: int) -> None:
+        """A switch passes to its next row: contacts may be off zero from now on."""
+        self.switching.turn_over(switch)
+        if self._system.relations and not self.present.singular_joints():
+            self.present.project()  # another closure may hold from now on
+        if any(map(self.state.closed, range(len(self.state.modes)))):
+            steps = self._system.frictional or self._system.dynamics.rubs
+            if steps or self._jumps:  # a gap may close faster from now on
+                self.settle()
+            else:
+                self.present.project()
+
+    @property
+    def _jumps(self) -> bool:
+        """True if a closed gap moves, more than by a step's error."""
+        count, state = len(self._system.guards), self.state
+        seen = self.present.evaluate(self._system.functions.watch).tolist()
+        rates = zip(state.modes, seen[count:], strict=False)
+        return any(abs(x) > state.limits.still for mode, x in rates if mode > Mode.FREE_FLIGHT)
+
+    def _change_compliant(self, guard: Guard) -> None:
+        """A compliant contact touches, parts or recovers, or its friction changes."""
+        state, gap, before = self.state, guard.gap, self.state.modes
+        if not guard.friction or is_leaving(state, gap):
+            touch_or_part(state, gap)
+        elif state.modes[gap] == Mode.STICKING:
+            # corners that stick to one wall together may creep meanwhile
+            state.refresh()
+            state.change(gap, SLIDING[state.slip(gap) or -guard.friction])
+        else:
+            state.change(gap, Mode.STICKING)
+            self.present.project()
+        state.record_modes(before)
+
+    def missed_event(self, seen_now: int | None = None) -> int | None:
+        """A guard which is past zero already: the integrator would never see it fall.
+
+        That happens where a step ends within its error of an event. Beside the guard that is
+        `seen_now`, others count only beyond what falls at the same instant.
+        """
+        state, system = self.state, self._system
+        if self._resolves_all:
+            state.see(SEEN)
+            guard = state.go_on(SEEN, -1 if seen_now is None else seen_now)
+            return guard if guard >= 0 else None
+        seen = self.present.evaluate(system.functions.watch).tolist()
+        modes, floors, limits = state.modes, state.floors, state.limits
+        count = len(floors)
+        margin = 0.0 if seen_now is None else limits.touching
+        if system.compliant:  # both factors of its guard may have fallen in one step
+            for i, value in enumerate(seen[count + len(modes) : count + 2 * len(modes)]):
+                # what parts from a depth of roundings is through before the next step can tell
+                parts = seen[count + i] > limits.still
+                ended = value > margin - (limits.touching if parts else 0.0)
+                if modes[i] > 1 and ended and i != seen_now:
+                    return i
+        if min(seen[:count]) > 0.0:
+            return None
+        for i, (x, floor) in enumerate(zip(seen, floors, strict=False)):
+            if i < len(modes) and modes[i] == 1:
+                least = max(margin, limits.bare) if state.rated[i] else margin
+                if x <= -least and seen[count + i] < 0.0 and i != seen_now:
+                    return i
+                continue
+            least = floor if seen_now is None else _CONTACTS.same_instant * (floor - margin)
+            beyond = x <= least
+            if beyond and i != seen_now and not self.switching.leads_back(system.guards[i].switch):
+                return i
+        return None

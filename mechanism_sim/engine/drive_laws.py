@@ -1,0 +1,147 @@
+"""The laws of the drives in a run: those that hold, those to come, and the base of their time."""
+
+from __future__ import annotations
+
+import math
+from bisect import insort
+from collections import deque
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+
+import numpy as np
+
+from mechanism_sim.engine.clock import base_at, horner, take_off_turns
+from mechanism_sim.engine.present_state import PresentState
+from mechanism_sim.errors import RunError
+from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
+
+
+class DriveLaws:
+    """Laws as coefficients of the integrator, counted from the present base.
+
+    Parameters
+    ----------
+    present : the integrator's state, whose base is set
+    laws : one for each prescribed coordinate, then one for each powered coordinate
+    directions : cosines and sines of the steady drives among the integrator's states
+
+    Attributes
+    ----------
+    laws, coming : that hold, and that will, in the order of time
+    next_base : local time [s] after which a new base is due
+    since : steps since the directions were computed
+    """
+
+    def __init__(
+        self, present: PresentState, laws: Sequence[Law], directions: memoryview[float]
+    ) -> None:
+        system = present.system
+        self._present, self._system = present, system
+        self.laws = list(laws)
+        self.coming: deque[Law] = deque()
+        self._sources: dict[str, LawSource] = {}
+        self.directions = directions
+        self._turning = [system.prescribed.index(c) for c in system.turning]
+        self.since = 0
+        self.next_base = 0.0
+
+    def announce(self, law: Law, known: float) -> None:
+        """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
+
+        Parameters
+        ----------
+        known : time [s] up to which the motion is known
+
+        Raises
+        ------
+        ValueError
+            If the motion is already known beyond that time, or the system is not compiled for
+            the degree of the law.
+        """
+        if law.valid_from < known:
+            raise ValueError(
+                f'a law valid from {law.valid_from:.9g} s comes too late: the motion is known '
+                f'up to {known:.9g} s'
+            )
+        if isinstance(law, DriveLaw) and law.degree > self._system.degree:
+            raise ValueError(
+                f'a law of degree {law.degree} needs equations compiled for it; these are for '
+                f'degree {self._system.degree}'
+            )
+        self._enter(law)
+
+    def _enter(self, law: Law) -> None:
+        insort(self.coming, law, key=lambda x: x.valid_from)
+
+    def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
+        """Let laws follow from sources, by coordinate, where no others are announced."""
+        self._sources = dict(sources)
+        for c in sources:
+            self._continue(c)
+
+    def _continue(self, coordinate: str) -> None:
+        """Enter the law that follows the last known one of a coordinate, from its source."""
+        known = [law for law in self.coming if law.coordinate == coordinate]
+        index = [law.coordinate for law in self.laws].index(coordinate)
+        last = known[-1] if known else self.laws[index]
+        if not known and isinstance(last, DriveLaw):
+            following = self._sources[coordinate].after(last)
+            if following:
+                self._enter(following)
+
+    @property
+    def next_change(self) -> float:
+        """Local time [s] from which the next law holds."""
+        return self._present.base.local(self.coming[0].valid_from) if self.coming else math.inf
+
+    def switch(self) -> None:
+        """Let the next law hold."""
+        law = self.coming.popleft()
+        index = [known.coordinate for known in self.laws].index(law.coordinate)
+        before = self.laws[index]
+        if isinstance(before, DriveLaw) and not (
+            isinstance(law, DriveLaw) and law.continues(before)
+        ):
+            raise RunError(
+                f'the law of {law.coordinate} valid from {law.valid_from:.9g} s jumps in angle or '
+                'speed, which no drive can follow; join the laws by a ramp'
+            )
+        self.laws[index] = law
+        if law.coordinate in self._sources:
+            self._continue(law.coordinate)
+        self.rebase()
+
+    def rebase(self) -> None:
+        """Count time and turns anew from here, so that neither loses digits."""
+        present, free = self._present, self._system.free
+        turns = {c: present.base.turns[c] for c in free}
+        for i, name in enumerate(free):
+            if not self._system.angular[i]:
+                continue
+            whole, angle = take_off_turns(float(present.state[i]))
+            if whole:
+                turns[name] += whole
+                present.state[i] = angle
+        now = present.base.time + Fraction(present.integrator.time)
+        present.integrator.time = 0.0
+        self.count_from(now, turns)
+
+    def count_from(self, time: Fraction, turns: Mapping[str, int]) -> None:
+        """Set the base [s], with whole turns of the free coordinates, and the laws from there."""
+        present, parameters = self._present, self._system.parameters
+        present.base = base = base_at(time, self.laws, turns)
+        for index, law in zip(parameters.laws, base.laws, strict=True):
+            present.set(index, (*law, *[0.0] * len(index))[: len(index)])
+        for index, torque in zip(parameters.torques, base.torques, strict=True):
+            present.set(index, torque)
+        for name, i in parameters.outside.items():
+            present.pars[i] = base.high if name == 'time' else base.turns[name.rpartition('.')[0]]
+        rates = present.v[list(self._system.angular)]
+        self.next_base = base.next_after(float(np.abs(rates).max(initial=0.0)))
+
+    def turn(self, tau: float) -> None:
+        """Set cosine and sine of the steady drives, which drift by a rounding in each step."""
+        for i, index in enumerate(self._turning):
+            angle = horner(self._present.base.laws[index], tau)
+            self.directions[2 * i], self.directions[2 * i + 1] = math.cos(angle), math.sin(angle)
+        self.since = 0

@@ -1,0 +1,500 @@
+"""Accelerations and contact forces as expressions of state and flags.
+
+``M a + bias = torques + G^T lambda + J_n^T N + J_t^T T`` with loops that stay closed, gaps that
+are closed where their flag says so, and Coulomb's friction in them. The prescribed coordinates are
+known; everything is solved for the free ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from operator import truediv
+from typing import NamedTuple
+
+import heyoka as hy
+
+from mechanism_sim.engine.reduction import Reduction
+from mechanism_sim.numerics.symbolic import (
+    Matrix,
+    Term,
+    Vector,
+    add,
+    backward,
+    cramer,
+    dense,
+    div,
+    dot,
+    factorise,
+    forward,
+    mul,
+    neg,
+    solve_dragged,
+    solve_symmetric,
+)
+from mechanism_sim.planar.equations import Equations
+from mechanism_sim.planar.frames import Jet
+from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
+from mechanism_sim.planar.mechanism import Mechanism
+from mechanism_sim.planar.motor import Motor
+from mechanism_sim.planar.protocols import (
+    FirstOrderState,
+    ForceElement,
+    ForceLaw,
+    Gap,
+    Relation,
+)
+from mechanism_sim.planar.virtual_work import generalised
+from mechanism_sim.tolerances import TOLERANCES
+
+_IMPACTS = TOLERANCES.impacts
+
+
+_CRAMER = 3
+"""Contacts up to which there are not too many minors."""
+
+_YIELDS = 1e40
+"""[1/kg] Compliance of what is not kept: beside it that of any links is below rounding."""
+
+
+class Solved(NamedTuple):
+    """Accelerations of the free coordinates and the forces that belong to them."""
+
+    a: Vector
+    N: Vector  #: (m,) normal forces [N]
+    T: Vector  #: (m,) friction forces on the first-named links [N]; both along the rows
+    closing_forces: Vector  #: of the closures on the first-named links [N]
+
+
+class ModeFlags(NamedTuple):
+    """Runtime parameters that say which contacts carry force, and how."""
+
+    closed: list[hy.expression]  #: (m,)
+    sticks: dict[int, hy.expression]  #: by index of the gaps with friction
+    slips: dict[int, hy.expression]  #: likewise, the sign of the slip
+    approach: list[hy.expression]  #: of compliant contacts, the speed of their touch [m/s]
+    presses: list[hy.expression]  #: whether it is they that carry force while closed
+    margin: hy.expression  #: [m/s] by which these are late to let go, and to press again
+
+
+class Drives(NamedTuple):
+    """Torques of the powered coordinates [N m, N]."""
+
+    coefficients: list[hy.expression]  #: of every coordinate three, of its law
+    characteristics: Vector  #: of motors
+    torques: Vector  #: of every coordinate, that of its law and of its motor
+
+
+class ContactRows(NamedTuple):
+    """Rows of m gaps: all normals and, if any gap has friction, the tangents of all."""
+
+    normal: list[Jet]  #: (m,)
+    tangent: dict[int, Jet]  #: slips, by index of the gaps with friction
+    rows: list[Jet]  #: of all
+    laws: list[ForceLaw | None]  #: (m,) of compliant contacts
+    friction: list[float]  #: (m,) coefficients
+    mu: dict[int, Term]  #: the same as parameters, by index of the gaps with friction
+    engaged: dict[int, hy.expression]  #: flags of the parts of the cycle in which a contact rubs
+    active: Vector  #: flag of every row: closed for a normal, sticking for a tangent
+    softness: Vector  #: of every row, by which it yields while others of its joint hold the same
+
+    @property
+    def frictional(self) -> list[int]:
+        """Indices of the gaps with friction."""
+        return [i for i, mu in enumerate(self.friction) if mu > 0.0]
+
+    @property
+    def compliant(self) -> bool:
+        """True if contacts push back by a law of force."""
+        return any(law is not None for law in self.laws)
+
+
+class AppliedForces(NamedTuple):
+    """Forces that are no contact."""
+
+    elements: Sequence[ForceElement] = ()  #: between links
+    motors: Sequence[Motor] = ()  #: of powered coordinates, beside the drive's torque
+    frictions: Sequence[JointFriction] = ()  #: of ideal joints
+
+
+class Dynamics:
+    """The terms of a system with m gaps as expressions.
+
+    Parameters
+    ----------
+    degree : of the laws of the prescribed coordinates
+    lent : [kg] to the rows of the closures, see `engine.reduction`; 0 for none
+
+    Attributes
+    ----------
+    gaps, elements, relations : as given
+    free, prescribed, powered : names of coordinates
+    flags, contacts, drives : see there
+    rubs : friction in ideal joints
+    state_rates : of the states of first order
+    depths : of compliant contacts, by the symbols that stand for them beside such friction
+    reduced : the equations without contact forces
+    jam_margin : determinant of the equations of the normal forces over that without the friction
+        of what slides; where it is 0, that friction jams
+    exact, stabilised : the solution without and with Baumgarte's terms
+    free_acceleration : second derivatives of the rows without contact forces
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        gaps: Sequence[Gap],
+        prescribed: Sequence[str],
+        degree: int,
+        relations: Sequence[Relation],
+        powered: Sequence[str],
+        applied: AppliedForces = AppliedForces(),  # noqa: B008 - a tuple does not change
+        lent: float = 0.0,
+    ) -> None:
+        self.equations = eq = Equations(mechanism, gaps, relations)
+        p, frames, names = eq.parameters, eq.frames, eq.coordinates
+        mass = p('closures.lent', lent)
+        self.gaps, self.elements = tuple(gaps), tuple(applied.elements)
+        self.relations, self.degree = tuple(relations), degree
+        self.prescribed, self.powered = tuple(prescribed), tuple(powered)
+        self.free = tuple(c for c in names if c not in prescribed)
+        # parameters are numbered in the order in which they are reserved
+        friction = [min(gap.friction, _IMPACTS.rough) for gap in gaps]
+        frictional = [i for i, mu in enumerate(friction) if mu > 0.0]
+        mu: dict[int, Term] = {i: p(f'{gaps[i].name}.friction', friction[i]) for i in frictional}
+        engaged = {
+            i: flag
+            for i in frictional
+            if (flag := getattr(gaps[i], 'engaged', lambda _: None)(frames)) is not None
+        }
+        closed = [p.reserve(f'{g.name}.closed') for g in gaps]
+        sticks = {i: p.reserve(f'{gaps[i].name}.sticks') for i in frictional}
+        slips = {i: p.reserve(f'{gaps[i].name}.slips') for i in frictional}
+        alpha = p.reserve('stabilisation')
+        self.drives = self._drives(applied.motors)
+        laws = [gap.law for gap in gaps]
+        if any(laws) and None in laws:
+            raise ValueError('either all contacts of a system are compliant or none is')
+        approach = [p.reserve(f'{g.name}.approach', 1.0) for g in gaps if g.law]
+        presses = [p.reserve(f'{g.name}.presses') for g in gaps if g.law]
+        margin = p.reserve('release.margin') if any(laws) else hy.expression(0.0)
+        self.flags = ModeFlags(closed, sticks, slips, approach, presses, margin)
+        tangent = {i: gaps[i].slip(frames) for i in frictional}
+        self.contacts = self._contact_rows(
+            laws, friction, {i: mul(mu[i], engaged[i]) if i in engaged else mu[i] for i in mu},
+            engaged, tangent,
+        )  # fmt: skip
+        loads = [load for element in applied.elements for load in element.loads(frames)]
+        self.rubs: list[Rub] = rubs(applied.frictions, frames)
+        self.depths: dict[hy.expression, hy.expression] = {}
+        loads += [load for rub in self.rubs for load in rub.loads]
+        self._pushes = generalised(loads, frames, mechanism)
+        torque = dict(zip(powered, self.drives.torques, strict=True))
+        for number in range(len(self.states)):
+            frames.state(number)
+        self.state_rates = [x.rate(frames) for x in self.states]
+        self.reduced = Reduction(
+            eq,
+            prescribed,
+            self.contacts.rows,
+            [rub.slip for rub in self.rubs],
+            [(torque.get(c), self._pushes.get(c)) for c in names],
+            [frames.a[c] if degree > 1 else None for c in prescribed],
+            alpha,
+            mass,
+        )
+        self.jam_margin: Term = None
+        self.exact = self._solve(stabilised=False)
+        self.stabilised = self._solve(stabilised=True)
+        self.free_acceleration = self.reduced.second_derivatives(self.reduced.exact.a)
+
+    @property
+    def states(self) -> list[FirstOrderState]:
+        """The states of first order among the elements."""
+        return [x for x in self.elements if isinstance(x, FirstOrderState)]
+
+    def _drives(self, motors: Sequence[Motor]) -> Drives:
+        p, frames = self.equations.parameters, self.equations.frames
+        symbols = [p.reserve(f'drives:{c}.torque.{k}') for c in self.powered for k in range(3)]
+        own = {m.coordinate: m.torque(frames) for m in motors}
+        torques: Vector = []
+        for n, c in enumerate(self.powered):
+            k0, k1, k2 = symbols[3 * n : 3 * n + 3]
+            torques.append(add(k0 + k1 * frames.q[c] + k2 * frames.v[c], own.get(c)))
+        return Drives(symbols, [*own.values()], torques)
+
+    def _contact_rows(
+        self,
+        laws: list[ForceLaw | None],
+        friction: list[float],
+        mu: dict[int, Term],
+        engaged: dict[int, hy.expression],
+        tangent: dict[int, Jet],
+    ) -> ContactRows:
+        every, normal = range(len(self.gaps)), self.equations.gap_jets
+        none = Jet(None, {}, None, None)
+        rows = [*normal, *([tangent.get(i, none) for i in every] if tangent else [])]
+        # no compliant gap is kept closed
+        active: Vector = [hy.expression(0.0) for _ in every] if any(laws) else [*self.flags.closed]
+        if tangent:
+            active += [self.flags.sticks.get(i, hy.expression(0.0)) for i in every]
+        softness: Vector = [None] * len(every) + [self._softness(i) for i in every]
+        return ContactRows(normal, tangent, rows, laws, friction, mu, engaged, active, softness)
+
+    def _softness(self, i: int) -> Term:
+        """Of the tangent of a gap, while others of its joint stick."""
+        own, gaps = getattr(self.gaps[i], 'softness', 0.0), enumerate(self.gaps)
+        others = [k for k, gap in gaps if k != i and gap.joint == self.gaps[i].joint]
+        stuck = add(*(self.flags.sticks.get(k) for k in others))
+        return mul(hy.expression(own), stuck) if own else None
+
+    @property
+    def distances(self) -> list[Term]:
+        """How far each loop closure is from depending on those before it, see `Reduction`."""
+        return self.reduced.distances(self.relations)
+
+    @property
+    def distance(self) -> Term:
+        """The harmonic sum of `distances`; None without closures."""
+        return self.reduced.distance(self.relations)
+
+    def _solve(self, stabilised: bool) -> Solved:
+        """All forces: ``N`` of closed gaps, ``T`` of those that stick; ``-mu slip N`` slides."""
+        m, contacts = len(self.gaps), self.contacts
+        motion = self.reduced.free_motion(True) if stabilised else self.reduced.exact
+        if not m:
+            return Solved(motion.a, [], [], motion.closing_forces)
+        b = self.reduced.second_derivatives(motion.a, stabilised)
+        pressed = [neg(mul(s, x)) for s, x in zip(self.flags.closed, b, strict=False)]
+        friction: Vector = [None] * m
+        if contacts.compliant:
+            N, friction = self._pushed(b[m:])
+        elif not contacts.frictional:
+            N = solve_symmetric(self._masked_compliance(range(m), range(m)), [pressed])[0]
+        else:
+            N, friction = self._pressed(pressed, b[m:])
+        factors = [*N, *(friction if contacts.frictional else [])]
+        a, closing = self.reduced.pushed(motion, factors)
+        return Solved(a, N, friction, closing)
+
+    def _masked_compliance(self, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
+        """Compliance of what is kept, and the identity for what is not."""
+        K: Matrix = []
+        for r in rows:
+            line: Vector = []
+            for c in columns:
+                entry = self.reduced.contacts.compliance[r][c]
+                if r == c and self.contacts.softness[r] is not None:
+                    entry = mul(entry, 1.0 + dense(self.contacts.softness[r]))
+                entry = mul(
+                    self.contacts.active[r], mul(1.0 if r == c else self.contacts.active[c], entry)
+                )
+                line.append(add(entry, 1.0 - self.contacts.active[r]) if r == c else entry)
+            K.append(line)
+        return K
+
+    def _yielding(self, r: int, c: int) -> Term:
+        """Compliance of two rows; what is not kept gives way as if it had no mass.
+
+        Its force is zero but for some 1e-40 then, with far fewer operations than a mask has.
+        """
+        entry = self.reduced.contacts.compliance[r][c]
+        if r != c:
+            return entry
+        if self.contacts.softness[r] is not None:
+            entry = mul(entry, 1.0 + dense(self.contacts.softness[r]))
+        return add(entry, _YIELDS * (1.0 - self.contacts.active[r]))
+
+    def _dragged(self, rows: Sequence[int], c: int) -> Vector:
+        """Rates that friction of a sliding contact takes off the kept rows, by its force."""
+        share = [
+            mul(self.contacts.mu[c], self.reduced.contacts.compliance[r][len(self.gaps) + c])
+            for r in rows
+        ]
+        return [
+            mul(self.contacts.active[r], mul(self.flags.slips[c], x))
+            for r, x in zip(rows, share, strict=True)
+        ]
+
+    def _pressed(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
+        """Normal forces and friction.
+
+        Sticking is eliminated first, which can be done always. Only then come the normal forces of
+        what slides: their matrix S is not symmetric and may be singular.
+        """
+        m = len(self.gaps)
+        if m > _CRAMER:
+            return self._pressed_by_contact(right, tangential)
+        normal, held = range(m), [m + i for i in self.contacts.frictional]
+        L, D = factorise(self._masked_compliance(held, held))
+        free = forward(L, [neg(mul(self.contacts.active[r], tangential[r - m])) for r in held])
+        columns = zip(*self._masked_compliance(held, normal), strict=True)
+        each = [forward(L, column) for column in columns]
+        scaled = [[div(x, d) for x, d in zip(y, D, strict=True)] for y in each]
+        smooth = self._masked_compliance(normal, normal)  # without the friction of what slides
+        for i in normal:
+            for k in range(i + 1):
+                smooth[i][k] = smooth[k][i] = add(smooth[i][k], neg(dot(scaled[i], each[k])))
+        S = [list(row) for row in smooth]
+        for c in self.contacts.frictional:
+            dragged = forward(L, self._dragged(held, c))
+            for i, x in enumerate(self._dragged(normal, c)):
+                S[i][c] = add(S[i][c], neg(x), dot(scaled[i], dragged))
+            each[c] = [add(x, neg(y)) for x, y in zip(each[c], dragged, strict=True)]
+        left = [add(x, neg(dot(row, free))) for x, row in zip(right, scaled, strict=True)]
+        N, det = cramer(S, left)
+        if self.jam_margin is None:
+            pivots = factorise(smooth)[1]
+            self.jam_margin = reduce(truediv, map(dense, pivots), dense(det))
+        rest = [
+            add(x, *(neg(mul(column[k], n)) for column, n in zip(each, N, strict=True)))
+            for k, x in enumerate(free)
+        ]
+        friction: Vector = [None] * m
+        for i, force in zip(self.contacts.frictional, backward(L, D, rest), strict=True):
+            slides = mul(self.flags.slips[i], mul(self.contacts.mu[i], N[i]))
+            friction[i] = add(force, neg(slides))
+        return N, friction
+
+    def _pressed_by_contact(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
+        """Forces of many contacts: one after the other, few of which share a link."""
+        m, contacts = len(self.gaps), self.contacts
+        rows = [r for i in self._order() for r in (m + i, i) if r < m or i in contacts.mu]
+        drags = {
+            k: mul(self.flags.slips[r], contacts.mu[r])
+            for k, r in enumerate(rows)
+            if r in contacts.mu
+        }
+        found, margin = solve_dragged(
+            [[self._yielding(r, c) for c in rows] for r in rows],
+            [right[r] if r < m else neg(tangential[r - m]) for r in rows],
+            drags,
+            [contacts.active[r] for r in rows],
+        )
+        if self.jam_margin is None:
+            self.jam_margin = margin
+        forces = dict(zip(rows, found, strict=True))
+        return [forces[i] for i in range(m)], [forces.get(m + i) for i in range(m)]
+
+    def _order(self) -> list[int]:
+        """The contacts by how many others they are coupled to when those before are eliminated."""
+        m = len(self.gaps)
+        rest = {
+            i: {
+                k
+                for k in range(m)
+                if k != i
+                and any(
+                    x is not None for r in self.reduced.contacts.compliance[i::m] for x in r[k::m]
+                )
+            }
+            for i in range(m)
+        }
+        order = []
+        while rest:
+            order.append(min(rest, key=lambda i: (len(rest[i]), i)))
+            near = rest.pop(order[-1])
+            for k in near:
+                rest[k] = (rest[k] | near) - {k, order[-1]}
+        return order
+
+    def accelerations(self, solved: Solved) -> dict[str, Term]:
+        """Accelerations of all coordinates, by name."""
+        a: dict[str, Term] = dict(zip(self.free, solved.a, strict=True))
+        of_laws = self.equations.frames.a
+        return a | {c: of_laws[c] if self.degree > 1 else None for c in self.prescribed}
+
+    def struck(self, impulses: Sequence[Term]) -> Solved:
+        """Free motion with impulses of all rows, of whose loads friction in joints is one."""
+        count, m = len(self.contacts.rows), len(self.gaps)
+        N, T = impulses[:m], impulses[m:count] if self.contacts.frictional else [None] * m
+        a, closing = self.reduced.pushed(self.reduced.exact, list(impulses))
+        return Solved(a, list(N), list(T), closing)
+
+    def compressed(self, i: int) -> tuple[Term, Term, Term]:
+        """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.
+
+        Open contacts count as 1 m deep: no power of zero has a Taylor series.
+        """
+        s, jet = self.flags.closed[i], self.contacts.normal[i]
+        value = s * jet.value
+        stretch = self.gaps[i].stretch(value)
+        depth = self.gaps[i].depth(value) + (1.0 - s)
+        if self.rubs:  # in long expressions only symbols are found again
+            symbol = hy.make_vars(f'depth{i}')
+            self.depths[symbol] = depth
+            depth = symbol
+        return depth, neg(mul(s, jet.rate)) / stretch, stretch
+
+    def relief(self, i: int) -> hy.expression:
+        """Of a closed compliant contact, what has the sign of its force [m/s]."""
+        law = self.contacts.laws[i]
+        if law is None:
+            raise ValueError('a compliant contact has a law')
+        return dense(law.relief(self.compressed(i)[1], self.flags.approach[i]))
+
+    def held(self, i: int) -> hy.expression:
+        """Positive while a closed compliant contact presses on, or recovers on.
+
+        It falls through zero with the depth, and where the force changes between there and not.
+        """
+        sign = 2.0 * self.flags.presses[i] - 1.0
+        return self.compressed(i)[0] * (
+            (self.flags.margin + sign * self.relief(i)) / self.flags.approach[i]
+        )
+
+    def _pushed(self, tangential: Vector) -> tuple[Vector, Vector]:
+        """Forces of compliant contacts along their rows, and Coulomb's friction.
+
+        ``T = -mu N sign(v)`` where they slide; where they stick, what keeps ``dv/dt = 0`` with the
+        second derivatives `tangential` of the slips without contact forces.
+        """
+        m = len(self.gaps)
+        N: Vector = []
+        T: Vector = [None] * m
+        for i, law in enumerate(self.contacts.laws):
+            if law is None:
+                raise ValueError('a compliant contact has a law')
+            depth, rate, stretch = self.compressed(i)
+            force = law.normal_force(depth, rate, self.flags.approach[i])
+            force = self.flags.closed[i] * (self.flags.presses[i] * force)
+            N.append(force / stretch)
+            if i in self.flags.slips:
+                T[i] = neg(mul(self.flags.slips[i], mul(self.contacts.mu[i], force)))
+        if self.contacts.frictional:
+            held = [m + i for i in self.contacts.frictional]
+            left = [
+                add(tangential[r - m], dot(self.reduced.contacts.compliance[r], [*N, *T]))
+                for r in held
+            ]
+            right = [neg(mul(self.contacts.active[r], x)) for r, x in zip(held, left, strict=True)]
+            stuck = solve_symmetric(self._masked_compliance(held, held), [right])[0]
+            for i, force in zip(self.contacts.frictional, stuck, strict=True):
+                T[i] = add(T[i], force)
+        return N, T
+
+    @property
+    def acceleration(self) -> Vector:
+        """Second derivatives of the rows with the forces of the closed gaps."""
+        forces = [*self.exact.N, *(self.exact.T if self.contacts.frictional else [])]
+        return [
+            add(free, dot(line, forces))
+            for free, line in zip(
+                self.free_acceleration, self.reduced.contacts.compliance, strict=True
+            )
+        ]
+
+    def on_prescribed(self, k: int, solved: Solved) -> Term:
+        """Generalised force of contacts and closures on the k-th prescribed coordinate."""
+        forces = [*solved.N, *(solved.T if self.contacts.frictional else [])]
+        return add(
+            self._pushes.get(self.prescribed[k]),
+            *(
+                mul(self.reduced.driven_row(j)[k], f)
+                for j, f in zip(self.contacts.rows, forces, strict=True)
+            ),
+            *(
+                mul(self.reduced.driven_row(j)[k], f)
+                for j, f in zip(self.equations.relation_jets, solved.closing_forces, strict=True)
+            ),
+        )

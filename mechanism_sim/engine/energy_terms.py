@@ -1,0 +1,54 @@
+"""Work and losses of a motion, segment by segment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.audit import Work, work_in
+from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.physics import Physics
+from mechanism_sim.numerics.quadrature import Parts
+
+
+class EnergyTerms(NamedTuple):
+    """Work and losses of a motion of m segments [J]."""
+
+    work: Work  #: in each segment, without impulses
+    impacts: Sequence[Impact]  #: those within the motion
+    drive_work: float = 0.0  #: before the motion
+    dissipated: float = 0.0  #: before the motion
+
+
+def energy_so_far(
+    physics: Physics, motion: Motion, balance: EnergyTerms, k: NDArray[np.intp], dt: Array
+) -> tuple[Array, Array]:
+    """Work of the drives and losses (N,) [J] since the start of the run.
+
+    Impacts count from the segment on that begins with them.
+
+    Parameters
+    ----------
+    k, dt : (N,) segments, and the time since their start [s]
+    """
+    work, lost = np.full(len(k), balance.drive_work), np.full(len(k), balance.dissipated)
+    if physics.has_forces:
+        since = work_since_start(physics, motion, k, dt)
+        work += np.concatenate([[0.0], np.cumsum(balance.work.drive)])[k] + since.drive
+        lost += np.concatenate([[0.0], np.cumsum(balance.work.friction)])[k] + since.friction
+        began = motion.curve.begun_by([i.t for i in balance.impacts])
+        passed = np.searchsorted(began, k, side='right')
+        work += np.cumsum([0.0, *(i.drive_work for i in balance.impacts)])[passed]
+        lost += np.cumsum([0.0, *(i.sudden_loss for i in balance.impacts)])[passed]
+    return work, lost
+
+
+def work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
+    """Work and losses (N,) from the start of segments k to `dt` (N,) later, by quadrature."""
+    parts = Parts(k, np.zeros(len(k)), dt, np.zeros(len(k), bool))
+    return work_in(physics, motion, parts, in_order=False)[0]

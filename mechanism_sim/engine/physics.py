@@ -1,0 +1,371 @@
+"""A machine whose motion is known: forces, energies and gaps along it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.crossings import Crossings
+from mechanism_sim.engine.dense_output import Motion, instants
+from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
+from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.planar.frames import STATE
+from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
+from mechanism_sim.planar.protocols import EndGap
+from mechanism_sim.planar.switched_functions import Edges
+from mechanism_sim.planar.switches import HOLDS
+
+
+class Physics(Protocol):
+    """A machine of any level, seen through its motion."""
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all joints."""
+
+    @property
+    def clearances(self) -> tuple[str, ...]:
+        """Names of the joints with clearance."""
+
+    @property
+    def tilting(self) -> tuple[str, ...]:
+        """Names of the joints that take moments out of the plane, or forces."""
+
+    @property
+    def driven(self) -> tuple[str, ...]:
+        """Names of the coordinates with a drive, in the order of ``Observation.drive_torque``."""
+
+    @property
+    def unknowns(self) -> Mapping[str, str]:
+        """Units of the loads whose sizes follow from the motion, by name."""
+
+    @property
+    def undetermined(self) -> Mapping[str, frozenset[str]]:
+        """Parts of the forces in joints that redundant constraints leave open, by joint.
+
+        Among ``x``, ``y`` and ``moment``; an `Observation` has some value of them.
+        """
+
+    @property
+    def displacements(self) -> tuple[str, ...]:
+        """Names of the coordinates that are displacements."""
+
+    @property
+    def has_forces(self) -> bool:
+        """True if forces and energies are known, not only motion."""
+
+    @property
+    def lifting_energy(self) -> float:
+        """Size [J] of the terms that a potential energy consists of, see `Mechanism`."""
+
+    def observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
+        """The machine at times `dt` after the start of `segments`.
+
+        `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
+        """
+
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
+
+    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+        """Terms of the energy balance; powers and forces count only where `has_forces`.
+
+        `closure_error` is the largest distance [m] from zero: of closed gaps, and of what is left
+        open where loops close.
+        """
+
+    @property
+    def takes_power(self) -> bool:
+        """True if springs, dampers, films or loads take any power."""
+
+    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Power (N,) [W] that springs, dampers, films and loads take, if they do.
+
+        It follows from positions and rates alone; where it may be steep, it is no part of
+        `account`.
+        """
+
+    @property
+    def steep(self) -> bool:
+        """True if powers may vary within a segment in a way that no series foretells."""
+
+    @property
+    def corners(self) -> bool:
+        """True if powers have corners within segments, where friction's normal force is zero."""
+
+    def switch_parts(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> dict[str, Array]:
+        """Part (N,) of each load that depends on rates, by the name of its switch."""
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Instants at which forces grow beyond all bounds; there they are NaN."""
+
+
+class DynamicPhysics:
+    """Equations of motion: accelerations and forces follow from state and mode of contact."""
+
+    has_forces = True
+    unknowns: Mapping[str, str] = MappingProxyType({})
+
+    def __init__(
+        self,
+        observer: Observer,
+        undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
+    ) -> None:
+        self.observer, self.undetermined = observer, undetermined
+        self.system = system = observer.system
+        self.coordinates = system.coordinates
+        self.joints = tuple(joint.name for joint in system.mechanism.joints)
+        self.driven = (*system.prescribed, *system.powered)
+        self.displacements = system.mechanism.displacements
+        self.lifting_energy = system.mechanism.lifting_energy
+        self.clearances = tuple(gap.name for gap in system.gaps)
+        self.tilting = tuple(
+            dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
+        )
+
+    def observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
+        """The machine at times `dt` (N,) after the start of `segments` (N,)."""
+        seen = self._observe(motion, segments, dt)
+        return seen.with_turns(motion.curve.turns_at(segments, dt).T)
+
+    def _observe(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Observation:
+        """Observation without whole turns; near singular positions with the limits of forces."""
+        seen = self.observer.observe(self.inputs(motion, segments, dt))
+        crossings = self._crossings(motion, segments)
+        if not crossings or not crossings.segments.size:
+            return seen
+        each, since = each_instant(motion.curve, segments, dt)
+        near = np.flatnonzero(crossings.near(each, since))
+        if near.size:
+            found = crossings.limits(each[near], since[near], lambda k, t: _stacked(
+                self.observer.observe(self.inputs(motion, k, t))
+            ))  # fmt: skip
+            sizes = [np.size(x[..., 0]) for x in _limited(seen)]
+            for field, rows in zip(
+                _limited(seen), np.split(found, np.cumsum(sizes)[:-1]), strict=True
+            ):
+                field[..., near] = rows.reshape(*field.shape[:-1], near.size)
+        power = (seen.drive_torque * seen.velocity[self.system.driven_index]).sum(axis=0)
+        return seen._replace(drive_power=power)
+
+    def _crossings(self, motion: Motion, segments: NDArray[np.intp]) -> Crossings | None:
+        """Which of the segments lead across singular positions."""
+        system = self.system
+        if not system.relations:
+            return None
+        free = [system.coordinates.index(c) for c in system.free]
+        return Crossings(
+            motion,
+            segments,
+            free,
+            lambda k, t: self.observer.gaps.closure_distance(motion.curve.local(k, t).T),
+        )
+
+    def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
+        """Terms of the energy balance."""
+        return self.observer.account(self.inputs(motion, segments, dt))
+
+    @property
+    def takes_power(self) -> bool:
+        """True if springs, dampers, films or loads take any power."""
+        return self.observer.takes_power
+
+    @property
+    def corners(self) -> bool:
+        """No: steps end where what presses changes its side."""
+        return False
+
+    @property
+    def steep(self) -> bool:
+        """True if loads or contacts may be steep within a step."""
+        return self.observer.steep
+
+    def load_power(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Power (N,) [W] that springs, dampers, films and loads take."""
+        return self.observer.load_power(self.inputs(motion, segments, dt))
+
+    def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
+        """Compliant contacts then."""
+        return self.observer.touch(self.inputs(motion, segments, dt))
+
+    def inputs(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
+        """Instants as `Observer.observe` takes them, angles without their whole turns."""
+        curve, driven = motion.curve, self.system.prescribed_index
+        if isinstance(dt, Nodes):
+            q, v = curve.at_nodes(segments, dt)
+        else:
+            q, v = (curve.local(segments, dt, derivative).T for derivative in (0, 1))
+        names = self.system.outside
+        steady = self.system.degree <= 1
+        powered = self.system.driven_index[len(driven) :]
+        torque = np.zeros((0, q.shape[1]))
+        if powered:
+            constant, per_angle, per_speed = motion.torques_at(segments, dt).transpose(1, 0, 2)
+            angle = curve.at(segments, dt).T[powered]
+            torque = constant + per_angle * angle + per_speed * v[powered]
+        none = np.zeros((len(driven), q.shape[1]))
+        return Instants(
+            q,
+            v,
+            none if steady else curve.local(segments, dt, 2).T[driven],
+            motion.modes_at(segments, dt),
+            torque,
+            motion.approach_at(segments, dt),
+            outside(names, self.coordinates, curve, segments, dt, motion.state_curve),
+            self._rows(motion, segments, dt),
+            self._sides(motion, segments, dt),
+        )
+
+    def _rows(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array | None:
+        """Values of the switches: those of rates as they were, others by their places."""
+        curve, states = motion.curve, motion.state_curve
+        found = rows(self.system.edges, self.coordinates, curve, segments, dt, states)
+        if found is not None and motion.acting.size:
+            flags, holds = self.system.set_valued.holding_rows
+            acting = np.repeat(motion.acting[segments, : len(flags)], instants(dt), axis=0).T
+            found[flags], found[holds] = acting % HOLDS, acting == HOLDS
+        return found
+
+    def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """Signs (k, N) of what presses on the lines that rub."""
+        count = len(self.system.parameters.sides)
+        if not count:
+            return np.zeros((0, len(segments) * instants(dt)))
+        own = motion.acting[segments, -count:].astype(float)
+        found: Array = 2.0 * np.repeat(own, instants(dt), axis=0).T - 1.0
+        return found
+
+    def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
+        """The gaps (m, N) [m] then, infinite where closed."""
+        curve = motion.curve
+        if isinstance(dt, Nodes):
+            q, _ = curve.at_nodes(segments, dt)
+        else:
+            q = curve.local(segments, dt).T
+        edges, states = self.system.edges, motion.state_curve
+        known = rows(edges, self.coordinates, curve, segments, dt, states)
+        beside = outside(self.system.outside, self.coordinates, curve, segments, dt, states)
+        gaps = self.observer.gaps.distances(self.observer.gaps.values(q, beside, known))
+        return np.where(motion.closed_at(segments, dt), np.inf, gaps)
+
+    def switch_parts(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> dict[str, Array]:
+        """Part (N,) of each load that depends on rates, by the name of its switch."""
+        names = [*self.system.equations.frames.switches]
+        if not self.system.set_valued.holding:
+            return {}
+        parts = self.observer.parts(self.inputs(motion, segments, dt))
+        return dict(zip([names[k] for k in self.system.set_valued.holding], parts, strict=True))
+
+    def no_limits(self, motion: Motion) -> list[NoLimit]:
+        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        crossings = self._crossings(motion, np.arange(len(motion)))
+        if not crossings or not crossings.segments.size:
+            return []
+        segments, dt = crossings.segments, crossings.touch
+        seen = self.observe(motion, segments, dt)
+        found = []
+        for k, (segment, since) in enumerate(zip(segments, dt, strict=True)):
+            forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
+            joints = tuple(j for j, force in forces if not np.isfinite(force).all())
+            if joints and since <= motion.curve.duration[segment]:
+                drive = float(seen.position[self.system.driven_index[0], k])
+                found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))
+        return found
+
+
+def _limited(seen: Observation) -> tuple[Array, ...]:
+    """Fields that are not determined at singular positions."""
+    return (
+        seen.acceleration, seen.normal_force, seen.friction_force, seen.reaction,
+        seen.reaction_moment, seen.drive_torque,
+    )  # fmt: skip
+
+
+def _stacked(seen: Observation) -> Array:
+    """These fields in rows (M, N)."""
+    return np.concatenate([x.reshape(-1, x.shape[-1]) for x in _limited(seen)])
+
+
+def each_instant(
+    curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+) -> tuple[NDArray[np.intp], Array]:
+    """The segment of every instant, and the time since its start [s], in the order of samples."""
+    if isinstance(dt, Nodes):
+        dt = np.outer(curve.duration[segments], dt.fractions)
+    return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()
+
+
+def rows(
+    edges: Edges | None,
+    coordinates: Sequence[str],
+    curve: PiecewisePolynomial,
+    segments: NDArray[np.intp],
+    dt: Array | Nodes,
+    states: PiecewisePolynomial | None = None,
+) -> Array | None:
+    """Values (k, N) of the switches: of the whole segment that an instant is said to belong to.
+
+    Where an instant lies on an edge, its place could not tell; the instants are those of
+    ``curve.at(segments, dt)``, `coordinates` its columns. None without switches.
+    """
+    if edges is None:
+        return None
+    zero, half = np.zeros(len(segments)), 0.5 * curve.duration[segments]
+    begun = curve.coefficients[segments, :, :2]  # values and rates at the start
+    start, middle = (
+        np.concatenate([*moved, outside(edges.outside, coordinates, curve, segments, t, states)])
+        for moved, t in (
+            ((begun[:, :, 0].T, begun[:, :, 1].T), zero),
+            ([curve.local(segments, half, derivative).T for derivative in (0, 1)], half),
+        )
+    )
+    found = edges.within(start, middle)
+    return np.repeat(found, instants(dt), axis=1)
+
+
+def outside(
+    names: Sequence[str],
+    coordinates: Sequence[str],
+    curve: PiecewisePolynomial,
+    segments: NDArray[np.intp],
+    dt: Array | Nodes,
+    states: PiecewisePolynomial | None = None,
+) -> Array:
+    """Rows (k, N) of what loads ask for beside the coordinates, as `Frames.outside` names it.
+
+    The instants are those of ``curve.at(segments, dt)``.
+    """
+    if isinstance(dt, Nodes):
+        since = np.outer(curve.duration[segments], dt.fractions)
+    else:
+        since = dt[:, None] if dt.ndim == 1 else dt
+    rows, values = [], None
+    for name in names:
+        if name.startswith(STATE) and states is not None:
+            values = states.local(segments, dt).T if values is None else values
+            rows.append(values[int(name.removeprefix(STATE))])
+        elif name == 'time':
+            rows.append((curve.start[segments, None] + since).ravel())
+        else:
+            index = list(coordinates).index(name.rpartition('.')[0])
+            rows.append(np.repeat(curve.turns[segments, index], since.shape[1]).astype(float))
+    return np.array(rows).reshape(len(rows), since.size)

@@ -1,0 +1,294 @@
+"""Switches of loads, tables and friction in ideal joints: their rows, and motions they hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.contact.problem import ContactProblem
+from mechanism_sim.engine.present_state import PresentState, rate_of
+from mechanism_sim.errors import RunError
+from mechanism_sim.planar.switches import HOLDS, Switch
+from mechanism_sim.tolerances import TOLERANCES
+
+_JOINT_FRICTION = TOLERANCES.joint_friction
+_SWITCHES = TOLERANCES.switches
+
+
+class Switching:
+    """The rows of the switches at the present state, and the signs of forces that rub.
+
+    A row is the part of its range in which a switch is: a load's side, a table's interval.
+
+    Parameters
+    ----------
+    present : the integrator's state
+    problem : the contacts, some of which may rub in a part of their cycle only
+    """
+
+    def __init__(self, present: PresentState, problem: ContactProblem) -> None:
+        self._now, self._system = present, present.system
+        self._functions = present.system.functions
+        self._holding = present.system.set_valued.holding
+        self._index = present.system.parameters
+        self._pars, self._friction = present.pars, problem.friction
+        system, gaps = present.system, present.system.gaps
+        flags = {s.flag: k for k, s in enumerate(system.switches) if isinstance(s, Switch)}
+        #: parameter that says whether a gap rubs, and the coefficient with which it does
+        self._engaged = {
+            i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
+            for i, flag in system.dynamics.contacts.engaged.items()
+        }
+        self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
+        self._turned: dict[int, tuple[float, int]] = {}  # at which place they last did, which row
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """The present rows."""
+        return self._now.rows
+
+    @property
+    def sides(self) -> tuple[float, ...]:
+        """Signs of what presses on lines that rub."""
+        return tuple(self._pars[i] for i in self._index.sides)
+
+    @sides.setter
+    def sides(self, signs: Sequence[float]) -> None:
+        self._now.set(self._index.sides, signs)
+
+    def set_rows(self, rows: tuple[int, ...]) -> None:
+        """Set the rows of the switches, and which contacts rub by them."""
+        self._now.rows = rows
+        switches = self._system.switches
+        for s, index, row in zip(switches, self._index.switches, rows, strict=True):
+            self._now.set(index, s.values(row))
+        for i, (flag, friction) in self._engaged.items():
+            self._friction[i] = friction if self._pars[flag] > 0.0 else _JOINT_FRICTION.idle
+
+    def find_rows(self) -> None:
+        """Set the rows as the present state has them."""
+        for _ in range(self._system.switch_levels):
+            places = zip(self._system.switches, self.places(), strict=True)
+            self.set_rows(tuple(s.row_at(x) for s, x in places))
+
+    def turn_over(self, switch: int) -> None:
+        """Let the row follow that comes after the present one.
+
+        What has let go at this very instant does not hold again: where its part is all or nothing
+        but for rounding, that would go to and fro. It is brought to rest, and moves as it will.
+        """
+        since, rows = self._turns.get(switch, (math.nan, 0))[0], self.rows
+        self._count_turns(switch)
+        after = self._row_after(switch)
+        if after == HOLDS and since == self._now.time and self._turned[switch][1] == HOLDS:
+            self._stop([switch])
+            return
+        self._turned[switch] = self.places()[switch], rows[switch]
+        self.set_rows((*rows[:switch], after, *rows[switch + 1 :]))
+
+    def pass_edges(self) -> None:
+        """Let switches turn over that are at their edge now, where their guards fall too late.
+
+        So what begins with the run, or with a law, holds from its first instant on.
+        """
+        tau, before = float(self._now.integrator.time), self.rows
+        rates = [
+            *self._now.v,
+            *(rate_of(law, tau) for law in self._now.base.laws),
+        ]
+        fastest = max(map(abs, rates), default=0.0)
+        if not (before and fastest):
+            return
+        places = self.places(0.5 * _SWITCHES.margin / fastest)
+        rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
+        self.set_rows(tuple(rows))
+        guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)][
+            -len(rows) :
+        ]
+        known = zip(before, rows, guards.tolist(), strict=True)
+        self.set_rows(tuple(new if guard > 0.0 else old for old, new, guard in known))
+
+    def places(self, ahead: float = 0.0) -> list[float]:
+        """Where the switches are."""
+        seen = self._now.evaluate(self._functions.watch, ahead)
+        places: list[float] = seen[len(seen) - len(self.rows) :].tolist()
+        return places
+
+    def _row_after(self, switch: int) -> int:
+        """The row of a switch that follows on the present one.
+
+        Raises
+        ------
+        RunError
+            If there is none.
+        """
+        known, row, place = (
+            self._system.switches[switch],
+            self.rows[switch],
+            self.places()[switch],
+        )
+        if switch in self._holding:
+            held = self._holding[switch].holding(row, self._rates_of(switch), place)
+            if held is not None:
+                return held
+        try:
+            return known.row_after(row, place)
+        except RunError as error:
+            raise RunError(f'{error} (t = {self._now.time:.9g} s)') from error
+
+    def leads_back(self, switch: int | None) -> bool:
+        """True if a switch fell to the row it has just left, at the very place where it left it.
+
+        Over a row that is narrow beside its distance from zero, places are known to their
+        roundings only: it may have been left before its end in these digits.
+        """
+        if switch is None or switch not in self._turned:
+            return False
+        place, row = self._turned[switch]
+        held = switch in self._holding and HOLDS in (row, self.rows[switch])
+        if held or self.places()[switch] != place:
+            return False
+        return self._row_after(switch) == row
+
+    def _rates_of(self, switch: int) -> list[float]:
+        """Rates that `Switch.holding` asks for of a switch of rates."""
+        system = self._system
+        own = [*self._holding].index(switch)
+        function, kept = self._functions.holding_rates, self._now.parameters.copy()
+        part = float(self._now.evaluate(function)[len(self._holding) + own])
+        seen = []
+        for others in (True, False):
+            for k, index in enumerate(system.parameters.switches):
+                if k in self._holding and (k == switch or not others):
+                    self._pars[index[1]] = 0.0
+            for flag in (0.0, 1.0):
+                self._pars[system.parameters.switches[switch][0]] = flag
+                seen.append(float(self._now.evaluate(function)[own]))
+        self._now.parameters[:] = kept
+        return [*seen, part]
+
+    def jammed_joints(self) -> RunError:
+        """The error of friction in ideal joints that no finite forces overcome."""
+        joints = dict.fromkeys(rub.friction.name for rub in self._system.dynamics.rubs)
+        return RunError(
+            f'friction jams at t = {self._now.time:.9g} s{self._now.where}: in '
+            f'{", ".join(joints)} no finite forces can continue the motion; reduce the '
+            'coefficient of friction or the radius'
+        )
+
+    @property
+    def rubbing(self) -> tuple[float, ...]:
+        """Signs of what presses on lines that rub, where forces of pins point, signs of slips."""
+        return tuple(self._pars[i] for i in self._rubbing_index)
+
+    @rubbing.setter
+    def rubbing(self, values: Sequence[float]) -> None:
+        self._now.set(self._rubbing_index, values)
+
+    @property
+    def _rubbing_index(self) -> tuple[int, ...]:
+        known = self._system
+        return (*known.parameters.sides, *known.parameters.towards, *known.parameters.slips)
+
+    def hold_or_slide(self, slipping: Sequence[int]) -> None:
+        """Let friction that is at rest hold, or act against where it goes: before it moves."""
+        places = self.places()
+        for k in slipping:
+            row, rates = self.rows[k], self._rates_of(k)
+            after = self._holding[k].holding(row, rates, places[k])
+            if after is None and abs(places[k]) <= _SWITCHES.rest:
+                after = int(rates[0] + rates[1] > 0.0)
+            if after not in (None, row):
+                self.set_rows((*self.rows[:k], after, *self.rows[k + 1 :]))
+                self.update_sides()
+
+    def update_sides(self) -> None:
+        """Let the signs of what presses on lines that rub be those of its present forces."""
+        for _ in self._index.sides:
+            pressed = self._now.evaluate(self._functions.pressing).tolist()
+            signs = tuple(math.copysign(1.0, x) for x in pressed)
+            if signs == self.sides:
+                break
+            self.sides = signs
+
+    def update_pin_direction(self, pin: int) -> None:
+        """Note where the force of a pin that rubs points now."""
+        x, y = self._now.evaluate(self._functions.pin_forces)[2 * pin : 2 * pin + 2].tolist()
+        if size := math.hypot(x, y):
+            self._now.set(self._index.towards[2 * pin : 2 * pin + 2], (x / size, y / size))
+
+    def freeze(self, held: Sequence[int]) -> None:
+        """Let contacts be resolved under the parts of switches that hold now."""
+        parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :].tolist()
+        for k, part in zip(self._holding, parts, strict=True):
+            if k in held:
+                self._pars[self._index.switches[k][0]] = part
+
+    def release(self) -> None:
+        """Let switches hold no more what an impact has moved.
+
+        What they would stop again within a rounding of the place is stopped now: contacts that
+        part by roundings fall back as fast, and would move it for ever.
+        """
+        places, rows = self.places(), list(self.rows)
+        moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > _SWITCHES.rest]
+        if not moved:
+            return
+        slow = [
+            k for k in moved if places[k] ** 2 < 2.0 * self._now.rounding * self._stops(k, places)
+        ]
+        for k in moved:
+            if k not in slow:
+                rows[k] = int(places[k] > 0.0)
+        self.set_rows(tuple(rows))
+        if slow:
+            self._stop(slow)
+
+    def _stops(self, switch: int, places: Sequence[float]) -> float:
+        """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
+        below, above, *_ = self._rates_of(switch)
+        return max(0.0, -above if places[switch] > 0.0 else below)
+
+    def _stop(self, held: Sequence[int]) -> None:
+        """Bring the functions of switches that hold to zero by an impulse of what holds them."""
+        kept, system = self._now.parameters.copy(), self._system
+        functions = [[*self._holding].index(k) for k in held]
+
+        def seen(acting: int | None) -> tuple[Array, Array]:
+            for k in held:
+                self._now.set(system.parameters.switches[k], (float(k == acting), 0.0))
+            rates = self._now.evaluate(self._functions.holding_rates)[functions]
+            moved = self._now.evaluate(self._functions.accelerations)[: self._now.free]
+            return rates, moved.copy()
+
+        still, a = seen(None)
+        ways = [seen(k) for k in held]
+        self._now.parameters[:] = kept
+        places = np.array(self.places())[list(held)]
+        steps = np.column_stack([rates - still for rates, _ in ways])
+        shares = np.linalg.lstsq(steps, -places)[0]
+        for x, (_, way) in zip(shares.tolist(), ways, strict=True):
+            self._now.v[:] += x * (way - a)
+        self._now.project()
+
+    def _count_turns(self, switch: int) -> None:
+        """Refuse a switch that turns over again and again at one place.
+
+        Raises
+        ------
+        RunError
+        """
+        since, count = self._turns.get(switch, (-math.inf, 0))
+        count = 1 if self._now.time - since > _SWITCHES.again else count + 1
+        self._turns[switch] = self._now.time, count
+        if count > _SWITCHES.turns:
+            name = [*self._system.equations.frames.switches][switch]
+            load = '.'.join(name.replace(':', '.', 1).split('.')[:2])
+            raise RunError(
+                f'{load} switches again and again at t = {self._now.time:.9g} s: a force that '
+                'steps against the motion (sign, or a condition on a rate) would hold it at '
+                'rest; write a steep function instead, such as tanh(vx/0.001)'
+            )

@@ -1,0 +1,250 @@
+"""Taylor steps up to events: taken in rows, and taken anew where an event was missed."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.clock import horner
+from mechanism_sim.engine.contacts import Contacts
+from mechanism_sim.engine.dense_output import DenseOutput, floats
+from mechanism_sim.engine.drive_laws import DriveLaws
+from mechanism_sim.engine.short_steps import ShortSteps
+from mechanism_sim.engine.singular import SingularPositions
+from mechanism_sim.engine.step_check import StepCheck
+from mechanism_sim.errors import RunError
+from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.protocols import Directed
+from mechanism_sim.tolerances import TOLERANCES
+
+_SINGULAR = TOLERANCES.singular
+_STEPS = TOLERANCES.steps
+
+#: of a guard as it is integrated: a root may be near whatever its rate
+_NEAR_ROOT = TOLERANCES.guards.near_root * TOLERANCES.guards.watch_scale
+
+
+_UNWATCHED = (0.0, 1.0, 0.0)
+
+
+class PendingStep(NamedTuple):
+    """A step that is known but not yet part of the solution."""
+
+    tau: float  #: [s] where it begins
+    h: float  #: [s]
+    guard: int | None  #: that ended it
+    #: with which stabilisation [1/s], longest step [s] and stride [s]
+    taken: tuple[float, float, float]
+    origin: Array | None  #: the state at its start, if it was projected then
+
+
+class TaylorSteps:
+    """Takes Taylor steps, each up to the first event in it.
+
+    Parameters
+    ----------
+    laws, contacts, singular, output : of the same run
+    max_step : [s] longest step
+    defect : [rad/s] change of a rate within a step that its polynomials may be off
+    quickest : [1/s] rate at which errors of gaps and loops are taken back, at most
+
+    Attributes
+    ----------
+    longest : [s] step
+    short : takes those that are short, of machines whose equations are long
+    """
+
+    def __init__(
+        self,
+        laws: DriveLaws,
+        contacts: Contacts,
+        singular: SingularPositions,
+        output: DenseOutput,
+        max_step: float,
+        defect: float,
+        quickest: float,
+    ) -> None:
+        self._laws, self._contacts, self._singular = laws, contacts, singular
+        self._output, self._gaps, self._present = output, contacts.state, contacts.present
+        self._system = system = contacts.present.system
+        self._ta, self._pars = contacts.present.integrator, contacts.present.pars
+        self.longest, self._quickest = max_step, quickest
+        self._stalled = 0
+        # polynomials of what moves are known as it is
+        self._check: StepCheck | None = None
+        if system.steep:
+            self._check = StepCheck(system, system.steep, self._ta, defect)
+        self.short: ShortSteps | None = None
+        self._quick = self._check is None and not system.compliant
+        width, series = self._ta.order + 1, floats(self._ta.tc)
+        watch = system.width + 1  # after the state and the constant
+        near = watch + len(system.guards)  # then the distance from singular positions
+        self._coefficients = series[: system.width * width]
+        self._guard_values = series[watch * width + 1 : near * width : width]
+        self._nearness = series[near * width :] if system.relations else _UNWATCHED
+        self._step = self._ta.step
+        self._stabilisation = system.parameters.stabilisation
+
+    def follow(self, tau: float, limit: float, last: int) -> tuple[float, float | None]:
+        """Take steps from `tau` on, as long as they just follow each other: at most a row.
+
+        Returns where it came to, and the length of a further step that something happened in, if
+        any.
+        """
+        gaps, output, ta, step = self._gaps, self._output, self._ta, self._step
+        if self._laws.since >= _STEPS.row:
+            self._laws.turn(tau)
+        longest, horizon = self.longest, gaps.horizon
+        if not self._quick or self._laws.coming or horizon < longest:
+            h = self._taken(tau, min(longest, horizon))
+            return tau, h if self._check is None else self._checked(tau, h, self._check)
+        coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
+        slots, lengths, lone, timed = (
+            output.slots,
+            output.lengths,
+            self._system.lone,
+            self._system.timed,
+        )
+        enter_tau, enter_length = output.taus.append, lengths.append
+        watch, near, stride = self._guard_values, self._nearness, self._singular.stride
+        stabilisation, quickest = self._stabilisation, self._quickest
+        singular = near is not _UNWATCHED
+        count, stop = len(lengths), min(limit, self._laws.next_base)
+        row = min(count + _STEPS.row - self._laws.since, last, len(slots) - 1)
+        for slot in slots[count:row]:
+            if timed:
+                ta.time = tau
+            h = step(longest, True)[1]
+            end = tau + h
+            if pars[fired] or not tau < end <= stop:
+                break
+            if watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT:
+                break
+            if singular and near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0:
+                break
+            slot[:] = coefficients
+            enter_tau(tau)
+            enter_length(h)
+            tau = end
+            pars[stabilisation] = min(1.0 / h, quickest)
+        else:
+            self._laws.since += row - count
+            if row == len(slots) - 1:
+                output.grow()
+            return tau, None
+        self._laws.since += len(lengths) - count
+        return tau, h
+
+    def locate(self, tau: float, h: float) -> PendingStep:
+        """The pending step for one from `tau` of length `h` [s] that was just taken."""
+        gaps, singular, pars = self._gaps, self._singular, self._pars
+        watch, near, longest = self._guard_values, self._nearness, self.longest
+        reach = min(longest, gaps.horizon)
+        taken = (pars[self._stabilisation], reach, singular.stride)
+        guard = self._system.fired(pars) if pars[self._system.parameters.fired] else None
+        if self._system.lone:
+            if watch[0] < _NEAR_ROOT:
+                if watch[0] < 0.0 and not gaps.flying:
+                    # it let go within the error of the last step's end
+                    self._singular.return_to(tau)
+                    h, guard = 0.0, 0
+                else:
+                    h, guard = self._look_again(tau, h, guard)
+        elif self._system.compliant or (watch and min(watch) < _NEAR_ROOT):
+            h, guard = self._look_again(tau, h, guard)
+        crossing = None
+        if near[1] + _SINGULAR.ahead * max(h, singular.stride) * near[2] < 0.0:
+            h, guard, crossing = singular.approach(tau, h, guard)
+        # a pole draws nearer by steps below the rounding of the time
+        self._stalled = 0 if tau + h > tau or guard is not None else self._stalled + 1
+        if self._stalled > (_STEPS.stalled if h > 0.0 else 0):
+            raise self._breakdown(tau)
+        slot = self._output.slots[len(self._output.lengths)]
+        slot[:] = crossing.terms if crossing else self._coefficients
+        if guard is None and (h < reach or reach == longest):
+            pars[self._stabilisation] = min(1.0 / h, self._quickest)
+        if reach < longest:
+            gaps.horizon = math.inf
+        return PendingStep(tau, h, guard, taken, crossing.origin if crossing else None)
+
+    def _taken(self, tau: float, most: float) -> float:
+        """Length of a step from `tau`, of a low order if that serves for `most` [s]."""
+        h = self.short.step(tau, most) if self.short and most < self.longest else None
+        if h is None:
+            self._ta.time = tau
+            h = float(self._step(most, True)[1])
+        return h
+
+    def _checked(self, tau: float, h: float, check: StepCheck) -> float:
+        """Length of a step, taken anew until no formula turned steep within it unseen.
+
+        A step that ends shortly before a fault is on the same series, of less range: it is looked
+        at again, for what that may hide.
+        """
+        while h > _STEPS.shortest * self.longest:
+            sound, fault = check.reach(self._present.base.high, tau, h)
+            if fault is None:
+                break
+            self._system.fired(self._pars)
+            self._singular.return_to(tau)
+            h = self._step(h * (sound or _STEPS.shorter * fault), True)[1]
+        else:
+            if not np.isfinite(self._ta.tc[: self._system.width]).all():
+                return math.nan  # a formula has no value here
+        return h
+
+    def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
+        """Length and guard of a step, taken anew where it overlooked an event.
+
+        The search for the roots of a guard gives up where one lies much nearer to the start of a
+        step than to its end, or on the point where it bisects; and the root of a step that ends
+        within its own error of an impact lies just behind it.
+        """
+        missed = self._missed(guard)
+        while missed is not None and h > _STEPS.shortest * self.longest:
+            self._singular.return_to(tau)
+            h = self._taken(tau, _STEPS.shorter * h)
+            guard = self._system.fired(self._pars)
+            missed = self._missed(guard)
+        return h, guard if missed is None or guard is not None else missed
+
+    def _missed(self, guard: int | None) -> int | None:
+        """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""
+        if guard is None or len(self._system.guards) > 1:
+            return self._contacts.missed_event(guard)
+        return None
+
+    def _breakdown(self, tau: float) -> RunError:
+        if self._system.relations:
+            self._singular.return_to(tau)
+            if self._present.singular_joints():
+                return self._singular.undecided()
+        self._singular.return_to(tau)
+        time = self._present.base.high + tau
+        free = dict(zip(self._system.free, self._present.state, strict=False))
+        driven = zip(self._system.prescribed, self._present.base.laws, strict=False)
+        q = free | {c: horner(law, tau) for c, law in driven}
+        place = np.array([[q[c]] for c in self._system.coordinates])
+        size = self._system.mechanism.size
+        for e in self._system.elements:
+            if isinstance(e, Directed) and e.directed and e.length(place)[0] < _STEPS.meet * size:
+                return RunError(
+                    f'the ends of {e.name} meet at t = {time:.9g} s, where its '
+                    'force has no direction; one without free_length and damping may pass there'
+                )
+        rates = self._present.evaluate(self._system.functions.accelerations)[len(free) :]
+        values = self._present.state[2 * len(self._system.free) :]
+        for known, y, rate in zip(self._system.states, values, rates, strict=True):
+            if not (abs(y) < _STEPS.endless and abs(rate) < _STEPS.endless**2):
+                return RunError(
+                    f'the state {known.label} of first order ends at t = {time:.9g} s, where it '
+                    f'is {known.scale * y:.6g} and its rate {known.scale * float(rate):.6g}'
+                )
+        far = ', or its elastic links bend too far' if self._system.mechanism.having(Beam) else ''
+        return RunError(
+            f'the integration broke down at t = {time:.9g} s: the state '
+            f'became infinite; the mechanism may be at a singular position{far}'
+        )

@@ -1,0 +1,56 @@
+"""Events of a run so far, in numbers that do not grow with it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mechanism_sim.engine.events import Impact, Mode, ModeChange
+from mechanism_sim.tolerances import TOLERANCES
+
+_CONTACTS = TOLERANCES.contacts
+
+
+class Totals:
+    """Counts and sums of events, entered batch by batch.
+
+    Attributes
+    ----------
+    impacts, mode_changes, losses_of_contact : numbers of events
+    normal_impulse, largest_impulse : of all impacts together, and of the hardest [N s]
+    """
+
+    def __init__(self) -> None:
+        self.impacts = 0
+        self.mode_changes = 0
+        self.losses_of_contact = 0
+        self.normal_impulse = 0.0
+        self.largest_impulse = 0.0
+        self._gains = 0
+        self._made = 0.0
+        self._instant = float('-inf')
+        self._gain = 0.0  # at the last instant of impacts, which the next batch may go on with
+
+    def add(self, impacts: Sequence[Impact], changes: Sequence[ModeChange]) -> None:
+        """Enter the events of a batch."""
+        self.impacts += len(impacts)
+        self.mode_changes += len(changes)
+        self.losses_of_contact += sum(
+            c.previous > Mode.FREE_FLIGHT and c.mode == Mode.FREE_FLIGHT for c in changes
+        )
+        for impact in impacts:
+            self.normal_impulse += impact.normal_impulse
+            self.largest_impulse = max(self.largest_impulse, impact.normal_impulse)
+            if impact.t > self._instant:
+                self._gains, self._made = self.gains
+                self._instant, self._gain = impact.t, 0.0
+            self._gain -= impact.energy_loss
+
+    @property
+    def gains(self) -> tuple[int, float]:
+        """Number of instants at which impacts created energy, and how much in all [J].
+
+        Contacts in one impact pass energy to each other; only their sum says what was made.
+        """
+        if self._gain > _CONTACTS.energy_gain:
+            return self._gains + 1, self._made + self._gain
+        return self._gains, self._made

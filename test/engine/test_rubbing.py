@@ -1,0 +1,35 @@
+"""Friction in ideal joints during impacts obeys Coulomb's law beside every other friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mechanism_sim.engine.contact.rubbing import Rubs, friction_impulses
+
+
+@pytest.mark.parametrize('k', [1, 2, 3])
+def test_each_friction_ends_its_slip_or_is_at_its_bound_against_what_is_left(k):
+    """Of k joints that act on each other, each pressed by its own force in two components."""
+    rng = np.random.default_rng(k)
+    stuck = slid = 0
+    for _ in range(50):
+        J = rng.normal(size=(1 + k, 2 * k + 2))
+        A = J @ J.T  # rates of a contact and of k slips per unit impulse
+        x, rate = np.array([rng.uniform(0.5, 1.0)]), rng.normal(size=k)
+        forces = rng.normal(size=(2 * k, 1 + k))
+        forces[:, 1:] *= 0.1  # they press on each other, a little
+        mu = rng.uniform(0.1, 1.0, k)
+        ends, owner = 2 * np.arange(1, k + 1), np.arange(k)
+        none = np.zeros((k, 0))
+        walls = np.zeros(k, dtype=int)
+        rubs = Rubs(rate, none, A[:, 1:], none, forces, mu, ends, owner, walls)
+        T = friction_impulses(rubs, x, np.zeros(k))
+        slip = rate + A[1:, 0] * x[0] + A[1:, 1:] @ T
+        pressed = (forces @ np.concatenate([x, T])).reshape(k, 2)
+        bound = mu * np.hypot(*pressed.T)
+        assert (np.abs(T) <= bound * (1.0 + 1e-9)).all()
+        holds = np.abs(slip) < 1e-9
+        assert T[~holds] == pytest.approx(-bound[~holds] * np.sign(slip[~holds]), rel=1e-9)
+        stuck, slid = stuck + holds.sum(), slid + (~holds).sum()
+    assert min(stuck, slid) > 5
