@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -386,7 +387,8 @@ def load_summary(
 class Summary:
     """Summary of the run in a bag; a part is None where `absent` says why.
 
-    start, end: span of the run [s]; digest: that of `MotionDigest`.
+    complete: False if the file was cut short; start, end: span of the run [s]; planned_end: where
+    the law of its drive was to end [s], None of an endless one; digest: that of `MotionDigest`.
     """
 
     bag: str
@@ -394,6 +396,7 @@ class Summary:
     complete: bool
     start: float
     end: float
+    planned_end: float | None
     motion: MotionSummary | None
     impacts: ImpactSummary | None
     modes: tuple[JointModes, ...] | None
@@ -405,6 +408,11 @@ class Summary:
     digest: str | None
     absent: tuple[str, ...]
     fields: tuple[FieldRange, ...] = ()  #: of a bag of another program
+
+    @property
+    def ended_early(self) -> bool:
+        """True if the run ended before its planned end, by more than a nanosecond."""
+        return self.planned_end is not None and self.end < self.planned_end - 1e-9
 
     def to_json(self) -> dict[str, Any]:
         """The summary as dictionaries, lists, texts and numbers; fields of other programs only."""
@@ -428,7 +436,8 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
     topics = find_topics(bag, namespace)
     present = {kind: bool(topics[kind]) for kind in KINDS}
-    crank = Crank(_driven_coordinate(bag, topics['drive']), displacements(bag))
+    driven, planned_end = _planned(bag, topics['drive'])
+    crank = Crank(driven, displacements(bag))
     impacts, modes, digest = ImpactCollector(), ModeShares(), MotionDigest()
     energy, vibration, ledger = PublishedEnergies(), VibrationCollector(), LedgerCollector()
     parts = {topic: PublishedParts(topic) for topic in PARTS}
@@ -465,6 +474,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         complete=bag.complete,
         start=start,
         end=end,
+        planned_end=planned_end,
         motion=moved,
         impacts=impacts.summary(crank) if present['impacts'] else None,
         modes=modes.summary(start, end) if present['mode_changes'] else None,
@@ -503,10 +513,13 @@ def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSum
     return load_summary(largest(ranges.ends), {}, crank.angle, ranges.samples)
 
 
-def _driven_coordinate(bag: Bag, topics: tuple[str, ...]) -> str | None:
+def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | None]:
+    """The driven coordinate, and the end [s] of its last law if that is final."""
+    driven, end = None, None
     for _, law, _ in bag.messages(topics) if topics else ():
-        return str(law.coordinate)
-    return None
+        driven = driven or str(law.coordinate)
+        end = float(law.valid_until) if law.final and math.isfinite(law.valid_until) else None
+    return driven, end
 
 
 def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:

@@ -59,7 +59,8 @@ def _head(s: Summary) -> Iterator[SummaryRow]:
     cut = '' if s.complete else 'CUT SHORT: what could be read is analysed'
     yield SummaryRow('bag', s.bag, words=cut)
     yield SummaryRow('scene', s.scene or 'not recorded')
-    yield SummaryRow('time', f'{s.start:.9g} s to {s.end:.9g}', 's')
+    early = f'ENDED EARLY: it was to last until {s.planned_end:.9g} s' if s.ended_early else ''
+    yield SummaryRow('time', f'{s.start:.9g} s to {s.end:.9g}', 's', words=early)
     if s.motion is not None:
         m = s.motion
         how = f'slides, {m.mean_speed:.6g} m/s on average'

@@ -31,6 +31,7 @@ from mechanism_sim.report.bag import render, render_details
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.row import SweepTask
+from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import compute
 
 # A crank at 300 rpm goes round three times in 0.6 s; a rocker swings by 1 + 2 t + 3 t^2.
@@ -514,6 +515,20 @@ def test_a_cut_bag_is_analysed_as_far_as_it_goes(tmp_path):
         found = analyze(cut)
         assert not found.complete
         assert 'CUT SHORT' in render(found)
+
+
+@pytest.mark.parametrize('share', [1.0, 0.5])
+def test_a_run_that_ended_before_its_end_is_told_from_a_whole_one(tmp_path, share):
+    """Its file is complete, its motion is not what was asked for."""
+    solution = ms.simulate('four_bar_nominal', duration=0.05)
+    planned = solution.duration / share
+    with RunBag(tmp_path / 'run.mcap', solution.machine, planned) as bag:
+        bag.add(solution.motion, solution.impacts, [])
+    found = analyze(tmp_path / 'run.mcap')
+    assert (found.complete, found.planned_end) == (True, planned)
+    said = [line for line in render(found).splitlines() if 'ENDED EARLY' in line]
+    assert len(said) == found.ended_early == (share < 1.0)
+    assert not said or said[0].endswith('(ENDED EARLY: it was to last until 0.1 s)')
 
 
 def test_namespaces_are_matched_and_told_apart(tmp_path, summary):

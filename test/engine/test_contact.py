@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mechanism_sim.engine.contact.chatter import ChatterRule
+from mechanism_sim.engine.contact.problem import horizon_of
 from mechanism_sim.numerics.complementarity import solve_frictional_lcp
 
 
@@ -129,3 +130,11 @@ def test_a_bounce_counts_if_it_rises_farther_than_the_gap_was_violated(depth, a,
         v = np.sqrt(2.0 * a * rise * depth)
         assert (top(v) < depth) == last  # of the flight itself
         assert rule.ends(v, -a, 0.5, depth) == last
+
+
+@pytest.mark.parametrize(('rebound', 'fall'), [(0.3, 9.81), (2e-6, 4e3)])
+def test_no_step_is_longer_than_a_hundred_flights_that_fall_back_steadily(rebound, fall):
+    """Off the powers of two, at which roots are looked for; what does not fall back has none."""
+    flight = max(np.roots([-0.5 * fall, rebound, 0.0]))
+    assert 99.0 < horizon_of(rebound, -fall) / flight < 101.0
+    assert horizon_of(rebound, fall) == horizon_of(-rebound, -fall) == np.inf
