@@ -13,6 +13,7 @@ What arrays take is kept until the entry returns, in a list that starts at ``@ke
 from __future__ import annotations
 
 import ast
+import builtins
 import inspect
 import math
 import struct
@@ -140,6 +141,10 @@ def _constant(known: Any) -> Value:
     if isinstance(known, tuple):
         maker = type(known) if hasattr(known, '_fields') else None
         return Several(tuple(map(_constant, known)), maker)
+    return _number(known)
+
+
+def _number(known: float) -> Number:
     if isinstance(known, bool | np.bool_):
         return Number('b', 'true' if known else 'false')
     if isinstance(known, int | np.integer):
@@ -147,8 +152,8 @@ def _constant(known: Any) -> Value:
     return Number('f', f'0x{struct.pack(">d", known).hex().upper()}')
 
 
-_ZERO = {'f': _constant(0.0), 'i': _constant(0), 'b': _constant(False)}
-_ONE = {'f': _constant(1.0), 'i': _constant(1), 'b': _constant(True)}
+_ZERO = {'f': _number(0.0), 'i': _number(0), 'b': _number(False)}
+_ONE = {'f': _number(1.0), 'i': _number(1), 'b': _number(True)}
 
 
 class Module:
@@ -312,7 +317,7 @@ class _Body(_Writer):
             return x
         if kind == 'b':
             how = 'fcmp une double' if x.kind == 'f' else 'icmp ne i64'
-            return Number('b', self.new(f'{how} {x.text}, {_ZERO[x.kind].text}'))  # type: ignore[union-attr]
+            return Number('b', self.new(f'{how} {x.text}, {_ZERO[x.kind].text}'))
         how = {'bi': 'zext', 'bf': 'uitofp', 'if': 'sitofp', 'fi': 'fptosi'}[x.kind + kind]
         return Number(kind, self.new(f'{how} {_LLVM[x.kind]} {x.text} to {_LLVM[kind]}'))
 
@@ -469,9 +474,14 @@ class _Body(_Writer):
 
     def constant(self, node: ast.expr) -> Any:
         """Object of Python that names and numbers stand for; None of what is computed."""
-        if self._is_local(node) and not isinstance(node, ast.Constant):
+        if isinstance(node, ast.Constant):
+            return node.value
+        if self._is_local(node):
             return None
-        return eval(ast.unparse(node), self.globals)  # noqa: S307 - names and numbers
+        if isinstance(node, ast.Attribute):
+            return getattr(self.constant(node.value), node.attr)
+        (name,) = (x.id for x in ast.walk(node) if isinstance(x, ast.Name))
+        return self.globals[name] if name in self.globals else getattr(builtins, name)
 
 
 @cache
@@ -540,7 +550,7 @@ def _for(body: _Body, node: ast.For) -> None:
         step = ast.literal_eval(given[2]) if len(given) == 3 else 1
         low, high = ['0', *(body.value(x).text for x in given[:2])][-2:]
         with body.counted(low, high, step) as at:
-            body.assign(node.target.id, Number('i', at))  # type: ignore[attr-defined]
+            _set(body, node.target, Number('i', at))
             body.statements(node.body)
         return
     items = body.value(node.iter)
@@ -553,7 +563,7 @@ def _for(body: _Body, node: ast.For) -> None:
             body.store(x, kind, body.place(items, [Number('i', str(k))]).at)
     with body.counted('0', items.shape[0]) as at:
         element = body.place(items, [Number('i', at)])
-        body.assign(node.target.id, body.load(element.kind, element.at))  # type: ignore[attr-defined]
+        _set(body, node.target, body.load(element.kind, element.at))
         body.statements(node.body)
 
 
@@ -641,7 +651,7 @@ def _divided(body: _Body, how: ast.operator, a: Number, b: Number) -> Number:
     )
     left = body.new(f'{rest} {kind} {a.text}, {b.text}')
     # of which one is below zero: neither if the remainder is 0
-    signs = [body.new(f'{less} {kind} {x}, {zero.text}') for x in (left, b.text)]  # type: ignore[union-attr]
+    signs = [body.new(f'{less} {kind} {x}, {zero.text}') for x in (left, b.text)]
     some = body.cast(Number(a.kind, left), 'b').text
     differ = body.new(f'and i1 {some}, {body.new(f"xor i1 {signs[0]}, {signs[1]}")}')
     more = body.new(f'{add} {kind} {left}, {b.text}')
@@ -663,7 +673,7 @@ def _unary(body: _Body, node: ast.UnaryOp) -> Number:
     return Number('i', body.new(f'sub i64 0, {body.cast(x, "i").text}'))
 
 
-_COMPARED = {
+_COMPARED: dict[type, tuple[str, str]] = {
     ast.Eq: ('oeq', 'eq'), ast.NotEq: ('une', 'ne'), ast.Lt: ('olt', 'slt'),
     ast.LtE: ('ole', 'sle'), ast.Gt: ('ogt', 'sgt'), ast.GtE: ('oge', 'sge'),
 }  # fmt: skip
@@ -673,7 +683,7 @@ def _related(body: _Body, how: type, a: Number, b: Number) -> Number:
     a, b = body.alike(a, b)
     if a.kind == 'b':
         a, b = body.cast(a, 'i'), body.cast(b, 'i')
-    real, whole = _COMPARED[how]  # type: ignore[index]
+    real, whole = _COMPARED[how]
     test = f'fcmp {real}' if a.kind == 'f' else f'icmp {whole}'
     return Number('b', body.new(f'{test} {_LLVM[a.kind]} {a.text}, {b.text}'))
 
@@ -734,8 +744,8 @@ def _call(body: _Body, node: ast.Call) -> Any:
             given += body.value(x.value).items
         else:
             given.append(body.value(x))
-    if known is None:  # of an array
-        return _METHODS[node.func.attr](body, body.value(node.func.value), *given)  # type: ignore[attr-defined]
+    if isinstance(node.func, ast.Attribute) and known is None:  # of an array
+        return _METHODS[node.func.attr](body, body.value(node.func.value), *given)
     function = body.module.function_of(known)
     if function is not None:
         return body.call(function, given)
@@ -821,7 +831,7 @@ def _shape(size: Number | Several) -> list[str]:
 
 def _ones(body: _Body, size: Number, kind: str) -> ArrayView:
     found = body.made(kind, _shape(size))
-    body.fill(found, _ONE[kind])  # type: ignore[arg-type]
+    body.fill(found, _ONE[kind])
     return found
 
 
@@ -865,7 +875,7 @@ def _any(body: _Body, array: ArrayView) -> Number:
     def either(old: Number, x: Number) -> Number:
         return Number('b', body.new(f'or i1 {old.text}, {body.cast(x, "b").text}'))
 
-    return _folded(body, array, _ZERO['b'], either)  # type: ignore[arg-type]
+    return _folded(body, array, _ZERO['b'], either)
 
 
 def _most(body: _Body, array: ArrayView) -> Number:
