@@ -8,7 +8,7 @@ from blows import ImpactLaw, simultaneous_impact
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mechanism_sim.engine.contact.chatter import ChatterRule
+from mechanism_sim.engine.contact.chatter import ChatterRule, remaining_time
 from mechanism_sim.engine.contact.problem import horizon_of
 from mechanism_sim.numerics.complementarity import solve_frictional_lcp
 
@@ -138,3 +138,12 @@ def test_no_step_is_longer_than_a_hundred_flights_that_fall_back_steadily(reboun
     flight = max(np.roots([-0.5 * fall, rebound, 0.0]))
     assert 99.0 < horizon_of(rebound, -fall) / flight < 101.0
     assert horizon_of(rebound, fall) == horizon_of(-rebound, -fall) == np.inf
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.3, 0.95])
+def test_bounces_that_are_left_out_last_as_long_as_all_their_flights(restitution):
+    rebound, fall, left, speed = 0.2, 9.81, 0.0, 0.2
+    while speed > 1e-18:
+        left, speed = left + 2.0 * speed / fall, restitution * speed
+    assert remaining_time(rebound, -fall, restitution) == pytest.approx(left, rel=1e-12)
+    assert remaining_time(rebound, fall, restitution) == remaining_time(rebound, -fall, 1.0) == 0

@@ -33,3 +33,21 @@ def test_each_friction_ends_its_slip_or_is_at_its_bound_against_what_is_left(k):
         assert T[~holds] == pytest.approx(-bound[~holds] * np.sign(slip[~holds]), rel=1e-9)
         stuck, slid = stuck + holds.sum(), slid + (~holds).sum()
     assert min(stuck, slid) > 5
+
+
+def test_a_wall_that_is_not_pressed_does_not_rub():
+    """Of a guide's two walls, whose force has one component, the one against which it points."""
+    rng = np.random.default_rng(4)
+    idle = 0
+    for _ in range(50):
+        force, mu, rate = rng.normal(), rng.uniform(0.1, 1.0), 10.0
+        none, one = np.zeros((1, 0)), np.ones(1)
+        for wall in (-1, 1):
+            rubs = Rubs(
+                np.array([rate]), none, np.array([[0.0], [1.0]]), none, np.array([[force, 0.0]]),
+                np.array([mu]), np.array([1]), np.array([0]), np.array([wall]),
+            )  # fmt: skip
+            (T,) = friction_impulses(rubs, one, np.zeros(1))
+            assert pytest.approx(-mu * max(wall * force, 0.0), abs=1e-15) == T
+            idle += T == 0.0
+    assert idle == 50
