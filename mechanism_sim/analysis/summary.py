@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from array import array
 import math
+from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

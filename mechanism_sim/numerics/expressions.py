@@ -1,7 +1,7 @@
 """Expressions that people write, in loads, measures, conditions and goals: one grammar, one tree.
 
 ``-0.2*rate + 3*sin(20*t) if t > 2 else 0``: numbers, with units or in SI units; names, which may
-have dots; ``+ - * /``, powers 2 to 4 as ``^`` or ``**``; ``< <= > >=``, also in chains, ``and``,
+have dots; ``+ - * /``, constant powers as ``^`` or ``**``; ``< <= > >=``, also in chains, ``and``,
 ``or``, ``not``; ``A if X else B``; functions. A unit stands behind its number and belongs to it
 alone: ``1/2 s`` is 0.5 Hz, ``3 m^2`` an area. Nothing is executed. Python's own parser would not
 do: it knows no units, takes ``^`` for another operation, and says little of what is wrong.
@@ -41,6 +41,8 @@ LARGEST = 1e30
 """Of the numbers in a text: beyond, products leave the range of floating-point numbers."""
 LONGEST = 1000
 """Characters of a text."""
+STEEPEST = 20
+"""Power to which something is raised."""
 DEEPEST = 200
 """Operations in each other: a sum of so many terms is as deep."""
 
@@ -203,7 +205,19 @@ class _ExpressionReader:
             signs.append(self._take(self._now.text))
             args.append(self._expression(7 if level > 5 else level + 1))
         kind = {4: 'compare', 8: '**'}.get(level, sign)
+        if level == 8:
+            args[1] = self._exponent(args[1])
         return self._node(start, kind, *args, name=' '.join(signs))
+
+    def _exponent(self, node: ExpressionNode) -> ExpressionNode:
+        """A power as the number that it is."""
+        own = {'number', 'pi', 'negative', '+', '-', '*', '/'}
+        if any(x.kind not in own or x.unit for x in node.walk()):
+            raise InputError(
+                f'the power {quoted(node.text)} in {quoted(self._text)} must be a number, as in '
+                'x^1.3: of others write exp(POWER*log(BASE))'
+            )
+        return self._node(self._now.start, 'number', value=float(numbers(node, {})))
 
     def _operand(self) -> ExpressionNode:
         token = self._now
@@ -329,9 +343,8 @@ def parse(
     for node in tree.walk():
         if node.kind == 'number' and not node.value <= LARGEST:  # 1e400 is infinite
             raise InputError(f'a number in {quoted(text)} is larger than {LARGEST:g}')
-        power = node.args[1] if node.kind == '**' else None
-        if power and (power.kind != 'number' or power.unit or power.value not in (2.0, 3.0, 4.0)):
-            raise InputError(f'the power in {quoted(text)} must be 2, 3 or 4')
+        if node.kind == '**' and not abs(node.args[1].value) <= STEEPEST:
+            raise InputError(f'the power in {quoted(text)} must be from -{STEEPEST} to {STEEPEST}')
         if node.kind == 'call' and functions is not None:
             _check_call(node, functions, figures or {}, text)
     return tree
@@ -409,7 +422,7 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
     if name in ('negative', 'abs') or (first is None and name in ('**', 'sqrt')):
         return first
     if name == '**' and first is not None:
-        return product('', first, int(node.args[1].value))
+        return _unit_of_power(first, node.args[1].value, text)
     if name == 'sqrt' and first is not None:
         if (unit := root(first)) is None:
             raise InputError(f'the root of {first} in {quoted(text)} has no unit')
@@ -417,6 +430,17 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
     if name in SMOOTH and not alike(first or '', ''):
         raise InputError(f'{name} in {quoted(text)} needs a plain number, not one in {first}')
     return ''
+
+
+def _unit_of_power(unit: str, power: float, text: str) -> str:
+    if not unit or power == int(power):
+        return product('', unit, int(power))
+    base = root(unit)
+    if base is None or 2.0 * power != int(2.0 * power):
+        raise InputError(
+            f'the power {power:g} in {quoted(text)} needs a plain number, not one in {unit}'
+        )
+    return product('', base, int(2.0 * power))
 
 
 _ALIKE = {
@@ -455,8 +479,8 @@ def _numbers(node: ExpressionNode, known: Mapping[Any, Any]) -> Any:
     args = [_numbers(x, known) for x in node.args]
     match node.kind:
         case '**':
-            power = int(args[1])
-            return np.float64(args[0]) ** power if isinstance(args[0], float) else args[0] ** power
+            power = int(args[1]) if args[1] == int(args[1]) else args[1]
+            return (np.float64(args[0]) if isinstance(args[0], float) else args[0]) ** power
         case 'not':
             return 1.0 - (args[0] != 0.0)
         case 'and' | 'or':

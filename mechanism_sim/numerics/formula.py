@@ -134,7 +134,7 @@ class _Builder:
             case '+' | '-' | '*' | '/':
                 return _BINARY[node.kind](self.value(args[0]), self.value(args[1]))
             case '**':
-                return reduce(operator.mul, [self.value(args[0])] * int(args[1].value))
+                return self._power(self.value(args[0]), args[1].value)
             case 'if':
                 flag = self._condition(args[0])
                 return flag * self.value(args[1]) + (1.0 - flag) * self.value(args[2])
@@ -144,6 +144,16 @@ class _Builder:
             f"the condition '{node.text}' in {quoted(self._text)} is not a value: write 'A if X "
             "> Y else B'"
         )
+
+    @staticmethod
+    def _power(base: Any, power: float) -> Any:
+        """Products where the power is whole: they hold at and below zero, too."""
+        if power != int(power):
+            return base**power
+        if not power:
+            return hy.expression(1.0)
+        whole = reduce(operator.mul, [base] * abs(int(power)))
+        return whole if power > 0.0 else 1.0 / whole
 
     def _call(self, node: ExpressionNode) -> Any:
         """A function; of one that repeats after a turn without those of angles.

@@ -263,6 +263,8 @@ def _powers(node: ExpressionNode) -> Powers | None:
     if node.kind == '*':
         found = _product(a, b)
     elif node.kind == '**':
+        if b[0].denominator > 1 or not 0 < b[0] <= DEGREE:
+            return None
         found = a
         for _ in range(int(b[0]) - 1):
             found = _product(found, a)

@@ -7,47 +7,22 @@ what the key is.
 from __future__ import annotations
 
 import copy
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
 
 from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Part
-from mechanism_sim.scene.facts import facts_of
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
+from mechanism_sim.scene.problems import sentence
 from mechanism_sim.scene.schema import AnyScene, Scene
 from mechanism_sim.scene.table_keys import with_files
-from mechanism_sim.units import EXAMPLES, plain
+from mechanism_sim.units import plain
 
-_TYPES = {
-    'model_type': 'a list of keys with values',
-    'dict_type': 'a list of names with values',
-    'int_type': 'a whole number',
-    'int_parsing': 'a whole number',
-    'int_from_float': 'a whole number',
-    'int_parsing_size': 'a whole number of fewer digits',
-    'float_type': 'a number',
-    'float_parsing': 'a number',
-    'string_type': 'text, in quotes if it looks like a number',
-    'bool_parsing': 'true or false',
-    'bool_type': 'true or false',
-    'finite_number': 'finite',
-}
-"""Right values by the sort of problem."""
-
-_BOUNDS = {
-    'greater_than': ('gt', 'more than'),
-    'greater_than_equal': ('ge', 'at least'),
-    'less_than': ('lt', 'less than'),
-    'less_than_equal': ('le', 'at most'),
-}
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
 
 COMPONENTS = 'x', 'y'
@@ -279,111 +254,3 @@ def _part(place: dict[str, Any] | list[Any], part: str, key: str, file: str) -> 
             f"{file}: '{key}' cannot be set: '{part}' is none of 0 to {last} of a list"
         )
     return int(part)
-
-
-def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any) -> str:
-    """The first of some problems with `data` as a `model`; unknown keys come before others."""
-    problem = next((p for p in problems if p['type'] == 'extra_forbidden'), problems[0])
-    path, kind, value = _place(problem, data), problem['type'], problem['input']
-    where, context = '.'.join(path), problem.get('ctx', {})
-    if kind == 'extra_forbidden':
-        known = _keys(model, path[:-1], data)
-        hint = nearest(path[-1], known)
-        return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
-    if kind == 'missing':
-        return f"'{where}' is missing"
-    if kind == 'missing_key':
-        return f"'{where}.{context['key']}' is missing"
-    if kind == 'invalid_key':
-        return f'{where}: names and keys must be text'.lstrip(': ')
-    shown = f'{where} = {quoted(value)}' if where else quoted(value)
-    if kind == 'value_error':
-        return f'{where if isinstance(value, dict) else shown} {context["error"]}'.lstrip()
-    if kind == 'literal_error':
-        hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
-        return f'{shown} is not possible{hint}; allowed: {context["expected"]}'
-    if kind in _BOUNDS:
-        key, words = _BOUNDS[kind]
-        return f'{shown} is out of bounds: it must be {words} {context[key]:g}'
-    if kind == 'too_short':
-        least = context['min_length']
-        few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
-        return f'{shown}: {few}'
-    # of a value that may be one of several types, each has a problem of its own
-    ways = [_must_be(p, model, path) for p in problems if _place(p, data) == path]
-    return f'{shown}: it must be {", or ".join(dict.fromkeys(filter(None, ways)))}'
-
-
-def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> str:
-    """Right values by one problem."""
-    kind, context = problem['type'], problem.get('ctx', {})
-    if kind in _TYPES:
-        return _TYPES[kind]
-    facts = [facts_of(field) for field in _fields(model, path)]
-    quantities = [q for f in facts for q in f.quantities]
-    if kind in ('tuple_type', 'list_type', 'too_long'):
-        pair = kind == 'tuple_type' or context.get('max_length') == 2
-        if not pair:
-            return 'a list'
-        example = ', '.join(EXAMPLES[q.units[0]] for q in quantities[:2])
-        alike = len(quantities) >= 2
-        return f'a list of two quantities, for example [{example}]' if alike else 'a list of two'
-    said = ' or '.join(filter(None, (f.render() for f in facts)))
-    return f'of another kind{f" ({said})" if said else ""}'
-
-
-def _place(problem: ErrorDetails, data: Any) -> list[str]:
-    """Keys that lead to a problem, without what Pydantic calls the kinds that may stand there."""
-    *path, last = problem['loc'] or ('',)
-    found, here = [], data
-    for part in path:
-        try:
-            here = here[part]
-        except (KeyError, IndexError, TypeError):
-            continue
-        found.append(str(part))
-    if isinstance(here, list | tuple):
-        there = isinstance(last, int)
-    else:
-        there = isinstance(here, Mapping) and last in here
-    return [*found, str(last)] if there or problem['type'] == 'missing' else found
-
-
-def _keys(model: type[BaseModel], path: list[str], data: Any) -> list[str]:
-    """Keys allowed at a place of the schema, beside those that stand there."""
-    for part in path:
-        inner = enumerate(data) if isinstance(data, list | tuple) else data.items()
-        data = {str(key): x for key, x in inner}[part]
-    known = [
-        m.keys_for(data) if issubclass(m, Part) else [*m.model_fields] for m in _at(model, path)
-    ]
-    return list(dict.fromkeys(key for keys in known for key in keys))
-
-
-def _at(model: type[BaseModel], path: Iterable[str]) -> list[type[BaseModel]]:
-    """The models at a place of the schema."""
-    here = [model]
-    for part in path:
-        fields = _named(here, part)
-        # else it is a name, or the index of an entry, and leads to no other model
-        here = [m for field in fields for m in _models(field.annotation)] or here
-    return here
-
-
-def _fields(model: type[BaseModel], path: list[str]) -> list[FieldInfo]:
-    """The last keys on the way to a place of the schema."""
-    for end in range(len(path), 0, -1):
-        if found := _named(_at(model, path[: end - 1]), path[end - 1]):
-            return found
-    return []
-
-
-def _named(models: Iterable[type[BaseModel]], key: str) -> list[FieldInfo]:
-    return [f for m in models for k, f in m.model_fields.items() if key in (k, f.alias)]
-
-
-def _models(kind: Any) -> list[type[BaseModel]]:
-    """The models that an annotation speaks of."""
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
-        return [kind]
-    return [model for part in get_args(kind) for model in _models(part)]

@@ -49,6 +49,7 @@ from mechanism_sim.scene.motion_keys import (
     SwingPart,
 )
 from mechanism_sim.scene.motion_keys import Speed as MotionSpeed
+from mechanism_sim.scene.problems import PartMaker
 from mechanism_sim.scene.sensor_keys import SensorKeys, seated, sensor_keys_of
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.scene.table_keys import TablePart
@@ -177,7 +178,7 @@ class Solver(Part):
     """Displacement that may be left out when chatter is ended, if larger."""
 
 
-class LinkPart(Part):
+class LinkPart(Part, metaclass=PartMaker):
     """A link: its points and mass properties."""
 
     length: Length | None = None
@@ -205,7 +206,7 @@ class PointMass(Part):
     """Its mass."""
 
 
-class JointPart(*KINDS.values()):  # type: ignore[misc]
+class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
 
     @model_validator(mode='after')
@@ -235,7 +236,7 @@ class JointPart(*KINDS.values()):  # type: ignore[misc]
         return keys_of(cls.model_construct(**{kinds[0]: data[kinds[0]]}))
 
 
-class SensorPart(*SENSORS.values()):  # type: ignore[misc]
+class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A sensor: of one kind."""
 
     def source(self, machine: Any) -> SensorSource:
@@ -379,7 +380,7 @@ class AffineForce(Part):
         return {'formula': data} if isinstance(data, str | int | float) else data
 
 
-class DrivePart(Part):
+class DrivePart(Part, metaclass=PartMaker):
     """Motion of a coordinate by position, speed, moves, a torque, a force, or a motor."""
 
     coordinate: str | None = None
@@ -510,7 +511,7 @@ class Linkage(AnyScene):
 LOAD_SECTIONS = tuple(LOADS.values())
 
 
-class Scene(*LOAD_SECTIONS, Linkage):  # type: ignore[misc]
+class Scene(*LOAD_SECTIONS, Linkage, metaclass=PartMaker):  # type: ignore[misc]
     """A scene that names its links and joints.
 
     In Python it is made of parts or of dictionaries; numbers are in SI units, text has units.

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy
 from builders import compilations, made
 
 import mechanism_sim as ms
@@ -201,3 +202,21 @@ def test_ends_of_a_spring_that_is_nothing_long_may_meet():
             ms.simulate(on_spring(length, damping, 0.0), duration=1.0)
     with pytest.raises(RunError, match='springs with a free length or damping whose ends'):
         ms.simulate(on_spring(0.03, 0.0, 0.1), duration=1.0)
+
+
+@pytest.mark.parametrize('power', ['1.3', '(-1/2)', '5', '0'])
+def test_gas_is_compressed_by_a_power_of_its_volume(power):
+    """Kinetic energy is the area below the polytrope, by quadrature."""
+    machine = ms.load_scene({
+        'mechanism': 'linkage', 'title': 'gas spring',
+        'links': {'ground': {}, 'piston': {'mass': '2 kg'}},
+        'joints': {'bore': {'prismatic': ['ground', 'piston'], 'axis': 0}},
+        'initial': {'velocity': {'piston': '1 m/s'}},
+        'loads': {'gas': {'at': 'piston', 'force': [
+            f'-200 N*((100 mm/(100 mm - piston))^{power} - 1)', 0]}},
+    })  # fmt: skip
+    seen = ms.simulate(machine, duration=0.05).sample([0.01, 0.03, 0.05])
+    n = eval(power)
+    for x, v in zip(seen['position.piston'], seen['velocity.piston'], strict=True):
+        area = scipy.integrate.quad(lambda s: 200.0 * ((0.1 / (0.1 - s)) ** n - 1.0), 0.0, x)[0]
+        assert v**2 == pytest.approx(1.0 - area, abs=1e-13)

@@ -13,9 +13,9 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.joint_keys import KINDS
 from mechanism_sim.keys.quantities import Part
-from mechanism_sim.scene.files import sentence
 from mechanism_sim.scene.four_bar import FourBarScene
-from mechanism_sim.scene.schema import JointPart, Scene, SensorPart
+from mechanism_sim.scene.problems import sentence
+from mechanism_sim.scene.schema import DrivePart, JointPart, LinkPart, Scene, SensorPart
 from mechanism_sim.scene.sensors import SENSORS
 from mechanism_sim.studies.schema import SweepFile
 
@@ -85,24 +85,32 @@ def test_no_sort_of_problem_has_words_of_the_library() -> None:
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_an_unknown_key_of_a_joint_names_the_keys_of_its_kind(kind: str) -> None:
-    with pytest.raises(ValidationError) as refused:
-        JointPart.model_validate({kind: ['a.b', 'c.d'], 'nonsense': 1})
-    data = {kind: ['a.b', 'c.d'], 'nonsense': 1}
-    text = sentence(refused.value.errors(), JointPart, data)
-    listed = text.partition('allowed here: ')[2].split(', ')
+    with pytest.raises(InputError) as refused:
+        JointPart(**{kind: ['a.b', 'c.d'], 'nonsense': 1})
+    listed = str(refused.value).partition('allowed here: ')[2].split(', ')
     assert listed[0] == kind
     assert not {*listed} & {*KINDS} - {kind}
     assert {*listed} <= KINDS[kind].model_fields.keys()
     assert len(listed) < len(JointPart.model_fields)
 
 
+def test_parts_that_are_made_in_python_are_refused_in_the_same_words() -> None:
+    """Of all kinds that are public."""
+    with pytest.raises(InputError, match=r"^LinkPart: length = '1 kg' has the unit 'kg', which"):
+        LinkPart(length='1 kg')
+    with pytest.raises(InputError, match=r"^DrivePart: unknown key 'sped'; did you mean"):
+        DrivePart(sped=3)
+    with pytest.raises(InputError, match=r"^Scene: unknown key 'links\.bar\.lenght'; did you"):
+        Scene(title='a bar', links={'bar': {'lenght': 1.0}}, joints={})
+
+
 @pytest.mark.parametrize('kind', SENSORS)
 def test_an_unknown_key_of_a_sensor_names_the_keys_of_its_kind(kind: str) -> None:
-    data = {'kind': kind, 'nonsense': 1}
-    with pytest.raises(ValidationError) as refused:
-        SensorPart.model_validate(data)
-    text = sentence(refused.value.errors(), SensorPart, data)
-    assert {*text.partition('allowed here: ')[2].split(', ')} == {*SENSORS[kind].model_fields}
+    with pytest.raises(InputError) as refused:
+        SensorPart(kind=kind, nonsense=1)
+    assert {*str(refused.value).partition('allowed here: ')[2].split(', ')} == {
+        *SENSORS[kind].model_fields
+    }
 
 
 @pytest.mark.parametrize(
