@@ -78,7 +78,9 @@ _KNOWN = {
     'N': (Decimal(1), 1, 1, -2),
     'Pa': (Decimal(1), -1, 1, -2),
     'J': (Decimal(1), 2, 1, -2),
+    'kJ': (Decimal(1000), 2, 1, -2),
     'W': (Decimal(1), 2, 1, -3),
+    'kW': (Decimal(1000), 2, 1, -3),
     'cm': (Decimal('1e-2'), 1, 0, 0),
     'mm': (Decimal('1e-3'), 1, 0, 0),
     'um': (Decimal('1e-6'), 1, 0, 0),
@@ -89,6 +91,8 @@ _KNOWN = {
     'min': (Decimal(60), 0, 0, 1),
     'kHz': (Decimal(1000), 0, 0, -1),
     'kN': (Decimal(1000), 1, 1, -2),
+    'kPa': (Decimal(1000), -1, 1, -2),
+    'bar': (Decimal(100_000), -1, 1, -2),
     'MPa': (Decimal(1_000_000), -1, 1, -2),
     'GPa': (Decimal(1_000_000_000), -1, 1, -2),
     'deg': (Decimal('0.01745329251994329576923690768'), 0, 0, 0),
@@ -238,7 +242,8 @@ COMMON = tuple(_KNOWN)
 
 _SI_NAMES = {
     'cm': 'm', 'mm': 'm', 'um': 'm', 't': 'kg', 'g': 'kg', 'ms': 's', 'us': 's', 'min': 's',
-    'kHz': 'Hz', 'kN': 'N', 'MPa': 'Pa', 'deg': 'rad', 'rpm': 'rad/s',
+    'kHz': 'Hz', 'kN': 'N', 'kPa': 'Pa', 'bar': 'Pa', 'MPa': 'Pa', 'GPa': 'Pa', 'kJ': 'J',
+    'kW': 'W', 'deg': 'rad', 'rpm': 'rad/s',
 }  # fmt: skip
 
 

@@ -163,8 +163,11 @@ def seated(data: Any) -> Any:
         at = sensor.get('at')
         if not isinstance(at, str) or not at.rpartition('.')[2].isidentifier():
             continue
-        link = at.rpartition('.')[0] or sensor.get('link')
-        place = f'{link}.{at.rpartition(".")[2]}'
+        own, point = at.rpartition('.')[::2]
+        place = f'{own or sensor.get("link")}.{point}'
+        if place not in places and f'{at}.start' in places:
+            place = f'{at}.start'  # a link by itself is its origin, as of loads
+        link = place.rpartition('.')[0]
         if place not in places or sensor.get('link', link) != link:
             raise ValueError(
                 f"sensors.{name}.at = '{at}' is not a point of the sensor's "

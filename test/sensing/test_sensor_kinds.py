@@ -219,6 +219,13 @@ def test_a_sensor_sits_at_a_point_by_its_name(sensor):
     assert changed({'s': sensor}).scene.sensors == there.scene.sensors
 
 
+def test_a_sensor_at_a_link_sits_at_its_origin():
+    """As loads do."""
+    origin = changed({'s': {'link': 'rod', 'at': 0.0}}).scene.sensors
+    assert changed({'s': {'at': 'rod'}}).scene.sensors == origin
+    assert changed({'s': {'link': 'rod', 'at': 'rod'}}).scene.sensors == origin
+
+
 # --- what cannot be -----------------------------------------------------------------------------
 
 
@@ -237,6 +244,7 @@ def test_a_sensor_sits_at_a_point_by_its_name(sensor):
         ({'joint': 'crank_rod', 'link': 'rod'}, ["'joint'", 'no meaning']),
         ({'at': 'rod.edn'}, ["sensors.s.at = 'rod.edn'", "mean 'rod.end'?"]),
         ({'link': 'crank', 'at': 'rod.end'}, ["not a point of the sensor's link"]),
+        ({'link': 'crank', 'at': 'rod'}, ["not a point of the sensor's link"]),
         ({'link': 'rod', 'at': [1.0, 'x']}, ["write for example '64 mm'"]),
         ({'link': 'rod', 'at': [1.0, 2.0, 3.0]}, ['a pair [x, y]']),
         ({'link': 'rod', 'at': math.nan}, ['must be finite']),
