@@ -84,6 +84,9 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         least = context['min_length']
         few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
         return f'{shown}: {few}'
+    if kind == 'model_type' and len(problems) == 1:
+        known = [key for m in _at(model, path) for key in m.keys_for({})]
+        return f'{shown}: it must be a list of keys with values; allowed here: {", ".join(known)}'
     # of a value that may be one of several types, each has a problem of its own
     ways = [_must_be(p, model, path) for p in problems if _place(p, data) == path]
     return f'{shown}: it must be {", or ".join(dict.fromkeys(filter(None, ways)))}'
