@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import heyoka as hy
@@ -175,14 +176,16 @@ class Edges:
         self.coordinates = [
             i for i, q in enumerate(frames.q.values()) if str(q) in named or rated[i]
         ]
-        function = compiled.function(
-            [s.guard for s in every], [*variables, *self._switches.symbols]
-        )
-        self._guards = Evaluation(function, frames.parameters.values, [len(every)])
+        self._variables = [*variables, *self._switches.symbols]
         self._frames, self.parameters = frames, frames.parameters.values
         # what rests has a rate that is nothing but rounding
         held = [isinstance(s, Switch) and s.holds is not None for s in every]
         self._slack = np.where(held, _SWITCHES.rest, 0.0)[:, None]
+
+    @cached_property
+    def _guards(self) -> Evaluation:
+        function = compiled.function([s.guard for s in self._every], self._variables)
+        return Evaluation(function, self.parameters, [len(self._every)])
 
     def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
         """Enclosures of what falls below zero where rows end; None if nothing can hide.

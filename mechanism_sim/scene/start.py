@@ -38,6 +38,7 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
 from mechanism_sim.planar.points import rotate
 from mechanism_sim.planar.protocols import Gap, MotionBound
+from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.nominal import Nominal
@@ -50,6 +51,7 @@ _ROUNDS = 30
 _SEATED = 1e-16
 _STEPS = 30
 _SHIFT = 1e-6  # of the lengths of links: of coordinates, and of their way in a turn
+_SOON = 1e-9  # of a turn of the drive, or [s]: after the start
 _MOMENT = 1e-4  # of a turn of the drive, or [s]: before and after the start
 _ROUNDING = 1e-12  # of the size of the machine
 _SETTLED = 1e-11  # of the size of the machine
@@ -320,7 +322,8 @@ class Start:
         plan, nominal = self.plan, self.nominal
         if plan.powered or nominal.assembly.freedom:
             none = np.zeros((len(plan.prescribed), 1))
-            return self._known(self._seen(q, v, none, 0.0).reaction[:, :, 0])
+            acting = self._acting(self.equations.ideal_observer.system.edges, q, v)
+            return self._known(self._seen(q, v, none, 0.0, acting).reaction[:, :, 0])
         if nominal.assembly.loop is None and nominal.assembly.slope is not None:
             raise InputError(
                 'start = seated, but the forces that press pins on bushings are not determined: '
@@ -332,7 +335,16 @@ class Start:
         _, _, a, _ = motion.motion(q, *rates[:, :, None])
         dynamics = nominal.inverse_dynamics
         outside = plan.outside_at_start(dynamics.outside)
-        return self._known(dynamics(q, v, a, outside).reaction[:, :, 0])
+        acting = self._acting(dynamics.edges, q, v)
+        return self._known(dynamics(q, v, a, outside, acting).reaction[:, :, 0])
+
+    def _acting(self, edges: Edges | None, q: Array, v: Array) -> Array | None:
+        """The values (r, 1) of switches just after the start: what begins there acts already."""
+        if edges is None:
+            return None
+        soon = _SOON * self.turn
+        outside = self.plan.outside_at_start(edges.outside, soon)
+        return edges.present(np.concatenate([q + soon * v, v, outside])[:, 0])
 
     def _known(self, forces: Array) -> Array:
         """Forces (j, 2), NaN where redundant constraints leave them open without clearance."""
@@ -345,13 +357,16 @@ class Start:
             forces[[any(rows.get(joint.name, ())) for joint in self._loose.joints]] = np.nan
         return forces
 
-    def _seen(self, q: Array, v: Array, a: Array, t: float) -> Observation:
+    def _seen(
+        self, q: Array, v: Array, a: Array, t: float, acting: Array | None = None
+    ) -> Observation:
         """The ideal machine under its first laws, a time [s] from the start.
 
         Parameters
         ----------
         q, v : coordinates and rates (n, N)
         a : accelerations (p, N) of the prescribed coordinates
+        acting : values (r, N) of the switches, if not those at these places
         """
         plan, observer, count = self.plan, self.equations.ideal_observer, q.shape[1]
         torques, places = [], plan.ideal.coordinates
@@ -363,7 +378,7 @@ class Start:
         outside = np.repeat(plan.outside_at_start(observer.system.outside, t), count, axis=1)
         modes = np.zeros((0, count), np.uint8)
         given = np.reshape(torques, (-1, count))
-        return observer.observe(Instants(q, v, a, modes, given, outside=outside))
+        return observer.observe(Instants(q, v, a, modes, given, outside=outside, rows=acting))
 
     # --- elastic links --------------------------------------------------------------------------
 

@@ -21,9 +21,6 @@ from mechanism_sim.messages.segments import pack
 from mechanism_sim.pages.live import Live
 from mechanism_sim.studies.run_bag import RunBag
 
-# a load that begins at the very angle of the start is told from one before it by the last bits
-pytestmark = pytest.mark.optimised
-
 LOOSE = {'clearance': {'radial': 1e-4, 'restitution': 0.0}}
 ROUGH = {'clearance': {'radial': 2e-4, 'restitution': 0.3, 'friction': 0.1, 'pin_radius': 0.005}}
 RAMP = {'speed': None, 'profile': {'points': [[0.0, 30.0], [0.05, 40.0], [0.1, 20.0]]}}
