@@ -111,7 +111,8 @@ class Catalogue(Mapping[str, Quantity]):
         kind, _, joint = name.partition('.')
         if kind == 'reaction' and joint.partition('.')[0] in machine.physics.undetermined:
             return InputError(f"{machine.name}: '{name}': {machine.nominal.undetermined_text}")
-        short = [*(known.removesuffix('.size') for known in self._known), *kinds]
+        bare = (known.removesuffix('.size') for known in self._known)
+        short = [*self._known, *bare, *kinds]
         why = '' if machine.physics.has_forces else '; its forces are not computed'
         return InputError(
             f"{machine.name}: there is no quantity '{name}'{nearest(name, short)}; quantities "
