@@ -199,10 +199,6 @@ def test_virtual_power_balance_of_a_five_bar_with_two_unknowns(seed):
         assert powers(machine, found, k, loads) == pytest.approx(0.0, abs=1e-9 * (1.0 + size))
 
 
-def scenes(level):
-    return [n for n in scene_names() if ms.load_scene(n).level is level]
-
-
 QUICK = ('scotch_yoke', 'four_bar_crank_rocker')
 
 
@@ -271,8 +267,10 @@ def test_sizes_come_back_from_the_torques_that_they_cause(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize('name', scenes(Level.INVERSE_DYNAMICS))
+@pytest.mark.parametrize('name', scene_names())
 def test_sizes_come_back_in_every_scene(name):
+    if ms.load_scene(name).level is not Level.INVERSE_DYNAMICS:
+        pytest.skip('its drives do not prescribe the motion')
     for seed in range(3):
         found = back(name, seed)
         for size, expected in (found or {}).values():
