@@ -96,14 +96,15 @@ Program = Callable[[Sequence[str]], None]
 
 
 def run(
-    *args: str, env: dict[str, str] | None = None, program: Program = main
+    *args: str, env: dict[str, str] | None = None, program: Program = main, refused: bool = False
 ) -> subprocess.CompletedProcess[str]:
     """Run a command to its end; `program` is another one than the package's, always run here.
 
-    In this process where that makes no difference: starting one costs more than most commands. An
-    exception that gets out of it, or a warning that its user would see, fails the test.
+    In this process where that makes no difference, as it makes none if the command is `refused`
+    before it does anything: starting one costs more than most commands. An exception that gets
+    out of it, or a warning that its user would see, fails the test.
     """
-    if program is not main or (env is None and not goes_apart(args)):
+    if program is not main or (env is None and (refused or not goes_apart(args))):
         return _here(program, args)
     return subprocess.run(
         command(*args), env=ending.owned(env or environment()), capture_output=True, text=True,

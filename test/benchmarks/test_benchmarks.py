@@ -203,6 +203,7 @@ def test_the_numba_loop_counts_the_impacts_of_the_reference():
         assert max(late) < 1e-8, name
 
 
+@pytest.mark.slow
 def test_dop853_of_the_kernels_is_that_of_scipy():
     numba = pytest.importorskip('numba')
     from benchmarks.kernels import dop853  # noqa: PLC0415

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from builders import cam_pair, made
-from running import run
+from running import one_of, run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
@@ -186,7 +186,7 @@ def edges(turned):
     return yaml.safe_load(re.sub(r'np\.float64\(([^)]*)\)', r'\1', str(found[::-1])))
 
 
-@pytest.mark.parametrize('sense', ['counterclockwise', 'clockwise'])
+@pytest.mark.parametrize('sense', one_of(2, ['clockwise', 'counterclockwise']))
 def test_a_drawn_cam_lifts_as_its_drawing_turns(sense):
     """A nose at 20 deg of the drawing is under the follower, at 90 deg, at +-70 deg of the cam."""
     shape = scene({'profile': {'edges': edges(math.radians(20.0))}}, base_radius=None, sense=sense)
@@ -356,7 +356,9 @@ def test_points_that_do_not_determine_accelerations_are_warned_of():
     assert 'time ratio 1; stands within' in stated.stdout
 
 
-@pytest.mark.parametrize(('degree', 'step'), [(3, 2), (5, 5), (7, 5)])
+@pytest.mark.parametrize(
+    ('degree', 'step'), [(5, 5), pytest.param(3, 2, marks=pytest.mark.slow), (7, 5)]
+)
 def test_points_of_a_smooth_law_determine_its_accelerations(degree, step):
     """4-5-6-7: 7.5132 h (speed/angle)^2, which lies in the range that is told."""
     u = [35, -84, 70, -20]
@@ -376,7 +378,7 @@ def test_points_of_a_smooth_law_determine_its_accelerations(degree, step):
     assert abs(high - right) <= over < 0.1 * right
 
 
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', one_of(3, range(3)))
 def test_an_error_of_measurement_is_smoothed_away(seed):
     """5 um of noise: a profile through the points would be undercut."""
     random, content = np.random.default_rng(seed), table()
@@ -515,6 +517,7 @@ def test_360_points_take_no_more_pieces_of_work_than_36(monkeypatch):
     assert calls[1] < calls[0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('drive', [
     {'coordinate': 'cam', 'speed': '600 rpm'},
     {'coordinate': 'cam',

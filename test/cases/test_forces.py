@@ -194,7 +194,9 @@ def test_pressures_that_lift_an_arm() -> None:
     right = switched(cylinder_rates, lambda _, y: [y[2]], start, 1.0, size)
     names = 'position.arm', 'velocity.arm', 'state.valve', 'state.p0', 'state.p1'
     assert at_end(solution, *names) / size == pytest.approx(right / size, abs=1e-9)
-    assert (solution.sample(np.linspace(0.0, 1.0, 101))['state.valve'] < -1e-3).any()
+    assert (
+        solution.sample(np.linspace(0.0, 1.0, 101), 'state.valve')['state.valve'] < -1e-3
+    ).any()
     balanced(solution)
 
 
@@ -582,7 +584,7 @@ def test_a_snapshot_holds_states() -> None:
 
 @pytest.mark.network
 @pytest.mark.usefixtures('network')
-@pytest.mark.parametrize('scene', ['hydraulic', 'servo'])
+@pytest.mark.parametrize('scene', ['hydraulic', pytest.param('servo', marks=pytest.mark.slow)])
 def test_nodes_publish_the_same_motion(scene: str, tmp_path: Path) -> None:
     """Nodes and recorder: the digest of the bag, and the states that are read back from it."""
     content = yaml.safe_load(CYLINDER) if scene == 'hydraulic' else SERVO

@@ -470,6 +470,7 @@ def test_the_command_writes_what_the_function_and_the_editor_have(tmp_path):
     assert 'the ending must be .yaml or .yml' in again.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_an_imported_machine_runs_as_nodes(tmp_path):
     """Recorded and read back it has the digest of the scene that was exported."""

@@ -21,8 +21,8 @@ FUNCTIONS = {
 }
 
 
-SLOW = {'branches'}
-"""Minutes: test_continuation.py draws branches of a lighter machine."""
+SLOW = {'branches', 'find_four_bars', 'life'}
+"""Of test_continuation.py, test_four_bars.py and test_life.py on lighter machines."""
 
 
 @pytest.mark.parametrize(

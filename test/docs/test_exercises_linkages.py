@@ -123,7 +123,7 @@ def test_inverted_slider_cranks():
     """Problems 2.1 and 2.2 by the law of cosines, 2.3 and 2.13 by the angle of the pin."""
     machine = new_scene(PAGE, 'cylinder_given')
     t = np.linspace(0.0, 0.5, 11)
-    seen = ms.simulate(machine, duration=0.5).sample(t)
+    seen = ms.simulate(machine, duration=0.5).sample(t, 'position.piston', 'position.crank')
     D = 0.25 - seen['position.piston']
     assert pytest.approx(0.28 - 0.1 * t) == D
     sine = (0.04**2 + 0.25**2 - D**2) / (2.0 * 0.04 * 0.25)
@@ -267,7 +267,9 @@ def test_forces_of_links_without_mass():
     along = 400.0 / np.cos(found['position.rod'])
     assert found['reaction.crank_rod.rod.along'] == pytest.approx(along)
     unknown = {'r': {'at': 'piston', 'force': [-1, 0], 'unknown': True}}
-    seen = ms.simulate(loaded(unknown, effort=12.0), duration=1.0 / 60.0).sample(1.0 / 60.0)
+    seen = ms.simulate(loaded(unknown, effort=12.0), duration=1.0 / 60.0).sample(
+        1.0 / 60.0, 'load.r'
+    )
     th2, th3 = math.pi / 3.0, -math.asin(0.25 * math.sin(math.pi / 3.0))
     P4 = 12.0 / (0.05 * math.sin(th3 - th2)) * math.cos(th3)
     assert seen['load.r'][0] == pytest.approx(P4, rel=1e-9)

@@ -89,7 +89,7 @@ def test_a_page_bends_them_alike(tab, tmp_path):
     output.write_text(file, report.page(run))
     open_page(tab, file)
     t = np.linspace(0.0, 0.03, 61)
-    most = np.abs(run.record.piece.sample(t)['deflection.rod']).argmax()
+    most = np.abs(run.record.piece.sample(t, 'deflection.rod')['deflection.rod']).argmax()
     t = scrub(tab.page, most / 60)
     flat, shift, turn = tab.page.locator(
         '#stage .machine g[data-kind=link][data-link=rod]'

@@ -159,7 +159,9 @@ def test_what_is_exchanged_is_the_integral_of_power():
     })  # fmt: skip
     solution = ms.simulate(machine)
     t = np.linspace(0.0, solution.duration, 200_001)
-    values = solution.sample(t)
+    values = solution.sample(
+        t, 'energy.kinetic', 'drive_torque', 'velocity.crank', 'velocity.piston'
+    )
     drive = np.abs(values['drive_torque'] * values['velocity.crank'])
     drag = 20.0 * values['velocity.piston'] ** 2
     wanted = np.trapezoid(drive + drag, t) + values['energy.kinetic'].max()

@@ -48,7 +48,8 @@ def of_a_bag(machine, solution, texts, folder):
 @pytest.mark.parametrize(
     ('name', 'part', 'joint'),
     [
-        ('punch', 'coupler', 'crank_coupler'),  # its load jumps twice
+        # its load jumps twice
+        pytest.param('punch', 'coupler', 'crank_coupler', marks=pytest.mark.slow),
         ('four_bar_nominal', 'rocker', 'coupler_rocker'),
         ('four_bar_clearance', 'rocker', 'coupler_rocker'),
     ],

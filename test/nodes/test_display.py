@@ -44,7 +44,10 @@ SIDES = 'left', 'right'
 DURATIONS = {'four_bar_clearance': '0.3 s', 'whole_machine': '0.15 s'}
 
 
-@pytest.fixture(scope='module', params=list(DURATIONS))
+@pytest.fixture(
+    scope='module',
+    params=['four_bar_clearance', pytest.param('whole_machine', marks=pytest.mark.slow)],
+)
 def shown(request, tmp_path_factory) -> SimpleNamespace:
     """A bag of a run with a display, and by topic what a reader of other authors finds in it.
 

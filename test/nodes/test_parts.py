@@ -452,7 +452,7 @@ def test_integrating_and_following_say_the_same(tmp_path, alone):
 @pytest.mark.parametrize(
     ('scene', 'name', 'duration'),
     [
-        ('valve_train', 'cam', 0.03),
+        pytest.param('valve_train', 'cam', 0.03, marks=pytest.mark.slow),
         ('gear_rattle', 'gear_train', 0.1),
     ],
 )

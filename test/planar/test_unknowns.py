@@ -282,11 +282,19 @@ def test_sizes_are_found_under_friction_in_the_joints():
     load = {'at': 'piston', 'force': [-100.0, 0.0]}
     known = ms.load_scene('rubbing_compressor', {'loads': {'r': load}})
     t = 0.013
-    torque = ms.simulate(known, duration=0.05).sample(t)['drive_torque'][0]
+    torque = ms.simulate(known, duration=0.05).sample(t, 'drive_torque')['drive_torque'][0]
     smooth = ms.load_scene('slider_crank', {'loads': {'r': load}})
-    assert abs(torque - ms.simulate(smooth, duration=0.05).sample(t)['drive_torque'][0]) > 0.1
+    assert (
+        abs(
+            torque
+            - ms.simulate(smooth, duration=0.05).sample(t, 'drive_torque')['drive_torque'][0]
+        )
+        > 0.1
+    )
     given = {'loads': {'r': load | {'unknown': True}}, 'drive.effort': float(torque)}
-    found = ms.simulate(ms.load_scene('rubbing_compressor', given), duration=0.05).sample(t)
+    found = ms.simulate(ms.load_scene('rubbing_compressor', given), duration=0.05).sample(
+        t, 'load.r'
+    )
     assert found['load.r'][0] == pytest.approx(100.0, rel=1e-9)
 
 

@@ -125,7 +125,7 @@ def test_power_is_the_rate_of_energy(nominal):
     t = nominal.t[10:-10:25]
 
     def energy(times):
-        x = nominal.solution.sample(times)
+        x = nominal.solution.sample(times, 'energy.kinetic', 'energy.potential')
         return x['energy.kinetic'] + x['energy.potential']
 
     np.testing.assert_allclose(nominal.at(t)['drive_power'], slope(energy, t), atol=1e-7)
@@ -458,7 +458,7 @@ def test_the_stroke_of_a_slider_crank_is_known(tmp_path):
 
 def test_static_forces_are_those_of_a_machine_that_hardly_moves():
     fast = ms.cycle(ms.load_scene('slider_crank'), 24, static=True)
-    slow = ms.cycle(ms.load_scene('slider_crank', {'drive.speed': '0.1 rpm'}), 24)
+    slow = ms.cycle(ms.load_scene('slider_crank', {'drive.speed': '0.3 rpm'}), 24)
     for name in ('drive_torque', 'reaction.crank_rod.x', 'reaction.crank_rod.y',
                  'reaction.ground_piston.y', 'reaction.ground_piston.moment'):  # fmt: skip
         assert fast[name] == pytest.approx(slow[name], rel=1e-5, abs=1e-4)

@@ -200,7 +200,7 @@ def test_an_oil_film_is_a_bearing_too(found):
     solution = ms.simulate(machine, revolutions=TURNS)
     period = 2 * np.pi / trial.condition.speed
     t = np.linspace(2 * period, 6 * period * (1 - 1e-12), 20001)
-    own = solution.sample(t)
+    own = solution.sample(t, 'position.crank', 'velocity.crank', 'velocity.coupler')
     ideal = machine.nominal.linkage.motion(own['position.crank'], own['velocity.crank'], 0.0 * t)[
         1
     ][1]
@@ -320,10 +320,10 @@ def test_a_turn_holds_all_of_its_impulses(found):
     solution = simulated(trial)
     turn = trial.at_first[0]
     t = np.array([turn, turn + 1]) * 2.0 * np.pi / trial.condition.speed
-    gained = np.diff(solution.sample(t)['velocity.rocker'])[0]
+    gained = np.diff(solution.sample(t, 'velocity.rocker')['velocity.rocker'])[0]
     inertia = links['rocker'].inertia + links['rocker'].mass * links['rocker'].cog ** 2
     middle = (turn + (np.arange(len(cycle.angle)) + 0.5) / len(cycle.angle)) * t[0] / turn
-    th4 = solution.sample(middle)['position.rocker']
+    th4 = solution.sample(middle, 'position.rocker')['position.rocker']
     fx, fy = cycle.force
     turning = links['rocker'].length * (np.cos(th4) * fy - np.sin(th4) * fx)
     weight = -9.8145 * links['rocker'].mass * links['rocker'].cog * np.cos(th4)

@@ -133,7 +133,9 @@ def test_a_differential_moves_by_its_closed_form_wherever_it_starts(turns):
     """``J (l' - r') = -2 l + r/2`` with ``l + r = 2 w``: l goes to 0.4 w by exp(-1.25 t/J)."""
     machine = loaded('differential', {'drive.start_angle': f'{2.0 * math.pi * turns!r} rad'})
     t = np.linspace(0.0, 1.0, 21)
-    seen = ms.simulate(machine, duration=1.0).sample(t)
+    seen = ms.simulate(machine, duration=1.0).sample(
+        t, 'velocity.left', 'velocity.right', 'position.left'
+    )
     w, J = 1000.0 * math.pi / 30.0 * 11.0 / 41.0, machine.mechanism.body('left').inertia
     slow, first = 0.4 * w, 268.29268 * math.pi / 30.0
     left = slow + (first - slow) * np.exp(-1.25 * t / J)

@@ -90,7 +90,7 @@ def test_the_slider_moves_as_in_nine_cartesian_coordinates(name, until, allowed)
 def test_the_scene_is_the_benchmark():
     solution = ms.simulate(ms.load_scene('slider_with_play'))
     states = reference('slider_crank_guide')['runs']['flores']['states']
-    seen = solution.sample(states['t'])
+    seen = solution.sample(states['t'], 'position')
     for i, link in enumerate(('crank', 'rod', 'slider')):
         error = np.abs(seen[f'position.{link}'] - states[f'th{i + 1}'])
         assert error.max() < 1e-11, link
@@ -117,7 +117,7 @@ def test_a_guide_may_lie_anywhere():
         ms.simulate(there, duration=0.02),
         ms.simulate(ms.load_scene('slider_with_play'), duration=0.02),
     )
-    a, b = seen.sample(t), here.sample(t)
+    a, b = (x.sample(t, 'position', 'reaction.guide') for x in (seen, here))
     for link, off in (('crank', angle), ('rod', angle), ('slider', angle - 0.4)):
         assert a[f'position.{link}'] == pytest.approx(b[f'position.{link}'] + off, abs=1e-9)
     assert len(seen.impacts) == len(here.impacts) > 20
