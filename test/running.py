@@ -37,7 +37,7 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {'bag', 'edit', 'node', 'run', 'sweep', 'view'}
+APART = {'edit', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
 
 
@@ -48,7 +48,9 @@ workers_apart = True
 def goes_apart(args: Sequence[str]) -> bool:
     """Whether a command needs a process of its own: one with workers, too."""
     with_workers = '--fit' in args or args[:1] == ('sweep',)
-    return workers_apart if with_workers else bool(APART.intersection(args[:1]))
+    if with_workers:
+        return workers_apart
+    return bool(APART.intersection(args[:1])) or tuple(args[:2]) == ('bag', 'play')
 
 
 _worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5

@@ -193,6 +193,7 @@ def test_runs_are_named_by_what_differs_in_their_scenes(tmp_path):
     assert run_names({}, ['a', 'a']) == ('run 1', 'run 2')
 
 
+@pytest.mark.slow
 def test_a_variant_of_a_scene_is_compared_with_it(tmp_path):
     file = tmp_path / 'variant.html'
     said = run_json(

@@ -119,6 +119,7 @@ def test_the_accelerations_of_a_tangent_cam_are_those_of_the_closed_form():
     assert least == pytest.approx(nose, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_tangent_cam_goes_up_and_down_alike():
     swing = cycle(scene(TANGENT)).swings()['follower']
     assert swing.time_ratio == pytest.approx(1.0, abs=1e-9)
@@ -201,6 +202,7 @@ def test_a_drawn_cam_lifts_as_its_drawing_turns(sense):
     assert accelerations(shape) == pytest.approx(accelerations(scene(TANGENT)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_radii_over_the_angle_make_the_cam():
     """An eccentric circle moves a roller as a slider-crank: e cos + sqrt(R^2 - e^2 sin^2)."""
     e, rim = 5.0, 30.0
@@ -218,6 +220,7 @@ def test_radii_over_the_angle_make_the_cam():
     assert joint.cam.base_radius == pytest.approx(0.025, abs=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('follower', [
     {'follower': 'knife', 'roller': None},
     {'follower': 'flat', 'roller': None},
@@ -244,6 +247,7 @@ def swinging(law, follower):
     return content
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('follower', [{}, {'follower': 'flat', 'roller': None, 'face': '3 mm'}])
 def test_swinging_followers_get_their_law_from_a_shape(follower):
     law = {'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '80 mm'}}

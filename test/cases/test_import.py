@@ -182,7 +182,7 @@ SAME = {
 """What has the same bits; else angles differ by whole turns, or numbers in their last digit."""
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('ending', ['urdf', 'sdf', 'xml'])
 @pytest.mark.parametrize('name', EXPORTED)
 def test_what_is_exported_comes_back_equal(tmp_path, name, ending):

@@ -146,6 +146,7 @@ def test_data_frames_have_the_samples(monkeypatch):
         solution.to_frame(rate=0.0)
 
 
+@pytest.mark.slow
 def test_a_sweep_and_a_search_take_scenes_of_every_form():
     """Torque in a crank at rest, ``m g r cos``: a bar of 2 kg, 0.25 m, held by its drive."""
     bar = ms.Scene(
@@ -168,6 +169,7 @@ def test_a_sweep_and_a_search_take_scenes_of_every_form():
         ms.sweep({'scene': 'pendulum', 'duration': 1, 'runs': [{}]}, scene=bar)
 
 
+@pytest.mark.slow
 def test_a_report_is_written_of_runs_of_every_form(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     run = ms.simulate('slider_crank', revolutions=1)

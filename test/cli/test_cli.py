@@ -211,6 +211,7 @@ def test_no_option_takes_the_last_of_two_values_in_silence():
     assert tried > 100
 
 
+@pytest.mark.slow
 def test_two_ranges_of_find_are_both_varied():
     ranges = '--vary', 'drive.speed=10:20', '--vary', 'links.crank.length=10 mm:20 mm'
     found = run_json('find', 'slider_crank', *ranges, '--minimise', 'rms(drive_torque)')

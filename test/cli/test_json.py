@@ -181,7 +181,7 @@ def test_refusals_are_strict_json(capsys, files, name):
     ('program', 'good'),
     [
         (benchmarks, ()),
-        (hard, ('critical_damping', 'free_shaft')),
+        pytest.param(hard, ('critical_damping', 'free_shaft'), marks=pytest.mark.slow),
         (grid, ('--only', 'slot_001,geneva_001', '--workers', '1')),
     ],
 )

@@ -100,6 +100,7 @@ def test_compiled_code_is_kept_in_a_small_folder_of_our_own(tmp_path: Path) -> N
     assert [path.name for path in tmp_path.iterdir()] == ['mechanism_sim']
 
 
+@pytest.mark.slow
 def test_a_folder_that_the_user_chose_is_taken_as_it_is(tmp_path: Path) -> None:
     assert first_steps(HEYOKA_CACHE_DIR=str(tmp_path)) == f'{tmp_path} False'
 

@@ -128,6 +128,7 @@ def test_other_programs_say_what_they_do_to_a_terminal_only(program, args, shown
 RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'
 
 
+@pytest.mark.sample(3)
 @pytest.mark.network
 @pytest.mark.parametrize(
     ('command', 'heading'),

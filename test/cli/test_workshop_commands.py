@@ -173,6 +173,7 @@ drive: {coordinate: camshaft, speed: 60 rpm}
 """
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('clearance', [0.0, 0.2])
 def test_a_groove_for_a_swinging_roller(clearance, tmp_path):
     file = tmp_path / 'groove.yaml'

@@ -21,8 +21,8 @@ FUNCTIONS = {
 }
 
 
-SLOW = {'branches', 'find_four_bars', 'life'}
-"""Of test_continuation.py, test_four_bars.py and test_life.py on lighter machines."""
+SLOW = {'branches', 'find_four_bars', 'life', 'sweep', 'lyapunov'}
+"""Of what test/studies tries on lighter machines."""
 
 
 @pytest.mark.parametrize(

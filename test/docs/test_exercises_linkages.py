@@ -99,6 +99,7 @@ def test_mobility_by_the_rank_of_constraints_between_bodies(name):
     assert loops == (1 if name == 'locking_pliers' else 2)
 
 
+@pytest.mark.slow
 def test_strokes_jaws_and_wipers():
     """Problems 1.6c, 1.7, 1.12, 2.16."""
     for d in (0.12, 0.09):

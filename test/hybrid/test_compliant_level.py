@@ -226,6 +226,7 @@ def thesis_contact(machine, K, a, end):
         t, y = path.t[-1], path.y[:, -1]
 
 
+@pytest.mark.slow
 def test_contact_ends_where_the_force_falls_through_zero_as_integrated_by_scipy():
     """A Flores contact of e = 0.5: damped so much that the bodies part faster than it recovers."""
     machine = compliant('flores', 1e9, start='centred', **{f'{CLEARANCE}.restitution': 0.5})

@@ -27,6 +27,7 @@ def quick_return(*points):
 DWELL = (0.0, -6.0), (0.1, -6.0), (0.2, 0.0), (0.3, 0.0)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('after', [(), ((0.4, 6.0),), ((0.4, -6.0),)])
 def test_a_contact_rests_while_its_drive_stands_and_rubs_against_the_motion_after(after):
     """While the drive stands its friction is undetermined: any within the cone balances alike."""

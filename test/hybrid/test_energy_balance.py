@@ -66,6 +66,7 @@ def crank(torque):
     )
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('height', [0.0, -1.0, 1e3])
 @pytest.mark.parametrize(('machine', 'duration'), [(heavy_pendulum, 20.0), (falling_ball, 0.2)])
 def test_where_heights_count_from_does_not_matter(machine, duration, height):

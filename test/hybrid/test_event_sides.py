@@ -92,7 +92,7 @@ def boundaries(solution):
     return t, segment
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', MACHINES)
 def test_all_of_a_sample_is_of_the_side_that_the_rule_names(name):
     machine, solution = solved(name)

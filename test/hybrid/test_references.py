@@ -48,6 +48,7 @@ def test_angles_and_rates_are_right_to_rounding_at_fine_tolerance(name):
     assert rate.max() < 3e-10
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', REGULAR)
 def test_errors_shrink_with_the_tolerance_across_all_events(name):
     tolerances = (1e-4, 1e-6, 1e-8, 1e-10)

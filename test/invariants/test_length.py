@@ -47,6 +47,7 @@ def test_loops_close_after_days_and_many_turns(name):
     assert audit.max_closure_error < 1e-14
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('name', ['gear_pair', 'rack_and_pinion'])
 def test_many_revolutions_come_to_their_end(name):
     run = ms.stream(ms.load_scene(name), revolutions=60)
@@ -183,6 +184,7 @@ def test_a_machine_that_starts_at_many_turns_is_the_same_machine(name):
         assert y == pytest.approx(x, abs=1e-8 * np.abs(x).max() + 1e-15)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['geneva', 'gear_box', 'rack_and_pinion'])
 def test_slow_drives(name):
     machine = ms.load_scene(name, overrides={'drive.speed': '1e-4 rad/s'})

@@ -70,6 +70,7 @@ DRIVES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize(
     'name', ['torque', *(pytest.param(n, marks=pytest.mark.slow) for n in DRIVES if n != 'torque')]
@@ -423,6 +424,7 @@ def test_linkages_run_as_nodes_bit_by_bit_as_without(tmp_path, scene):
     assert frames == set(ms.load_scene(scene).plan.links)
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_paced_run_is_not_faster_than_its_clock():
     outcome = run_json('run', SCENE, '--duration', '1', '--realtime-factor', '1')

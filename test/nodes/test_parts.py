@@ -148,7 +148,7 @@ def test_every_reading_has_the_fields_of_its_message(name):
 
 @pytest.mark.network
 def test_a_node_without_its_part_says_what_the_scene_needs():
-    done = run('node', 'geneva', '--scene', 'film_advance')
+    done = run('node', 'geneva', '--scene', 'film_advance', refused=True)
     assert done.returncode == 2
     assert "film_advance has nothing for the node 'geneva'; it needs 'linkage'" in done.stderr
 

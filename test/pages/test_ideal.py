@@ -179,6 +179,7 @@ def test_a_four_bar_stays_on_its_branch_up_to_its_limits(tmp_path):
     assert kinds.count('limited') > 2
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ('scene', 'words'),
     [

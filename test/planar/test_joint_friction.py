@@ -139,6 +139,7 @@ def test_a_slot_is_a_clutch(share):
     assert (slid > 0.01) == (share > 1.0)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('mu', [0.0, 0.05, 0.1, 0.17])
 def test_a_wedge_lifts_and_lowers_and_holds(mu):
     rubs = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
@@ -387,6 +388,7 @@ def rubbing(name, joint, **friction):
     return made(scene, name)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('name', 'pin'),
     [
@@ -508,6 +510,7 @@ def test_the_equations_show_it():
     assert '|T_guide| <= 0.1 times the force across guide' in shown
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('hand', ['right', 'left'])
 def test_a_worm_is_as_efficient_as_its_lead_angle_allows(hand):
     """``tan(lambda)/tan(lambda + phi)`` with ``tan phi = mu/cos(phi_n)``, either hand."""

@@ -107,6 +107,7 @@ def test_critical_speeds_of_an_overhung_disk(diametral):
         assert speeds == pytest.approx(expected[way][expected[way] < 2050.0], **EXACT)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('damping', [4e3, 1.2e4, 1e5])
 def test_critical_speeds_are_of_modes_that_oscillate(damping):
     """Dampers beside stiff supports: by the polynomials of the cylinder and the cone."""
@@ -429,6 +430,7 @@ def test_a_shaft_of_two_diameters_and_many_disks_is_as_stiff_as_its_deflections_
 GRID = range(8)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('seed', GRID)
 def test_random_rotors(seed):
     """Energy, and harmonics against the motion itself, degenerate cases among them."""

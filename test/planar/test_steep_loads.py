@@ -324,6 +324,7 @@ def test_figures_of_a_crank_under_a_pulse():
     assert rms == pytest.approx(math.sqrt(square / (2.0 * math.pi)), rel=1e-9)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('width', [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
 def test_no_pulse_over_an_ideal_crank_is_missed(width):
     for place in np.random.default_rng(round(1.0 / width)).uniform(0.6, 5.6, 3):
@@ -334,6 +335,7 @@ def test_no_pulse_over_an_ideal_crank_is_missed(width):
         assert abs(solution.energy.residual) < 1e-9
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('width', [1e-2, 1e-4, 1e-5])
 def test_pulses_along_the_way_of_an_ideal_piston(width):
     """Passed on the way out only, and one of time beside them."""
@@ -352,6 +354,7 @@ def test_pulses_along_the_way_of_an_ideal_piston(width):
     assert solution.energy.dissipated == pytest.approx(wanted, rel=1e-7)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('share', [1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize('free', [False, True])
 def test_a_narrow_part_of_a_turn_is_passed_in_every_turn(share, free):

@@ -274,6 +274,7 @@ def test_a_driven_machine_has_its_stepped_loads_to_carry():
     assert seen['drive_torque'] - bare['drive_torque'] == pytest.approx(wanted, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_a_toggle_press_works_on_its_workpiece():
     """Ram and workpiece hold each other at the dead point, while two pins rattle."""
     solution = ms.simulate(ms.load_scene('toggle_press'), duration=0.3)

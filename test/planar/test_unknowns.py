@@ -153,6 +153,7 @@ def powers(machine, found, k, loads):
     return total
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('seed', range(3))
 def test_virtual_power_balance_of_a_five_bar_with_two_unknowns(seed):
     """[V] 3.17: two drives with given torques, two unknown forces, weights."""

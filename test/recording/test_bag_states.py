@@ -334,7 +334,8 @@ def test_damaged_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
     file.write_bytes(b'SQLite format 3\0' + bytes(100))
     (file.parent / 'metadata.yaml').write_text('rosbag2_bagfile_information: {version: 4}')
     for source in (file, file.parent):
-        done = command(*reader.split(), str(source), *_within(tmp_path, READERS.get(reader, [])))
+        options = _within(tmp_path, READERS.get(reader, []))
+        done = command(*reader.split(), str(source), *options, refused=True)
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
         words = {'thesis experiment': '', 'bag recover': 'is not an MCAP file: ros2 bag itself'}
         assert words.get(reader, 'is not SQLite, or damaged') in done.stderr

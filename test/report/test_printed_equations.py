@@ -620,6 +620,7 @@ def test_the_four_bar_reads_as_in_the_thesis():
     assert all(value > 0.0 for value in values.values())
 
 
+@pytest.mark.slow
 def test_another_process_prints_the_same():
     """Whatever the order in which sets of symbols come: it differs from process to process."""
     args = 'check', 'four_bar_clearance', '--equations', '--rates'

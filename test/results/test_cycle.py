@@ -278,6 +278,7 @@ def test_plots_have_labels_with_units(nominal):
     np.testing.assert_array_equal(force.get_ydata(), nominal['reaction.coupler_rocker.size'])
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize('place', ['plots', 'all.pdf', 'some.svg'])
 def test_plots_go_where_they_are_told(nominal, tmp_path, place):
@@ -414,7 +415,7 @@ def general(request, tmp_path_factory):
     return ms.cycle(machine, samples=200, duration=duration, local=True)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 def test_any_machine_shakes_its_frame_by_the_rates_of_its_momentum(general):
     shaken_as_momentum_says(general)
 

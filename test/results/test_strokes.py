@@ -32,6 +32,7 @@ SYMMETRIC = ((20, 110, 10), (150, 240, -10))
 """Rises and returns in 90 deg, dwells of 40 and 140 deg."""
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('start', [None, 0.0, 45.0, 130.0, 200.0, 300.0])
 def test_a_symmetric_cam_with_dwells_has_a_time_ratio_of_one(start):
     turn = {} if start is None else {'start': -math.radians(start)}

@@ -25,7 +25,7 @@ COMMANDS = (
 )  # fmt: skip
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('slots', [3, 5, 8, 11])
 @pytest.mark.parametrize('guess', [0.0, 0.5, 1.0, 1.5])
 def test_a_wheel_of_any_number_of_slots_starts_with_a_slot_where_it_belongs(

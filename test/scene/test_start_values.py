@@ -147,7 +147,7 @@ SCENES = (
 )  # fmt: skip
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('scene', SCENES)
 def test_any_start_value_is_honoured_or_refused(scene: str) -> None:
     """Seeded: some coordinates get values near or far from where they would be."""

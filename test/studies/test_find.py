@@ -76,6 +76,7 @@ def test_limits_of_the_part_of_the_turn_are_values_as_others():
     assert finding.found[0].value == pytest.approx(math.pi, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_least_is_where_it_is_balanced():
     """The root mean square of the moment of a weight opposite to the bar."""
     points = {'bar': {'mass': 2.0, 'inertia': 0.05, 'cog': ARM, 'points': {'w': [-0.1, 0.0]}}}
@@ -158,6 +159,7 @@ def test_two_keys_are_found_for_two_goals():
     assert found.evaluations > 4
 
 
+@pytest.mark.slow
 def test_more_keys_than_goals_give_one_of_many():
     found = find(rotor(), BOTH, 'highest(drive_torque) = 10 N m', samples=4)
     assert found.reached
@@ -223,6 +225,7 @@ def test_the_greatest_is_found_along_one_key():
 LEAST = {'minimise': 'highest(drive_torque)'}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('sign', ['>=', pytest.param('=', marks=pytest.mark.slow)])
 def test_the_least_under_constraints(sign):
     """``highest = mean + range/2``: both at their limits, of which w = 6 and a follow."""
@@ -305,6 +308,7 @@ def test_lists_of_values_are_tried_whole():
     assert find('gear_pair', speed, goal).values['drive.speed'] == pytest.approx(20.0 * math.pi)
 
 
+@pytest.mark.slow
 def test_lists_and_limits_together():
     """``0.5 w + 2 g a = 10`` with w of a list that leaves one solution: a = 0.255."""
     vary = {'drive.speed': [2.0, 6.0, 10.0], 'links.bar.cog': (0.05, 0.3)}

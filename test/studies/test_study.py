@@ -34,7 +34,7 @@ SCENES = {
 }
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('name', SCENES)
 def test_a_periodic_response_repeats_in_a_plain_run(name):
     """A second route: the machine started there, without the map, comes back again and again."""

@@ -42,6 +42,7 @@ def test_dead_centres_of_a_slider_crank():
     assert [c.share for c in stroke.contributions] == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_monte_carlo_has_the_same_deviation():
     """A second route: draws of the closed form of the least transmission of forces."""
     given = CRANK | {'measures': {'swing': 'highest(position.rod)'}}

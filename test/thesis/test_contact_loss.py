@@ -89,6 +89,7 @@ def gap(a, b):
 # --- force fields with known answers ----------------------------------------------------------
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('k', [1, 3])
 def test_a_constant_force_that_rotates_has_one_index_and_no_instants(k):
     R = 12.0
@@ -209,6 +210,7 @@ def test_a_thrown_pendulum_lets_go_where_energy_says(p2):
     assert run.angle == pytest.approx(0.4 + W * time, rel=1e-8)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('p2', [0.1, 1.9])
 def test_a_pendulum_thrown_less_keeps_contact_with_its_least_force_at_the_turning_point(p2):
     cycle, link, rate = pendulum(p2)
@@ -217,6 +219,7 @@ def test_a_pendulum_thrown_less_keeps_contact_with_its_least_force_at_the_turnin
     assert run.least_force == pytest.approx(5.0 * (1.0 - 0.5 * p2), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_pendulum_thrown_over_the_top_stays_in_contact():
     cycle, link, rate = pendulum(5.2)
     run = follow(cycle, link, rate=rate)
@@ -368,6 +371,7 @@ def test_the_same_force_met_faster_multiplies_index_and_lag():
     assert more['lagging link'] == pytest.approx(k * k * one['lagging link'], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_where_inertia_rules_speed_lowers_the_index_and_leaves_the_lag():
     """Forces go with the square of the speed: the index falls like 1/speed, the lag stays."""
     k = 2.0

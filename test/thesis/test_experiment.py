@@ -189,6 +189,7 @@ def test_runs_are_named_that_are_compared_and_why(found):
     assert film['deviation']['coupler']['half_width'] is None
 
 
+@pytest.mark.slow
 def test_an_oil_film_is_a_bearing_too(found):
     """Deviation of a steady state, by differences of the velocities of a simulation."""
     trial = found.groups[0].first
@@ -467,13 +468,17 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     monkeypatch.setattr(experiment_figures, 'charts', lambda _: two)
     page = tmp_path / 'page.md'
     page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
+    some = tmp_path / 'some'  # to read all of them again takes seconds
+    some.mkdir()
+    for name in ('thesis_measurement_00066', 'thesis_measurement_00072', 'thesis_bearings_00064'):
+        (some / f'{name}.mcap').symlink_to(bags / f'{name}.mcap')
     done = run(
-        'thesis', 'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3',
+        'thesis', 'experiment', str(some), '-o', str(tmp_path / 'figures'), '--skip', '3',
         '--json', '--page', str(page),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert [t['restitution'] for t in told['trials']] == [0.5] * 4 + [1.0] * 2
+    assert [t['restitution'] for t in told['trials']] == [0.5] * 2 + [1.0]
     assert told['trials'][0]['turns'] == [3, TURNS]
     written = {file.stem for file in (tmp_path / 'figures').glob('*.png')}
     assert written == {'figure_1', 'figure_2'}

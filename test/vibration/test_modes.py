@@ -423,6 +423,7 @@ def accelerations(one, dz, dv):
     return seen.acceleration[one.independent, 0]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('kind', ['free', 'four-bar', 'slider-crank', 'governed'])
 def test_random_machines_accelerate_as_their_matrices_say(kind):
     """By central differences over states that are compatible."""

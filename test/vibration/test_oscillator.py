@@ -110,6 +110,7 @@ def test_a_chain_behind_a_frame_has_the_product_of_both():
 # --- forces ---------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     'scene',
     [
@@ -136,6 +137,7 @@ def test_the_force_is_that_of_bearings_drives_and_springs(scene):
         assert np.abs(row - column)[inner].max() < 1e-8 * scale, name
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('scene', 'overrides', 'duration'),
     [
@@ -231,6 +233,7 @@ def test_an_impact_gives_the_frame_the_velocity_of_its_impulse():
         assert np.abs(jump - impulses[k]).max() < 1e-7
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('scene', ['four_bar_on_frame', 'gear_housing'])
 def test_momentum_and_energy_of_a_long_run(scene):
     """What machine and impacts give is what mounts take, and what is left."""

@@ -51,6 +51,7 @@ def strands(crossed):
     return found
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('crossed', [False, True])
 @pytest.mark.parametrize('stiff', [False, True])
 def test_the_strands_balance_on_both_pulleys(crossed, stiff):
@@ -183,6 +184,7 @@ def test_a_belt_that_slipped_holds_again():
     assert 'slips beyond a ratio of tensions' in ' '.join(check(machine).notes)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('crossed', [False, True])
 @pytest.mark.parametrize(('driven', 'braked'), ['ab', 'ba'])
 def test_a_chain_is_as_efficient_as_it_is_said_to_be(crossed, driven, braked):

@@ -246,6 +246,7 @@ def test_flights_in_a_groove_are_parabolas():
         assert v == pytest.approx(v0 - cam.load / cam.mass * t, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_without_clearance_the_ideal_groove_comes_back():
     """Seated on one wall until the force ends; the clearance is crossed as t^3."""
     cam = GROOVE
@@ -261,6 +262,7 @@ def test_without_clearance_the_ideal_groove_comes_back():
     assert np.array(fastest[:-1]) / fastest[1:] == pytest.approx(10 ** (2 / 3), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_small_error_of_the_start_shrinks_in_the_groove():
     cam = GROOVE
     (x, y), v = cam.start
@@ -381,6 +383,7 @@ def leaves(follower):
     return any(m.mode == Mode.FREE_FLIGHT for m in modes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('damping', [20.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_lift_off_speed_found_by_runs_is_that_of_the_closed_form(damping):
     follower = SprungFollower(damping=damping)
@@ -403,6 +406,7 @@ def test_lift_off_speed_from_ideal_forces_is_that_of_the_formula(name):
     assert found.least_force == pytest.approx(follower.contact_force(grid).min(), abs=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('clearance', [0.1e-3, 0.3e-3])
 def test_the_engine_rattles_in_a_groove_as_the_second_route(clearance):
     """The exact distance of the walls here, to the second order in the play there."""
@@ -418,6 +422,7 @@ def test_the_engine_rattles_in_a_groove_as_the_second_route(clearance):
     assert abs(solution.energy.residual) < 1e-12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('law', ['hertz', 'hunt_crossley'])
 def test_a_stiff_contact_comes_near_the_rigid_one(law):
     """Seated at its static depth; where contact is lost first differs by the time of an impact."""

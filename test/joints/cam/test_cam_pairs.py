@@ -87,6 +87,7 @@ def test_forces_are_those_of_newton_and_euler_at_the_drawn_profile(kind, sense):
     assert differences(machine, solution, t)[0].max() < 1e-8
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('kind', KINDS)
 def test_row_of_the_poses_is_the_derivative_of_what_it_leaves(kind):
     machine = scene(kind, 'clockwise', seed=3)
@@ -185,6 +186,7 @@ def test_a_follower_keeps_to_its_law_through_all_rows(law, drive, lift_off):
     assert abs(solution.energy.residual) < 1e-12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('towards', [1.0, -1.0])
 def test_runs_begin_and_turn_back_exactly_on_a_break(towards):
     """From 90 deg, where two rows meet; and with a speed that is zero when the cam is there."""

@@ -200,6 +200,7 @@ def _path(machine):
     return Pair(*(t.gear for t in machine.mechanism.joint('mesh').wheels)).path
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('play', [{}, {'backlash': {'width': '50 um'}}], ids=['tight', 'loose'])
 def test_energy_of_elastic_teeth_stays_while_their_stiffness_changes(play):
     """Without damping and drive nothing is lost: the couple of the changing stiffness counts."""

@@ -33,6 +33,7 @@ def cut_away(gear, radii, steps=2001):
     return (body | corner).any(axis=0)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize('system', TOOTH_SYSTEMS.values(), ids=TOOTH_SYSTEMS)
 @pytest.mark.parametrize(('below', 'shift'), [(3, 0.0), (8, 0.1), (5, -0.2)])
 def test_the_involute_begins_where_the_rack_stops_to_cut(system, below, shift):

@@ -125,6 +125,7 @@ def test_a_guide_may_lie_anywhere():
     assert force[0] == pytest.approx(np.exp(1j * angle) * force[1], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_guide_that_turns():
     """A block in the guide of a rotating link, against the same by polar coordinates.
 

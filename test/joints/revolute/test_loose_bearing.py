@@ -9,6 +9,7 @@ import mechanism_sim as ms
 PIN, CLEARANCE, MASS, INERTIA, GRAVITY = 6e-3, 2e-3, 1.5, 4e-5, 9.81
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(('first', 'radius'), [(True, PIN), (False, PIN + CLEARANCE)])
 def test_what_is_loose_rolls_as_a_pendulum(first, radius):
     """Its centre is c from the fixed one: ``c (1 + J/(m r^2)) a'' = -g sin a``, r its surface's.

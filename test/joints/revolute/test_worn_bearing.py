@@ -170,6 +170,7 @@ def test_a_round_profile_is_a_round_bearing(depth, kind):
     assert worn[:5] == pytest.approx(plain[:5], rel=1e-7, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_bushing_that_is_a_moved_circle_moves_as_one():
     """Depths of a circle about another point of the rocker: that of the bushing moved there."""
     x, y = 0.05e-3, -0.03e-3
@@ -336,6 +337,7 @@ def test_a_spinning_pin_slides_in_an_elliptic_bushing_as_by_scipy():
     assert spin == pytest.approx(seen['velocity.loose'][1], rel=1e-7)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('deep', [0.01, 0.05])
 def test_two_worn_surfaces_count_together_to_the_product_of_their_slopes(deep):
     """The sum is off by about the square of depth over clearance, as it says."""
