@@ -180,6 +180,7 @@ def test_angles_of_rocking_and_time_ratios():
     assert math.degrees(arm.size) == pytest.approx(swing(1.0, 7.0, 7.0, 10.0), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_wheels_and_racks_that_rest():
     """Problems 2.18 and 2.19; exercises 2.4 and 2.8."""
     r1 = 0.05 / math.sin(math.pi / 8.0)

@@ -320,6 +320,7 @@ def test_a_pause_before_a_singular_position_changes_nothing(tmp_path):
             assert rest.sample(3.0, name)[name][0] == whole.sample(3.0, name)[name][0]
 
 
+@pytest.mark.slow
 def test_a_loose_third_bar_strikes_while_the_first_two_go_through_their_change_points():
     rods = {
         f'rod{i}': {'length': ARM, 'mass': 0.5, 'inertia': 3e-4, 'cog': 0.04} for i in range(3)

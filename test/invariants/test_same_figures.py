@@ -50,7 +50,7 @@ def of_a_bag(machine, solution, texts, folder):
     [
         # its load jumps twice
         pytest.param('punch', 'coupler', 'crank_coupler', marks=pytest.mark.slow),
-        ('four_bar_nominal', 'rocker', 'coupler_rocker'),
+        pytest.param('four_bar_nominal', 'rocker', 'coupler_rocker', marks=pytest.mark.slow),
         ('four_bar_clearance', 'rocker', 'coupler_rocker'),
     ],
 )
@@ -119,6 +119,7 @@ def test_what_a_touch_loses_is_counted_once():
     assert row['dissipated'] == pytest.approx(solution.energy.dissipated, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_statistics_fail_where_a_solution_fails(monkeypatch):
     machine = loose(0.5, 'seated')
     monkeypatch.setattr(

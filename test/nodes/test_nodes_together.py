@@ -294,6 +294,7 @@ def test_who_follows_ends_though_the_end_of_the_last_piece_rounds_otherwise():
         finish(nodes)
 
 
+@pytest.mark.slow
 def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
     """Alone, and beside a linkage that its scene does not need."""
     bags = {('crank_drive', 'geneva'): tmp_path / 'alone.mcap',

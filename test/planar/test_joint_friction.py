@@ -310,6 +310,7 @@ def test_forces_forwards_are_those_backwards():
     assert (np.diff(solution.motion.acting.astype(int), axis=0) != 0).any(axis=0)[2:].all()
 
 
+@pytest.mark.slow
 def test_a_pause_changes_nothing():
     """What presses and where forces point goes on with the rest, to the bit."""
     scene = variant('rubbing_compressor', {
@@ -326,6 +327,7 @@ def test_a_pause_changes_nothing():
     assert rest.state == whole.state
 
 
+@pytest.mark.slow
 def test_a_tight_pin_is_the_limit_of_a_loose_one():
     """The loose pin's force is tangent to the same circle, but for its clearance.
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from builders import made
+from builders import made, without_work
 from running import run_json
 
 import mechanism_sim as ms
@@ -164,7 +164,7 @@ def test_nearly_singular_positions_take_few_pieces():
     solution = ms.simulate(made(scene), duration=0.2)
     assert solution.stats.steps < 100
     t = np.linspace(0.0, 0.2, 201)
-    x = solution.sample(t)
+    x = without_work(solution, t)
     closed = FourBar(0.2, 0.08, 0.2, 0.08 * (1.0 + 1e-7), 'open').positions(x['position.crank'])
     for name, exact in zip(('coupler', 'rocker'), closed, strict=True):
         off = np.exp(1j * x[f'position.{name}']) - np.exp(1j * exact)

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import scipy
-from builders import compilations, made
+from builders import compilations, made, without_work
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -42,7 +42,7 @@ def rotor(speed=0.0, loads=None, **motor):
 def after(model, t, name='block'):
     """Place and speed at a time, and the solution."""
     solution = ms.simulate(model, duration=t)
-    seen = solution.sample([t])
+    seen = without_work(solution, [t])
     return seen[f'position.{name}'][0], seen[f'velocity.{name}'][0], solution
 
 
@@ -249,6 +249,7 @@ def test_an_induction_motor_runs_up_by_its_data_sheet():
     assert solution.energy.drive_work == pytest.approx(kinetic, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_driven_machine_has_its_stepped_loads_to_carry():
     """Virtual power, in inverse dynamics and with ideal joints under equations of motion."""
     loads = {

@@ -197,6 +197,7 @@ def test_the_command_plots_against_a_quantity_alike_for_a_bag_and_a_scene(bag, t
     assert '--against angle' in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_charts_of_the_report_are_drawn_by_their_keys(bag, tmp_path):
     names = 'forces', f'gap-{JOINT}-run'

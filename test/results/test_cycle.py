@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from builders import without_work
 from running import run, run_json
 from scipy.integrate import quad
 
@@ -40,7 +41,7 @@ def slope(function, t):
 
 def locations(cycle, t):
     """Mass centres (b, 2, N) and angles (b, N) of all links, without the compiled functions."""
-    mechanism, x = cycle.machine.mechanism, cycle.solution.sample(t)
+    mechanism, x = cycle.machine.mechanism, without_work(cycle.solution, t)
     q = [{c: x[f'position.{c}'][i] for c in mechanism.coordinates} for i in range(len(x['t']))]
     at = [[mechanism.locate(b.name, each, b.cog) for each in q] for b in mechanism.bodies]
     angles = [[mechanism.angle(b.name, each) for each in q] for b in mechanism.bodies]

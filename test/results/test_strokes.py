@@ -114,6 +114,7 @@ def test_turns_are_whole_or_not_told():
     assert (two.turns, two.period) == (-2, pytest.approx(0.2, rel=1e-12))
 
 
+@pytest.mark.slow
 def test_what_turns_one_way_stands_in_its_dwells_only():
     """A wheel of four slots is locked in three quarters of each turn of its crank."""
     crank, wheel = ms.cycle(ms.load_scene('geneva'), periods=4).swings().values()

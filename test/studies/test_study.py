@@ -142,6 +142,7 @@ def test_starts_are_the_same_in_two_processes():
     assert starts(machine, 3, 1.0, Workers(2)) == starts(machine, 3, 1.0)
 
 
+@pytest.mark.slow
 def test_contact_is_lost_where_the_thesis_has_its_disturbance():
     """[SB] 6: at 10 deg (e = 1) and 20 deg (e = 0.5) of the crank in the first turn.
 

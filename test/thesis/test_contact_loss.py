@@ -312,6 +312,7 @@ def flat(predictions):
     return np.array([x for p in predictions for x in (p.figure, *p.angles)])
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize('resolution', [97, 360, 1111, 5000])
 def test_figures_and_instants_do_not_depend_on_the_grid(resolution):
@@ -330,6 +331,7 @@ def test_a_crank_that_runs_backwards_meets_the_instants_from_the_other_side():
     np.testing.assert_allclose(gap(forth.angles, -np.array(back.angles)[::-1]), 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize('by', [0.5 * np.pi, 1.0, -2.5])
 def test_predictions_do_not_depend_on_the_frame(by):

@@ -10,6 +10,7 @@ import runpy
 import numpy as np
 import pytest
 import scipy
+from builders import without_work
 from running import ROOT, run
 
 import mechanism_sim as ms
@@ -257,13 +258,13 @@ def test_truth_and_severity_are_those_of_the_simulation(found):
     solution = simulated(trial)
     linkage = trial.machine.nominal.linkage
     for link, swing in trial.swings.items():
-        own = solution.sample(swing.t)
+        own = without_work(solution, swing.t)
         truth = own[f'acceleration.{link}']
         assert swing.accelerations['thesis'].truth == pytest.approx(truth, rel=1e-6, abs=1e-3)
         t = np.arange(round(4 * 360 / MESH) + 1) * np.radians(MESH) / (350 * np.pi / 30)
         t += 2 * 2 * np.pi / (350 * np.pi / 30)
         t[-1] = min(t[-1], solution.duration)
-        own = solution.sample(t)
+        own = without_work(solution, t)
         w2 = own['velocity.crank']
         row = ('crank', 'coupler', 'rocker').index(link)
         ideal = linkage.motion(own['position.crank'], w2, 0.0 * t)[1][row]
@@ -530,6 +531,7 @@ def test_what_is_no_such_experiment_is_refused(bags, tmp_path):
             read_experiment([file], skip=1)
 
 
+@pytest.mark.slow
 def test_machines_that_differ_in_more_than_their_start_are_no_repeats(tmp_path):
     files = []
     for k, mass in enumerate(('0.2439 kg', '0.25 kg')):

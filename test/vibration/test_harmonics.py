@@ -186,6 +186,7 @@ def cam_on_a_frame(mass, speed, segments):
     }, 'cam')  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_frame_under_the_blows_of_a_cam():
     """Lift L (1 - |cos|) over half a turn: its rate jumps, and so an impulse shakes the frame."""
     mass, speed, lift = 0.4, 40.0, 8e-3

@@ -401,6 +401,7 @@ def test_wrong_scenes_with_frames_are_refused(overrides, says):
         on_frame('four_bar_nominal', overrides)
 
 
+@pytest.mark.slow
 def test_a_load_much_faster_than_the_machine_is_followed():
     """Pieces are as short as the load asks for: DOP853 under forces that are read densely."""
     load = {'at': 'rod.end', 'force': ['10*sin(40000*t)', 0.0]}

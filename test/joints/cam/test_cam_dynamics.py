@@ -224,6 +224,7 @@ def test_walls_of_a_groove_are_as_far_from_the_roller_as_they_say():
         assert bent == pytest.approx(float(wall.bend(q, v)), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_roller_strikes_both_walls_and_energy_closes():
     cam, motion = GROOVE, groove_motion()
     assert {i.wall for i in motion.impacts if i.t > TURN / cam.speed} == {'inner', 'outer'}

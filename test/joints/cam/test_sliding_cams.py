@@ -285,6 +285,7 @@ def test_energy_closes_where_a_slider_crank_moves_the_cam():
     assert solution.max_penetration < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize('kind', ['roller', 'swinging roller'])
 def test_a_roller_rattles_between_the_drawn_walls_of_a_groove(kind):
