@@ -137,7 +137,7 @@ RED, BOLD, END = '\x1b[1;31m', '\x1b[1m', '\x1b[0m'
         ('check punch', 'level'),
         ('solve punch', 'punch (inverse dynamics)'),
         ('bag info BAG', 'scene'),
-        ('analyze BAG', 'energy'),
+        ('analyze BAG', 'impacts'),
         ('analyze BAG --impacts-on coupler_rocker', 'impacts in coupler_rocker'),
     ],
 )
