@@ -262,6 +262,7 @@ def test_swinging_followers_get_their_law_from_a_shape(follower):
 # 90 deg, dwell, return in 90 deg and dwell at 30 rpm
 
 
+@pytest.mark.slow
 def test_strokes_of_a_4567_cam_with_dwells_take_half_a_second_each():
     content = scene(segments((0, 90, 25, 'polynomial_4567'), (180, 270, -25, 'polynomial_4567')),
                     base_radius='50 mm')  # fmt: skip
@@ -446,6 +447,7 @@ def drawing(path, layers=('0',), units=4):
     document.saveas(path)
 
 
+@pytest.mark.slow
 def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
     """As LINE and ARC; the vertices of polylines are tried where drawings are imported."""
     drawing(tmp_path / 'cam.dxf', ('0', 'bore'))

@@ -92,6 +92,7 @@ def test_a_heavy_weight_that_is_lifted_slackens_the_rope():
     assert final(solution, 'a', 'b') == pytest.approx([place, -place, speed, -speed], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_freewheel_by_a_formula_and_by_name_is_the_same():
     by_formula = run_json('solve', str(INPUTS / 'freewheel.yaml'))['final']['position']
     assert by_formula == pytest.approx({'hub': -11.6048389, 'wheel': 3.91282397}, abs=1e-7)

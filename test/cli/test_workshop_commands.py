@@ -118,6 +118,7 @@ def polygons(file):
     return document, {x.dxf.layer: 1e-3 * np.array(x.get_points('xy')) for x in lines}
 
 
+@pytest.mark.slow
 def test_a_cam_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
     pytest.importorskip('ezdxf')
     file = tmp_path / 'cam.dxf'

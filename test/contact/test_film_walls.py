@@ -100,6 +100,7 @@ def test_the_force_goes_on_where_walls_begin_to_carry():
     assert abs(solution.energy.residual) < 1e-10
 
 
+@pytest.mark.slow
 def test_hardly_any_oil_is_a_dry_bearing_of_less_play():
     dry = ms.simulate(ms.load_scene(
         'four_bar_clearance', {f'{PLAY}.radial': 1e-5, 'start': 'centred'}

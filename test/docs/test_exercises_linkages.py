@@ -284,6 +284,7 @@ def test_forces_of_links_without_mass():
     assert np.abs(across / axial)[loaded_only] == pytest.approx(np.abs(1.0 / slope)[loaded_only])
 
 
+@pytest.mark.slow
 def test_moments_of_the_exercises_by_virtual_power():
     """Exercises 3.1 to 3.7: drives supply what loads, weights and inertia take."""
     film = cycle(new_scene(PAGE, 'film'), points=['coupler.end'])

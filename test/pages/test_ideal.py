@@ -40,9 +40,9 @@ for (const own of values) {
 process.stdout.write(JSON.stringify(seen));
 """
 
-QUICK = 'four_bar_clearance', 'gear_four_bar'
+QUICK = ('four_bar_clearance',)
 SMOOTH = (
-    'loader',
+    'loader', 'gear_four_bar',
     'slider_crank_offset', 'quick_return_shaper', 'ten_links', 'windshield_wiper', 'planetary',
     'belt_drive', 'rack_and_pinion', 'four_bar_triple_rocker', 'scotch_yoke_offset', 'wedge',
     'toggle_press', 'eccentric_cam', 'double_toggle_punch', 'punch', 'locking_pliers',

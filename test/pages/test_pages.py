@@ -205,7 +205,7 @@ def covers_nothing(page, opened):
 HERE = 'file:', 'data:', 'blob:', 'about:', 'http://127.0.0.1:', 'ws://127.0.0.1:'
 SAVED = 'Save as PNG', 'Save as SVG', 'Save as CSV'
 BUTTONS = {*SAVED, 'Zoom', 'Pan', 'Reset axes'}
-OFTEN = 'report', 'edit'
+OFTEN = ('report',)
 """Kinds whose network is watched in the quick tests too."""
 
 

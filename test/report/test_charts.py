@@ -244,6 +244,7 @@ def test_a_sensor_has_its_peak_and_its_orders(loose, charts):
     assert marks[0].at == pytest.approx(max(1, math.ceil(marks[0].at / rate - 0.5)) * rate)
 
 
+@pytest.mark.slow
 def test_turns_at_the_start_can_be_left_out(loose):
     begin = loose.times_at(np.array([5.0]))[0]
     for chart in charts_of(sections(loose, skip=5)).values():

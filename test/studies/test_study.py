@@ -168,6 +168,7 @@ def test_studies_refuse_what_they_cannot_say(study):
         study(ms.load_scene('four_bar_clearance', torque))
 
 
+@pytest.mark.slow
 def test_a_follower_that_rests_on_its_cam_once_a_turn_has_no_multipliers():
     done = run('find', 'valve_train', '--periodic')
     assert done.returncode == 0

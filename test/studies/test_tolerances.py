@@ -104,6 +104,7 @@ def test_other_sweeps_are_refused(change, words):
         first_order(read_plan({k: v for k, v in ({**CRANK, 'design': {}} | change).items() if v}))
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_table_and_tornados(tmp_path):
     file = tmp_path / 'stack.yaml'
     file.write_text(json.dumps(CRANK), encoding='utf-8')

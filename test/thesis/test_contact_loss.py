@@ -351,6 +351,7 @@ def figures(cycle, link):
     return dict(zip(KEYS, (p.figure for p in contact_loss(cycle, link, turns=0.1)), strict=True))
 
 
+@pytest.mark.slow
 def test_a_force_times_a_factor_divides_the_index_by_it():
     k = 3.7
     _, cycle, link_of = thesis()

@@ -362,6 +362,7 @@ def test_the_engine_bounces_as_the_second_route(name):
     assert there == pytest.approx(here, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_the_engine_bounces_alike_where_a_motor_drives():
     follower = MOTOR
     w, v0 = follower.no_load_speed, follower.speed
