@@ -13,6 +13,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.numerics import compiled
+from mechanism_sim.results.quantity import Shown
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, read_yaml
 from mechanism_sim.scene.schema import Scene
@@ -69,6 +70,12 @@ def read_scene(name: str, overrides: Any = ()) -> tuple[str, Scene]:
     """Name and content of a scene, checked, in SI units, of which no machine was built."""
     path = find_scene(name)
     return path.stem, check_scene(path.name, read_yaml(path, 'scene'), overrides)
+
+
+def without_work(run: Any, t: Any) -> Any:
+    """Samples of a run but for works and losses, which cost ten times as much as all others."""
+    names = run.catalogue.shown(Shown.RUN)
+    return run.sample(t, *(name for name in names if not name.startswith('energy.d')))
 
 
 def weightless(**parts: object) -> ms.Machine:

@@ -37,7 +37,7 @@ def ros_found() -> bool:
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
-APART = {'bag', 'edit', 'node', 'run', 'sweep', 'view'}
+APART = {'edit', 'node', 'run', 'sweep', 'view'}
 """Commands that start processes, speak to others or take over signals."""
 
 
@@ -48,7 +48,9 @@ workers_apart = True
 def goes_apart(args: Sequence[str]) -> bool:
     """Whether a command needs a process of its own: one with workers, too."""
     with_workers = '--fit' in args or args[:1] == ('sweep',)
-    return workers_apart if with_workers else bool(APART.intersection(args[:1]))
+    if with_workers:
+        return workers_apart
+    return bool(APART.intersection(args[:1])) or tuple(args[:2]) == ('bag', 'play')
 
 
 _worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0')[2:]) % 5
@@ -96,14 +98,15 @@ Program = Callable[[Sequence[str]], None]
 
 
 def run(
-    *args: str, env: dict[str, str] | None = None, program: Program = main
+    *args: str, env: dict[str, str] | None = None, program: Program = main, refused: bool = False
 ) -> subprocess.CompletedProcess[str]:
     """Run a command to its end; `program` is another one than the package's, always run here.
 
-    In this process where that makes no difference: starting one costs more than most commands. An
-    exception that gets out of it, or a warning that its user would see, fails the test.
+    In this process where that makes no difference, as it makes none if the command is `refused`
+    before it does anything: starting one costs more than most commands. An exception that gets
+    out of it, or a warning that its user would see, fails the test.
     """
-    if program is not main or (env is None and not goes_apart(args)):
+    if program is not main or (env is None and (refused or not goes_apart(args))):
         return _here(program, args)
     return subprocess.run(
         command(*args), env=ending.owned(env or environment()), capture_output=True, text=True,

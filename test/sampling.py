@@ -23,7 +23,8 @@ FIRST = (
 HEAVY = (
     'andrews_squeezer', 'bearing_run_up', 'four_bar_governed', 'gear_four_bar', 'groove_cam',
     'loader', 'measured_cam', 'oscillating_roller', 'sliding_cam', 'slider_crank_engine',
-    'ten_links', 'whole_machine', '_024', '_066', 'compliant_joints',
+    'ten_links', 'whole_machine', '_024', '_066', 'cam_001', 'compliant_joints',
+    'force_that_touches_zero',
 )  # fmt: skip
 """Cases that take seconds to compile are slow, whatever the seed."""
 

@@ -123,6 +123,7 @@ def test_an_ideal_bag_differs_from_a_worn_one_as_another_reader_finds(bags, tmp_
     assert found['sensors', f'{SENSOR} rms']['change'] == pytest.approx(rms[1] - rms[0])
 
 
+@pytest.mark.slow
 def test_an_ideal_machine_has_no_impacts_beside_a_worn_one():
     one, two = (
         simulated(scene, revolutions=2) for scene in ('four_bar_nominal', 'four_bar_clearance')
@@ -193,6 +194,7 @@ def test_runs_are_named_by_what_differs_in_their_scenes(tmp_path):
     assert run_names({}, ['a', 'a']) == ('run 1', 'run 2')
 
 
+@pytest.mark.slow
 def test_a_variant_of_a_scene_is_compared_with_it(tmp_path):
     file = tmp_path / 'variant.html'
     said = run_json(

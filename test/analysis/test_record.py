@@ -62,7 +62,7 @@ def bag(rough, tmp_path_factory):
     return recorded(tmp_path_factory.mktemp('bags') / 'rough.mcap', rough)
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('name', scene_names())
 def test_the_machine_of_every_scene_comes_back_from_its_description(tmp_path, name):
     machine = ms.load_scene(name)
@@ -210,7 +210,7 @@ def test_orders_of_a_ramp_stay_lines():
         'four_bar_nominal', {'drive.profile': profile, 'drive.speed': None}, revolutions=40
     )
     t = np.arange(0.0, record.end, 1e-3)
-    values = record.piece.sample(t)['position.rocker']
+    values = record.piece.sample(t, 'position.rocker')['position.rocker']
     signal = Signal('rocker', 'rocker', 'displacement', 1e3, (0.0,), (values,))
     found = order_spectrum(signal.over_turns(record.turned))
     angle = math.tau * np.arange(512) / 512

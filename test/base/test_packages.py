@@ -37,9 +37,6 @@ BROKEN = {
 }
 
 
-OFTEN = ('compiles-nothing',)
-
-
 def ran(folder, *args, code=EAGER):
     """A program that finds the packages of a folder first."""
     path = os.pathsep.join([str(folder), *filter(None, [os.environ.get('PYTHONPATH')])])
@@ -65,9 +62,8 @@ RUN = 'solve', 'toggle_press', '--duration', '0.26', '--json'
 EXACT = 'final', 'impacts', 'modes', 'energy', 'steps'
 
 
-@pytest.mark.parametrize('case', [
-    pytest.param(case, marks=[] if case in OFTEN else [pytest.mark.slow]) for case in BROKEN
-])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize('case', BROKEN)
 def test_a_kernel_that_cannot_be_compiled_is_run_as_it_is(case, usual, tmp_path):
     """Whatever LLVM raises, the result is that of the run without it, and one line says so."""
     fake(tmp_path, 'llvmlite', BROKEN[case])
@@ -85,9 +81,15 @@ def test_a_kernel_that_cannot_be_compiled_is_run_as_it_is(case, usual, tmp_path)
     [
         ('matplotlib', ('plot', 'four_bar_nominal', 'position.rocker', '-o', 'out.png')),
         ('sympy', ('check', 'four_bar_nominal', '--equations')),
-        ('pyarrow', ('cycle', 'four_bar_nominal', '-o', 'out.parquet')),
-        ('openpyxl', ('cycle', 'four_bar_nominal', '-o', 'out.xlsx')),
-        ('plotly', ('report', 'four_bar_nominal', '-o', 'out.html')),
+        pytest.param(
+            'pyarrow', ('cycle', 'four_bar_nominal', '-o', 'out.parquet'), marks=pytest.mark.slow
+        ),
+        pytest.param(
+            'openpyxl', ('cycle', 'four_bar_nominal', '-o', 'out.xlsx'), marks=pytest.mark.slow
+        ),
+        pytest.param(
+            'plotly', ('report', 'four_bar_nominal', '-o', 'out.html'), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_package_that_fails_is_named_in_a_sentence(module, args, tmp_path, monkeypatch):

@@ -140,6 +140,7 @@ def test_errors_of_the_loose_four_bar_are_those_of_its_final_angles(name):
 COMPILED = pytest.mark.parametrize('compiled', [False, pytest.param(True, marks=pytest.mark.slow)])
 
 
+@pytest.mark.sample(2)
 @COMPILED
 @pytest.mark.parametrize('name', STARTS)
 def test_methods_with_events_agree_with_the_reference(name, compiled):
@@ -203,6 +204,7 @@ def test_the_numba_loop_counts_the_impacts_of_the_reference():
         assert max(late) < 1e-8, name
 
 
+@pytest.mark.slow
 def test_dop853_of_the_kernels_is_that_of_scipy():
     numba = pytest.importorskip('numba')
     from benchmarks.kernels import dop853  # noqa: PLC0415

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from builders import cam_pair, made
-from running import run
+from running import one_of, run
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
@@ -119,6 +119,7 @@ def test_the_accelerations_of_a_tangent_cam_are_those_of_the_closed_form():
     assert least == pytest.approx(nose, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_tangent_cam_goes_up_and_down_alike():
     swing = cycle(scene(TANGENT)).swings()['follower']
     assert swing.time_ratio == pytest.approx(1.0, abs=1e-9)
@@ -186,7 +187,7 @@ def edges(turned):
     return yaml.safe_load(re.sub(r'np\.float64\(([^)]*)\)', r'\1', str(found[::-1])))
 
 
-@pytest.mark.parametrize('sense', ['counterclockwise', 'clockwise'])
+@pytest.mark.parametrize('sense', one_of(2, ['clockwise', 'counterclockwise']))
 def test_a_drawn_cam_lifts_as_its_drawing_turns(sense):
     """A nose at 20 deg of the drawing is under the follower, at 90 deg, at +-70 deg of the cam."""
     shape = scene({'profile': {'edges': edges(math.radians(20.0))}}, base_radius=None, sense=sense)
@@ -201,6 +202,7 @@ def test_a_drawn_cam_lifts_as_its_drawing_turns(sense):
     assert accelerations(shape) == pytest.approx(accelerations(scene(TANGENT)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_radii_over_the_angle_make_the_cam():
     """An eccentric circle moves a roller as a slider-crank: e cos + sqrt(R^2 - e^2 sin^2)."""
     e, rim = 5.0, 30.0
@@ -218,6 +220,7 @@ def test_radii_over_the_angle_make_the_cam():
     assert joint.cam.base_radius == pytest.approx(0.025, abs=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('follower', [
     {'follower': 'knife', 'roller': None},
     {'follower': 'flat', 'roller': None},
@@ -244,6 +247,7 @@ def swinging(law, follower):
     return content
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('follower', [{}, {'follower': 'flat', 'roller': None, 'face': '3 mm'}])
 def test_swinging_followers_get_their_law_from_a_shape(follower):
     law = {'arcs': {'nose': '10 mm', 'lift': '15 mm', 'flank': '80 mm'}}
@@ -258,6 +262,7 @@ def test_swinging_followers_get_their_law_from_a_shape(follower):
 # 90 deg, dwell, return in 90 deg and dwell at 30 rpm
 
 
+@pytest.mark.slow
 def test_strokes_of_a_4567_cam_with_dwells_take_half_a_second_each():
     content = scene(segments((0, 90, 25, 'polynomial_4567'), (180, 270, -25, 'polynomial_4567')),
                     base_radius='50 mm')  # fmt: skip
@@ -356,7 +361,9 @@ def test_points_that_do_not_determine_accelerations_are_warned_of():
     assert 'time ratio 1; stands within' in stated.stdout
 
 
-@pytest.mark.parametrize(('degree', 'step'), [(3, 2), (5, 5), (7, 5)])
+@pytest.mark.parametrize(
+    ('degree', 'step'), [(5, 5), pytest.param(3, 2, marks=pytest.mark.slow), (7, 5)]
+)
 def test_points_of_a_smooth_law_determine_its_accelerations(degree, step):
     """4-5-6-7: 7.5132 h (speed/angle)^2, which lies in the range that is told."""
     u = [35, -84, 70, -20]
@@ -376,7 +383,7 @@ def test_points_of_a_smooth_law_determine_its_accelerations(degree, step):
     assert abs(high - right) <= over < 0.1 * right
 
 
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', one_of(3, range(3)))
 def test_an_error_of_measurement_is_smoothed_away(seed):
     """5 um of noise: a profile through the points would be undercut."""
     random, content = np.random.default_rng(seed), table()
@@ -440,6 +447,7 @@ def drawing(path, layers=('0',), units=4):
     document.saveas(path)
 
 
+@pytest.mark.slow
 def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
     """As LINE and ARC; the vertices of polylines are tried where drawings are imported."""
     drawing(tmp_path / 'cam.dxf', ('0', 'bore'))
@@ -515,6 +523,7 @@ def test_360_points_take_no_more_pieces_of_work_than_36(monkeypatch):
     assert calls[1] < calls[0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('drive', [
     {'coordinate': 'cam', 'speed': '600 rpm'},
     {'coordinate': 'cam',

@@ -182,7 +182,7 @@ SAME = {
 """What has the same bits; else angles differ by whole turns, or numbers in their last digit."""
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('ending', ['urdf', 'sdf', 'xml'])
 @pytest.mark.parametrize('name', EXPORTED)
 def test_what_is_exported_comes_back_equal(tmp_path, name, ending):
@@ -470,6 +470,7 @@ def test_the_command_writes_what_the_function_and_the_editor_have(tmp_path):
     assert 'the ending must be .yaml or .yml' in again.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_an_imported_machine_runs_as_nodes(tmp_path):
     """Recorded and read back it has the digest of the scene that was exported."""

@@ -26,6 +26,7 @@ def test_a_speed_per_minute_is_of_revolutions(text):
     assert coordinates['crank'] == 'prescribed, 314.159 rad/s'
 
 
+@pytest.mark.slow
 def test_a_toggle_press_under_a_load_during_a_part_of_its_way_is_searched():
     """The motor starts with 12.5 times the speed of the crank, and slows down; 150/12.5 rad/s."""
     found = ms.find(

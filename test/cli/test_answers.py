@@ -14,6 +14,7 @@ from mechanism_sim.report import progress
 from mechanism_sim.results.measure_text import read_all
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('command', ['solve', 'cycle', 'report', 'statistics'])
 def test_durations_have_units(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

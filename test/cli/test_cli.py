@@ -117,7 +117,7 @@ def test_scenes_as_json():
     ],
 )
 def test_bad_input_gets_one_sentence_and_code_2(args, words):
-    done = run(*args)
+    done = run(*args, refused=True)
     assert done.returncode == 2
     assert done.stdout == ''
     assert len(done.stderr.strip().splitlines()) == 1
@@ -169,7 +169,7 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     ],
 )  # fmt: skip
 def test_an_option_that_does_not_apply_is_refused(line, said):
-    done = run(*line.split())
+    done = run(*line.split(), refused=True)
     assert (done.returncode, done.stderr.count('\n')) == (2, 1)
     assert said in done.stderr
 
@@ -211,6 +211,7 @@ def test_no_option_takes_the_last_of_two_values_in_silence():
     assert tried > 100
 
 
+@pytest.mark.slow
 def test_two_ranges_of_find_are_both_varied():
     ranges = '--vary', 'drive.speed=10:20', '--vary', 'links.crank.length=10 mm:20 mm'
     found = run_json('find', 'slider_crank', *ranges, '--minimise', 'rms(drive_torque)')
@@ -222,7 +223,7 @@ def test_two_ranges_of_find_are_both_varied():
 def test_a_bag_is_never_overwritten_without_being_told(tmp_path):
     bag = tmp_path / 'run.mcap'
     bag.write_bytes(b'precious')
-    refused = run('run', 'four_bar_nominal', '--record', str(bag))
+    refused = run('run', 'four_bar_nominal', '--record', str(bag), refused=True)
     assert refused.returncode == 2
     assert '--overwrite' in refused.stderr
     assert bag.read_bytes() == b'precious'
@@ -247,6 +248,7 @@ def test_samples_as_files(tmp_path, suffix):
     assert (columns['gap.coupler_rocker'] > -1e-12).all()
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_info_and_analyze_as_json(tmp_path):
     bag = tmp_path / 'run.mcap'

@@ -159,7 +159,7 @@ def run(capsys, files, name, args):
 
 
 @pytest.mark.network
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', sorted(GOOD))
 def test_results_are_strict_json(capsys, files, name):
     code, said = run(capsys, files, name, GOOD[name])
@@ -181,7 +181,7 @@ def test_refusals_are_strict_json(capsys, files, name):
     ('program', 'good'),
     [
         (benchmarks, ()),
-        (hard, ('critical_damping', 'free_shaft')),
+        pytest.param(hard, ('critical_damping', 'free_shaft'), marks=pytest.mark.slow),
         (grid, ('--only', 'slot_001,geneva_001', '--workers', '1')),
     ],
 )

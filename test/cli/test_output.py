@@ -9,14 +9,16 @@ import sys
 import numpy as np
 import openpyxl
 import pytest
+from bags import write_bag
+from builders import simulated
 from running import full_disk
-from running import run as command
 
 from mechanism_sim import output, tables
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError, RunError
 
-SHORT = ('--duration', '0.03')
+LENGTH = 0.03
+SHORT = '--duration', str(LENGTH)
 
 KEPT = {'run': ['out.mcap'], 'sweep': ['out.parquet.journal']}
 """What is readable as far as it came, and gone on from."""
@@ -60,13 +62,12 @@ def given(tmp_path_factory):
     found['sweep'].write_text(
         'title: one speed\nscene: four_bar_nominal\nduration: 0.02\nset: {drive.speed: 300 rpm}\n'
     )
-    done = command('run', 'four_bar_clearance', *SHORT, '--record', str(found['bag']))
-    assert done.returncode == 0, done.stderr
+    write_bag(found['bag'], simulated('four_bar_clearance', duration=LENGTH))
     return found
 
 
 @pytest.mark.network
-@pytest.mark.sample(5)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('name', WRITING)
 def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_path, name):
     args = [a.format(tmp_path / 'out', **given) for a in WRITING[name]]
@@ -81,7 +82,7 @@ def test_a_full_disk_ends_in_a_sentence_and_leaves_nothing(capsys, given, tmp_pa
 
 
 @pytest.mark.network
-@pytest.mark.sample(5)
+@pytest.mark.sample(3)
 @pytest.mark.skipif(not os.path.isdir('/sys'), reason='needs a folder that nobody may write to')
 @pytest.mark.parametrize('name', WRITING)
 def test_a_read_only_folder_ends_in_a_sentence(capsys, given, name):
@@ -109,7 +110,7 @@ def test_devices_are_written_themselves():
         output.write_text('/dev/full', 'x')
 
 
-@pytest.mark.parametrize('options', [(), ('--json',)])
+@pytest.mark.parametrize('options', [(), pytest.param(('--json',), marks=pytest.mark.slow)])
 def test_an_output_that_is_full_is_said(options):
     with open('/dev/full', 'wb') as full:
         done = subprocess.run(

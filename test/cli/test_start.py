@@ -100,10 +100,12 @@ def test_compiled_code_is_kept_in_a_small_folder_of_our_own(tmp_path: Path) -> N
     assert [path.name for path in tmp_path.iterdir()] == ['mechanism_sim']
 
 
+@pytest.mark.slow
 def test_a_folder_that_the_user_chose_is_taken_as_it_is(tmp_path: Path) -> None:
     assert first_steps(HEYOKA_CACHE_DIR=str(tmp_path)) == f'{tmp_path} False'
 
 
+@pytest.mark.slow
 def test_without_a_folder_to_write_in_nothing_is_kept(tmp_path: Path) -> None:
     (tmp_path / 'mechanism_sim').write_text('a file where the folder would be')
     assert first_steps(XDG_CACHE_HOME=str(tmp_path)) == 'nothing is kept'

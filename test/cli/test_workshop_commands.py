@@ -118,6 +118,7 @@ def polygons(file):
     return document, {x.dxf.layer: 1e-3 * np.array(x.get_points('xy')) for x in lines}
 
 
+@pytest.mark.slow
 def test_a_cam_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
     pytest.importorskip('ezdxf')
     file = tmp_path / 'cam.dxf'
@@ -173,6 +174,7 @@ drive: {coordinate: camshaft, speed: 60 rpm}
 """
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('clearance', [0.0, 0.2])
 def test_a_groove_for_a_swinging_roller(clearance, tmp_path):
     file = tmp_path / 'groove.yaml'

@@ -40,7 +40,7 @@ CASES: dict[str, tuple[str, dict[str, Any], float, list[str]]] = {
     'released': ('catapult', {}, 0.11, ['springs.main.free_length', 'links.arm.mass']),
     'first-order states': ('hydraulic_arm', {}, 0.5, ['states.pushing.start', 'links.arm.cog']),
 }  # fmt: skip
-QUICK = {'follows', 'ideal', 'motor', 'cam'}
+QUICK = {'follows', 'ideal', 'motor'}
 
 
 @pytest.mark.parametrize(

@@ -152,7 +152,9 @@ def test_the_ten_links_without_masses_move_alike(tmp_path):
     assert len(check(sketched).relations) == 4
     leg = ms.load_scene('ten_links')
     assert leg.level is Level.INVERSE_DYNAMICS
-    positions = [ms.simulate(m).sample([0.4])['position.foot'] for m in (sketched, leg)]
+    positions = [
+        ms.simulate(m).sample([0.4], 'position.foot')['position.foot'] for m in (sketched, leg)
+    ]
     assert positions[0] == pytest.approx(positions[1], abs=1e-12)
 
 

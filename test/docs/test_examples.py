@@ -21,8 +21,8 @@ FUNCTIONS = {
 }
 
 
-SLOW = {'branches'}
-"""Minutes: test_continuation.py draws branches of a lighter machine."""
+SLOW = {'branches', 'find_four_bars', 'life', 'sweep', 'lyapunov'}
+"""Of what test/studies tries on lighter machines."""
 
 
 @pytest.mark.parametrize(

@@ -99,6 +99,7 @@ def test_mobility_by_the_rank_of_constraints_between_bodies(name):
     assert loops == (1 if name == 'locking_pliers' else 2)
 
 
+@pytest.mark.slow
 def test_strokes_jaws_and_wipers():
     """Problems 1.6c, 1.7, 1.12, 2.16."""
     for d in (0.12, 0.09):
@@ -123,7 +124,7 @@ def test_inverted_slider_cranks():
     """Problems 2.1 and 2.2 by the law of cosines, 2.3 and 2.13 by the angle of the pin."""
     machine = new_scene(PAGE, 'cylinder_given')
     t = np.linspace(0.0, 0.5, 11)
-    seen = ms.simulate(machine, duration=0.5).sample(t)
+    seen = ms.simulate(machine, duration=0.5).sample(t, 'position.piston', 'position.crank')
     D = 0.25 - seen['position.piston']
     assert pytest.approx(0.28 - 0.1 * t) == D
     sine = (0.04**2 + 0.25**2 - D**2) / (2.0 * 0.04 * 0.25)
@@ -179,6 +180,7 @@ def test_angles_of_rocking_and_time_ratios():
     assert math.degrees(arm.size) == pytest.approx(swing(1.0, 7.0, 7.0, 10.0), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_wheels_and_racks_that_rest():
     """Problems 2.18 and 2.19; exercises 2.4 and 2.8."""
     r1 = 0.05 / math.sin(math.pi / 8.0)
@@ -267,7 +269,9 @@ def test_forces_of_links_without_mass():
     along = 400.0 / np.cos(found['position.rod'])
     assert found['reaction.crank_rod.rod.along'] == pytest.approx(along)
     unknown = {'r': {'at': 'piston', 'force': [-1, 0], 'unknown': True}}
-    seen = ms.simulate(loaded(unknown, effort=12.0), duration=1.0 / 60.0).sample(1.0 / 60.0)
+    seen = ms.simulate(loaded(unknown, effort=12.0), duration=1.0 / 60.0).sample(
+        1.0 / 60.0, 'load.r'
+    )
     th2, th3 = math.pi / 3.0, -math.asin(0.25 * math.sin(math.pi / 3.0))
     P4 = 12.0 / (0.05 * math.sin(th3 - th2)) * math.cos(th3)
     assert seen['load.r'][0] == pytest.approx(P4, rel=1e-9)
@@ -280,6 +284,7 @@ def test_forces_of_links_without_mass():
     assert np.abs(across / axial)[loaded_only] == pytest.approx(np.abs(1.0 / slope)[loaded_only])
 
 
+@pytest.mark.slow
 def test_moments_of_the_exercises_by_virtual_power():
     """Exercises 3.1 to 3.7: drives supply what loads, weights and inertia take."""
     film = cycle(new_scene(PAGE, 'film'), points=['coupler.end'])

@@ -41,7 +41,7 @@ def box(element):
     return [float(n) for key in keys for n in NUMBER.findall(element.get(key, ''))]
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('name', ms.scene_names())
 def test_the_picture_in_the_gallery_is_that_of_the_scene(name, tmp_path):
     drawn = list(elements(gallery.draw(name, tmp_path)))

@@ -490,6 +490,7 @@ def test_a_slider_and_a_spring():
     assert page.state['problem'] == ''
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ('what', 'at', 'path', 'given'),
     [
@@ -663,7 +664,7 @@ def test_a_link_of_a_four_bar_in_short_gets_another_name(part):
     assert page.text == before
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('name', scene_names())
 def test_whatever_is_done_to_a_scene_it_stays_one_that_can_be_undone(name):
     rng, page = random.Random(name), Page(name)

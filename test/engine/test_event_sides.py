@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from builders import made
+from builders import made, without_work
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.record import read_record
@@ -88,7 +88,7 @@ def boundaries(solution):
     return t, segment
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', MACHINES)
 def test_all_of_a_sample_is_of_the_side_that_the_rule_names(name):
     machine, solution = solved(name)
@@ -124,16 +124,18 @@ def test_an_instant_of_change_differs_from_the_one_before_it(name):
     curve = solution.motion.curve
     at = curve.start[np.abs(curve.start - moment).argmin()]
     assert at == pytest.approx(moment, abs=1e-12)
-    before, now = solution.sample([np.nextafter(at, 0.0), at])['acceleration.ram']
+    before, now = solution.sample([np.nextafter(at, 0.0), at], 'acceleration.ram')[
+        'acceleration.ram'
+    ]
     assert abs(now - before) > 10.0
 
 
 def test_what_begins_with_the_run_acts_from_its_first_instant_on():
     """The load begins at the very angle at which the crank starts."""
     _, solution = solved('pushed shut')
-    assert solution.sample(0.0)['normal_force.A'][0] > 4000.0
+    assert solution.sample(0.0, 'normal_force.A')['normal_force.A'][0] > 4000.0
     ideal = press({}, during(np.degrees(0.3), 60, -7500.0))
-    torque = ms.simulate(ideal, duration=0.01).sample([0.0, 1e-9])['drive_torque']
+    torque = ms.simulate(ideal, duration=0.01).sample([0.0, 1e-9], 'drive_torque')['drive_torque']
     assert torque[0] == pytest.approx(torque[1], rel=1e-6)
 
 
@@ -144,7 +146,7 @@ def test_an_impact_at_the_end_of_a_motion_is_not_yet_in_its_samples():
     solution = ms.simulate(machine, duration=first.t)
     end = solution.sample(solution.duration)
     total = [end[f'energy.{x}'][0] for x in ('kinetic', 'potential', 'drive_work', 'dissipated')]
-    begin = solution.sample(0.0)
+    begin = solution.sample(0.0, 'energy.kinetic', 'energy.potential')
     start = begin['energy.kinetic'][0] + begin['energy.potential'][0]
     assert total[0] + total[1] - start == pytest.approx(total[2] - total[3], abs=1e-10)
     assert end['energy.dissipated'][0] == pytest.approx(0.0, abs=1e-15)
@@ -158,8 +160,10 @@ def test_a_bag_says_the_same(name, tmp_path):
     with RunBag(tmp_path / 'run.mcap', machine, solution.duration) as bag:
         bag.add(solution.motion, solution.impacts, solution.modes)
     t, _ = boundaries(solution)
-    expected, found = solution.sample(t), read_record(tmp_path / 'run.mcap').piece.sample(t)
-    for column in (name for name in expected if not name.startswith('energy.d')):
+    read = read_record(tmp_path / 'run.mcap').piece
+    expected, found = without_work(solution, t), without_work(read, t)
+    assert len(expected) > 10
+    for column in expected:
         np.testing.assert_array_equal(found[column], expected[column], err_msg=column)
 
 
@@ -174,6 +178,6 @@ def test_a_page_says_the_same_where_two_messages_meet():
         live.take(pack(solution.motion.between(begin, end), *names, end))
     t = np.array([np.nextafter(at, 0.0), at])
     shown = np.frombuffer(b64decode(live.frames(t)['torque']['bdata']), '<f4')
-    expected = solution.sample(t)['drive_torque']
+    expected = solution.sample(t, 'drive_torque')['drive_torque']
     np.testing.assert_allclose(shown, expected, rtol=1e-6)
     assert abs(expected[0] - expected[1]) > 0.01

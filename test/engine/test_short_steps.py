@@ -38,6 +38,7 @@ def test_a_run_with_short_steps_is_that_without_them(monkeypatch: pytest.MonkeyP
     np.testing.assert_allclose(*gaps, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_with_short_steps_as_if_there_had_been_no_pause(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

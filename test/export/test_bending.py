@@ -82,6 +82,7 @@ def test_a_figure_and_its_factor():
     assert 0.5 * (off.max() + off.min()) == pytest.approx(0.5 * float(factor) * bent, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_page_bends_them_alike(tab, tmp_path):
     """The rod's edge as the browser has it, against Python's shapes at the same instant."""
     run = recorded(simulated('elastic_slider_crank', duration=0.03))
@@ -89,7 +90,7 @@ def test_a_page_bends_them_alike(tab, tmp_path):
     output.write_text(file, report.page(run))
     open_page(tab, file)
     t = np.linspace(0.0, 0.03, 61)
-    most = np.abs(run.record.piece.sample(t)['deflection.rod']).argmax()
+    most = np.abs(run.record.piece.sample(t, 'deflection.rod')['deflection.rod']).argmax()
     t = scrub(tab.page, most / 60)
     flat, shift, turn = tab.page.locator(
         '#stage .machine g[data-kind=link][data-link=rod]'

@@ -410,7 +410,9 @@ def test_mujoco_needs_our_drive_torque(name):
     for factor in (2.0, 1.0, 0.5):
         data, duration = simulated(scene, factor, 0.8, 'mjINT_EULER')
         t = np.linspace(0.0, duration, 9)
-        torque = ms.simulate(scene, duration=duration).sample(t)['drive_torque'].ravel()
+        torque = (
+            ms.simulate(scene, duration=duration).sample(t, 'drive_torque')['drive_torque'].ravel()
+        )
         errors.append(abs(data.actuator('crank').force.item() - torque[-1]) / np.abs(torque).max())
     assert errors[2] < 0.005
     assert errors[2] < 0.6 * errors[1] < 0.4 * errors[0]

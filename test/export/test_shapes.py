@@ -59,6 +59,7 @@ def in_triangles(corners, point, spare):
     return bool((side >= -spare * np.hypot(*np.moveaxis(way, -1, 0))).all(axis=1).any())
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     'scene',
     [

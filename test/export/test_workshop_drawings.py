@@ -126,6 +126,7 @@ def test_the_text_holds_the_coordinates_in_full():
     assert 1e-3 * np.array([x, y]) == pytest.approx(outline.edges[0].points, rel=1e-14, abs=1e-16)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('internal', [False, True])
 def test_teeth_that_were_read_back_are_as_thick_as_they_should_be(internal):
     gear = Gear(31, 2.5e-3, shift=0.2, internal=internal)

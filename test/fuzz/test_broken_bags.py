@@ -22,7 +22,7 @@ from mechanism_sim.report.bag import render
 
 pytestmark = pytest.mark.network
 
-EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
+EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '25'))
 SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1000, database=None)
 
 

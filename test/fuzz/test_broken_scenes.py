@@ -18,7 +18,7 @@ from mechanism_sim import documents
 from mechanism_sim.errors import InputError
 from mechanism_sim.studies.plan import read_plan
 
-EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '60'))
+EXAMPLES = int(os.environ.get('FUZZ_EXAMPLES', '25'))
 HANG = 60.0
 """[s] of CPU after which an example counts as a hang."""
 

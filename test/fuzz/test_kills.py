@@ -9,6 +9,7 @@ import pytest
 pytestmark = pytest.mark.network
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_leaves_no_process_and_a_bag_that_all_can_read(tmp_path, monkeypatch):
     """Judged by the CPU time that is spent and the simulated time that is lost."""
     monkeypatch.setattr(kills, 'GONE_BY_CLOCK', math.inf)  # which a busy machine makes long

@@ -259,7 +259,7 @@ def _judge_ideal(ideal: _Ideal, machine: Machine, solution: Solution) -> dict[st
         harmonics = found[3 : 3 + _HARMONICS, d] + 1j * found[3 + _HARMONICS :, d]
 
         def seen_torque(at: Array, column: str = column) -> Array:
-            return solution.sample(at)[column][None]
+            return solution.sample(at, column)[column][None]
 
         own = spectrum(seen_torque, starts, _HARMONICS)
         amplitudes = np.asarray(own.amplitudes)[0]

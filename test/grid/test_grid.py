@@ -159,7 +159,9 @@ def test_what_is_exchanged_is_the_integral_of_power():
     })  # fmt: skip
     solution = ms.simulate(machine)
     t = np.linspace(0.0, solution.duration, 200_001)
-    values = solution.sample(t)
+    values = solution.sample(
+        t, 'energy.kinetic', 'drive_torque', 'velocity.crank', 'velocity.piston'
+    )
     drive = np.abs(values['drive_torque'] * values['velocity.crank'])
     drag = 20.0 * values['velocity.piston'] ** 2
     wanted = np.trapezoid(drive + drag, t) + values['energy.kinetic'].max()
@@ -168,6 +170,7 @@ def test_what_is_exchanged_is_the_integral_of_power():
     assert 0.98 * wanted < found < wanted * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path):
     names = [c.name for c in grid(only=['train'])[:2]]
     content = run_json(
@@ -232,6 +235,7 @@ def test_a_process_that_dies_costs_the_case_that_it_was_at(monkeypatch, tmp_path
     assert set(found) == set(names)
 
 
+@pytest.mark.slow
 def test_whoever_stops_looking_ends_all_processes():
     shards = Shards(grid(only=['slot', 'geneva']), workers=2)
     outcomes = shards.outcomes()

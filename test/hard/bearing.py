@@ -61,7 +61,11 @@ def chatter_in_a_bearing() -> list[Figure]:
             rests.append(last.t + last.chatter_time)
             cut = max(cut, last.chatter_time)
             # what presses during the bounces left out is the following force
-            N = float(solution.sample(last.t)['normal_force.coupler_rocker'][0])
+            N = float(
+                solution.sample(last.t, 'normal_force.coupler_rocker')[
+                    'normal_force.coupler_rocker'
+                ][0]
+            )
             done = sum(i.normal_impulse for i in solution.impacts if i.t <= last.t)
             totals.append(done + N * last.chatter_time)
         time = max(time, abs(rests[1] - rests[0]))
@@ -112,11 +116,20 @@ def force_that_touches_zero() -> list[Figure]:
     below = simulate(thesis(drive__speed=low), revolutions=1.0)
     above = simulate(thesis(drive__speed=high), revolutions=1.0)
     t = np.linspace(0.0, below.duration, 20001)
-    smallest = float(below.sample(t)['normal_force.coupler_rocker'].min())
+    smallest = float(
+        below.sample(t, 'normal_force.coupler_rocker')['normal_force.coupler_rocker'].min()
+    )
     begins = _first_loss(above)
     ends = next(i.t for i in above.impacts if i.t > begins)
     around = np.linspace(-1e-4, 1e-4, 20001) + begins
-    smallest = min(smallest, float(below.sample(around)['normal_force.coupler_rocker'].min()))
+    smallest = min(
+        smallest,
+        float(
+            below.sample(around, 'normal_force.coupler_rocker')[
+                'normal_force.coupler_rocker'
+            ].min()
+        ),
+    )
     return [
         Figure('smallest force just below the limit', smallest, 1e-6, 'N'),
         Figure('pull below the limit', min(smallest, 0.0), 1e-9, 'N'),
@@ -135,12 +148,12 @@ def clearance_from_a_micrometre() -> list[Figure]:
     residual = depth = closure = 0.0
     ideal = simulate(load_scene('four_bar_nominal'), revolutions=0.5)
     t = np.linspace(0.0, 0.5 * TURN, 400)
-    reference = ideal.sample(t)['position.rocker']
+    reference = ideal.sample(t, 'position.rocker')['position.rocker']
     clearances = (1e-6, 1e-5, 1e-4, 2.54e-4, 1e-3)
     deviations = []
     for c in clearances:
         solution = simulate(thesis(c=c), revolutions=0.5)
-        away = np.abs(solution.sample(t)['position.rocker'] - reference)
+        away = np.abs(solution.sample(t, 'position.rocker')['position.rocker'] - reference)
         deviations.append(float(away.max()))
         longer = simulate(thesis(c=c), revolutions=3.0)
         residual = max(residual, abs(relative_residual(longer)))

@@ -67,9 +67,9 @@ def flywheel_and_torque() -> list[Figure]:
     """Energy residual over ten revolutions, and the crank after one of them."""
     machine = load_scene('four_bar_nominal', {'drive': FLYWHEEL, 'solver.rtol': 1e-10})
     solution = simulate(machine, duration=1.6)
-    turned = float(solution.sample(1.6)['position.crank'][0]) / (2.0 * math.pi)
+    turned = float(solution.sample(1.6, 'position.crank')['position.crank'][0]) / (2.0 * math.pi)
     angle, speed = _one_freedom(0.1, 0.01, 0.2)
-    at = solution.sample(0.2)
+    at = solution.sample(0.2, 'position.crank', 'velocity.crank')
     return [
         Figure('energy residual', residual(solution.energy), 1e-9, 'J'),
         Figure('revolutions', turned),
@@ -91,7 +91,9 @@ def flywheel_and_clearance() -> list[Figure]:
     jump = 0.0
     for i in free.impacts:
         if i.t < 1.0 - 1e-9:
-            before, after = free.sample(np.array([i.t - 1e-9, i.t]))['velocity.crank']
+            before, after = free.sample(np.array([i.t - 1e-9, i.t]), 'velocity.crank')[
+                'velocity.crank'
+            ]
             jump = max(jump, abs(after - before))
     return [
         Figure('energy residual', residual(solution.energy), 1e-9, 'J'),
@@ -111,7 +113,7 @@ def stiff_motor() -> list[Figure]:
     """Order of the difference from constant speed, and the energy balance, loose too."""
     fixed = simulate(load_scene('four_bar_nominal'), revolutions=0.9)
     t = np.linspace(0.1, 0.9, 200) * TURN
-    reference = fixed.sample(t)['velocity.rocker']
+    reference = fixed.sample(t, 'velocity.rocker')['velocity.rocker']
     stalls, differences, largest = (1e3, 1e4, 1e5), [], 0.0
     for stall in stalls:
         drive = {
@@ -119,7 +121,7 @@ def stiff_motor() -> list[Figure]:
             'motor': {'stall_torque': stall, 'no_load_speed': SPEED},
         }
         solution = simulate(load_scene('four_bar_nominal', {'drive': drive}), duration=0.9 * TURN)
-        found = solution.sample(t)['velocity.rocker']
+        found = solution.sample(t, 'velocity.rocker')['velocity.rocker']
         differences.append(float(np.abs(found - reference).max()))
         loose = simulate(thesis(drive=drive), duration=2.0 * TURN)
         largest = max(largest, *(abs(residual(x.energy)) for x in (solution, loose)))

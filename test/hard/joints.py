@@ -58,13 +58,13 @@ def other_clearances_vanish() -> list[Figure]:
     """Order of the difference from one loose joint, before contact is first lost."""
     alone = simulate(thesis(), revolutions=0.5)
     t = np.linspace(0.0, 0.5, 200) * TURN
-    reference = alone.sample(t)['position.rocker']
+    reference = alone.sample(t, 'position.rocker')['position.rocker']
     sizes, differences = (1e-5, 1e-6, 1e-7), []
     clearance = {'radial': 2.54e-4, 'restitution': 0.5}
     for c in sizes:
         others = {f'joints__{joint}__clearance': clearance | {'radial': c} for joint in JOINTS[1:]}
         solution = simulate(thesis(**others), revolutions=0.5)
-        found = solution.sample(t)['position.rocker']
+        found = solution.sample(t, 'position.rocker')['position.rocker']
         differences.append(float(np.abs(found - reference).max()))
     order = float(np.polyfit(np.log(sizes), np.log(differences), 1)[0])
     return [

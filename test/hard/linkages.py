@@ -43,7 +43,7 @@ def stiff_springs() -> list[Figure]:
     t = np.linspace(0.9, 1.0, 500)
     shares = np.linalg.solve(modes, [1.0, 1.0]) / rates
     exact = modes @ (shares[:, None] * np.sin(np.outer(rates, t)))
-    seen = solution.sample(t)
+    seen = solution.sample(t, 'position.car', 'position.trailer')
     car = seen['position.car'] - 1.0
     trailer = car + seen['position.trailer'] - 1.0
     off = np.abs(np.array([car, trailer]) - exact).max() / np.abs(exact).max()
@@ -82,7 +82,9 @@ def slider_on_a_fast_arm() -> list[Figure]:
     slow = math.sqrt(excess)
     solution = simulate(machine, duration=2.0 * 2.0 * math.pi / slow)
     t = np.linspace(0.0, solution.duration, 1001)
-    seen = solution.sample(t)
+    seen = solution.sample(
+        t, 'reaction.guide.x', 'reaction.guide.y', 'position.slider', 'drive_torque'
+    )
     r, rate = r0 * np.cos(slow * t), -r0 * slow * np.sin(slow * t)
     force = np.hypot(seen['reaction.guide.x'], seen['reaction.guide.y'])
     largest = 2.0 * mass * w * r0 * slow

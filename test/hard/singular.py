@@ -86,7 +86,7 @@ def through_dead_points() -> list[Figure]:
     machine = _engine('-20*vx - 200*sin(crank)', torque={}, speed=30.0, start_angle=0.3)
     solution = simulate(machine, duration=1.0)
     angle, speed = _engine_at(0.3, 30.0, 1.0)
-    end = solution.sample(1.0)
+    end = solution.sample(1.0, 'position.crank', 'velocity.crank')
     return [
         Figure('dead points passed', abs(angle) // math.pi),
         Figure('angle after 1 s', float(end['position.crank'][0]) - angle, 1e-9, 'rad'),

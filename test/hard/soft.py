@@ -17,14 +17,14 @@ from test.hard.case import Figure, hard_case
 def rigid_limit_of_hertz() -> list[Figure]:
     """Exponent with which the difference falls, and the energy balance."""
     t = np.linspace(0.05, 0.499, 300) * TURN
-    rigid = simulate(thesis(), revolutions=0.5).sample(t)['position.rocker']
+    rigid = simulate(thesis(), revolutions=0.5).sample(t, 'position.rocker')['position.rocker']
     stiffness = 10.0 ** np.arange(8, 15)
     differences, largest = [], 0.0
     for K in stiffness:
         law = {'law': 'hertz', 'stiffness': float(K)}
         machine = thesis(joints__coupler_rocker__clearance__contact=law)
         soft = simulate(machine, revolutions=0.5)
-        away = soft.sample(t)['position.rocker'] - rigid
+        away = soft.sample(t, 'position.rocker')['position.rocker'] - rigid
         differences.append(float(np.abs(away).max()))
         largest = max(largest, abs(residual(soft.energy)))
     slopes = np.diff(np.log(differences)) / np.diff(np.log(stiffness))

@@ -34,7 +34,7 @@ def marked():
     ]
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(8)
 @pytest.mark.parametrize('case', marked())
 def test_hard_case(case):
     (outcome,) = run((case,))

@@ -59,14 +59,14 @@ def instants(machine, solution, count, margin):
     return t
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', SCENES)
 def test_loops_stay_closed(runs, name):
     _, solution = run(runs, name)
     assert solution.max_closure_error < 1e-12
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', SCENES)
 def test_rates_and_accelerations_are_derivatives_of_the_positions(runs, name):
     machine, solution = run(runs, name)
@@ -85,7 +85,7 @@ def test_rates_and_accelerations_are_derivatives_of_the_positions(runs, name):
     assert np.abs(twice - here.acceleration).max() < 1e-5 * sharpest + 1e-9
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', SCENES)
 def test_forces_agree_with_newton_and_euler_for_every_body(runs, name):
     machine, solution = run(runs, name)
@@ -101,7 +101,7 @@ def test_forces_agree_with_newton_and_euler_for_every_body(runs, name):
     assert differences(machine, solution, t)[0].max() < 1e-9
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', SCENES)
 def test_power_of_the_drives_is_the_rate_of_energy(runs, name):
     machine, solution = run(runs, name)
@@ -163,7 +163,7 @@ DRIVEN = [
 ]
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', DRIVEN)
 def test_every_mechanism_moves_freely_as_inverse_dynamics_wants(name):
     """A free motion, looked at by inverse dynamics, asks for no drive; its energy stays."""

@@ -35,6 +35,7 @@ CUT = 'geneva', 'quick_return', 'measured_cam', 'linear_intermittent', 'offset_r
 """Where switches cut pieces short: of these a preview had more than one."""
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', ENDED_EARLY)
 def test_loops_close_after_days_and_many_turns(name):
     machine = ms.load_scene(name)
@@ -46,6 +47,7 @@ def test_loops_close_after_days_and_many_turns(name):
     assert audit.max_closure_error < 1e-14
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('name', ['gear_pair', 'rack_and_pinion'])
 def test_many_revolutions_come_to_their_end(name):
     run = ms.stream(ms.load_scene(name), revolutions=60)
@@ -54,6 +56,7 @@ def test_many_revolutions_come_to_their_end(name):
     assert run.max_closure_error < 1e-13
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('name', CUT)
 def test_a_run_in_small_parts_has_the_pieces_of_one_at_once(name):
     """Nodes advance as far as the law is known, and look ahead for their samples."""
@@ -74,6 +77,7 @@ def test_a_run_in_small_parts_has_the_pieces_of_one_at_once(name):
     assert len({*digests}) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.network
 @pytest.mark.parametrize(
     'name', [CUT[0], *(pytest.param(x, marks=pytest.mark.slow) for x in CUT[1:])]
@@ -175,11 +179,12 @@ def test_a_machine_that_starts_at_many_turns_is_the_same_machine(name):
     off = b.sample(t)[main] - a.sample(t)[main]
     assert off == pytest.approx(2.0 * np.pi * OFTEN, rel=1e-12)
     for column in ('drive_torque', 'energy.kinetic'):
-        x, y = a.sample(t)[column], b.sample(t)[column]
+        x, y = a.sample(t, column)[column], b.sample(t, column)[column]
         # the angle itself is known to 6e-11 rad only
         assert y == pytest.approx(x, abs=1e-8 * np.abs(x).max() + 1e-15)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['geneva', 'gear_box', 'rack_and_pinion'])
 def test_slow_drives(name):
     machine = ms.load_scene(name, overrides={'drive.speed': '1e-4 rad/s'})
@@ -195,7 +200,7 @@ def test_slow_drives(name):
 
 @pytest.mark.parametrize('name', quick_and_deep(('geneva', 'gear_box', 'quick_return')))
 def test_the_last_of_hundreds_of_revolutions_is_as_the_first(name):
-    machine, count = ms.load_scene(name), 60 if name in QUICK else 300
+    machine, count = ms.load_scene(name), 20 if name in QUICK else 300
     compared = Revolutions(machine, count - 1)
     for piece in ms.stream(machine, revolutions=count):
         compared.add(piece)

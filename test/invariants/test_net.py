@@ -31,7 +31,7 @@ def test_the_record_is_of_all_scenes_and_commands():
     assert RECORD['topics'].keys() == {net.IDEAL, net.LOOSE, net.FREE}
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(8)
 @pytest.mark.parametrize('name', net.scene_names())
 def test_a_scene_moves_as_recorded(name):
     duration = RECORD['scenes'][name]['duration']

@@ -8,7 +8,9 @@ import subprocess
 import sys
 
 import pytest
-from running import ROOT, run
+from bags import write_bag
+from builders import simulated
+from running import ROOT
 
 PACKAGE = ROOT / 'mechanism_sim'
 
@@ -76,8 +78,7 @@ def of_bags(tmp_path_factory):
     """What commands of a recorded run load."""
     folder = tmp_path_factory.mktemp('rooms')
     file = folder / 'run.mcap'
-    done = run('run', 'four_bar_clearance', '--duration', '0.02', '--record', str(file))
-    assert done.returncode == 0, done.stderr
+    write_bag(file, simulated('four_bar_clearance', duration=0.02))
     return loaded_by(OF_BAGS, folder)
 
 
@@ -94,7 +95,6 @@ def test_opening_no_editor_loads_none_of_it_nor_a_network(alone, command):
     assert needs_no_network(alone[command])
 
 
-@pytest.mark.network
 @pytest.mark.parametrize('command', OF_BAGS, ids=lambda words: words[0])
 def test_a_run_is_analysed_reported_and_drawn_without_a_network(of_bags, command):
     assert needs_no_network(of_bags[command])

@@ -48,8 +48,9 @@ def of_a_bag(machine, solution, texts, folder):
 @pytest.mark.parametrize(
     ('name', 'part', 'joint'),
     [
-        ('punch', 'coupler', 'crank_coupler'),  # its load jumps twice
-        ('four_bar_nominal', 'rocker', 'coupler_rocker'),
+        # its load jumps twice
+        pytest.param('punch', 'coupler', 'crank_coupler', marks=pytest.mark.slow),
+        pytest.param('four_bar_nominal', 'rocker', 'coupler_rocker', marks=pytest.mark.slow),
         ('four_bar_clearance', 'rocker', 'coupler_rocker'),
     ],
 )
@@ -113,11 +114,12 @@ def test_statistics_count_what_friction_takes():
 def test_what_a_touch_loses_is_counted_once():
     contact = {'law': 'hunt_crossley', 'stiffness': 1e10}
     machine = loose(0.5, 'seated', joints__coupler_rocker__clearance__contact=contact)
-    row = of_a_sweep(machine, [], Extent(2, None, 0))
-    solution = ms.simulate(machine, revolutions=2)
-    assert row['dissipated'] * 2 == pytest.approx(solution.energy.dissipated, rel=1e-12)
+    row = of_a_sweep(machine, [], Extent(1, None, 0))
+    solution = ms.simulate(machine, revolutions=1)
+    assert row['dissipated'] == pytest.approx(solution.energy.dissipated, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_statistics_fail_where_a_solution_fails(monkeypatch):
     machine = loose(0.5, 'seated')
     monkeypatch.setattr(
@@ -133,12 +135,12 @@ def test_statistics_fail_where_a_solution_fails(monkeypatch):
 
 
 def test_the_mean_of_a_load_that_jumps_is_split_at_its_jumps():
-    """Beside the trapezoidal rule on a million instants of each segment by itself."""
+    """Beside the trapezoidal rule on thousands of instants of each segment by itself."""
     one = cycle(ms.load_scene('punch'))
     curve = one.solution.motion.curve
     total = 0.0
     for k in range(len(curve)):
-        places = np.linspace(0.0, curve.duration[k], 20001)
+        places = np.linspace(0.0, curve.duration[k], 6001)
         seen = one.machine.physics.observe(one.solution.motion, np.array([k]), places[None])
         square = seen.drive_torque[0] ** 2
         total += float(np.trapezoid(square, places))

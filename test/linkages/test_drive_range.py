@@ -39,6 +39,7 @@ def four_bar(ground, crank, coupler, rocker, start, reach=TURN):
     return drive_range(plan.kinematics(plan.prescribed), machine.assembly.q, reach), machine
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('seed', range(6))
 def test_limits_of_four_bars_are_those_of_their_triangles(seed):
     """Law of cosines: ground and crank leave the other two links the shortest or longest side."""

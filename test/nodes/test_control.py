@@ -95,7 +95,7 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
     assert len(steps) >= 3
     solution = ms.simulate(ms.load_scene(SCENE), duration=0.1)
     t = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in steps])
-    crank = solution.sample(t)['position.coupler']
+    crank = solution.sample(t, 'position.coupler')['position.coupler']
     assert np.abs(crank - [m.position[1] for m in steps]).max() < 1e-12
 
 

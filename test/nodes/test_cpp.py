@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from running import ROOT, TIMEOUT, ros_found, run, run_json
+from bags import write_bag
+from builders import simulated
+from running import ROOT, TIMEOUT, ros_found, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
@@ -70,14 +72,13 @@ int main()
 
 
 @pytest.mark.skipif(COMPILER is None, reason='no C++ compiler here')
-@pytest.mark.network
 def test_the_header_evaluates_what_python_evaluates(tmp_path):
     assert COMPILER
     source, program, bag = (tmp_path / name for name in ('main.cpp', 'main', 'run.mcap'))
     source.write_text(PROGRAM)
     flags = '-std=c++17', '-Wall', '-Wextra', '-Werror', f'-I{ROOT / "include"}'
     subprocess.run([COMPILER, *flags, '-o', str(program), str(source)], check=True)
-    run('run', 'four_bar_clearance', '--duration', '0.3', '--record', str(bag))
+    write_bag(bag, simulated('four_bar_clearance', duration=0.3))
     messages = [m for _, m, _ in read_bag(bag).messages('/motion') if m.segments]
     message = max(messages, key=lambda m: m.segments)
     assert message.segments > 10

@@ -84,6 +84,7 @@ def program(path: Path, text: str, env: dict[str, str]) -> Iterator[subprocess.P
         process.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('count', [FEW, pytest.param(MESSAGES, marks=pytest.mark.slow)])
 def test_a_burst_of_motion_reaches_a_far_slower_subscriber_in_bounded_memory(
     backend, tmp_path, count

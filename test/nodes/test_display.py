@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
+from builders import without_work
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from running import environment, run_json
@@ -44,7 +45,10 @@ SIDES = 'left', 'right'
 DURATIONS = {'four_bar_clearance': '0.3 s', 'whole_machine': '0.15 s'}
 
 
-@pytest.fixture(scope='module', params=list(DURATIONS))
+@pytest.fixture(
+    scope='module',
+    params=['four_bar_clearance', pytest.param('whole_machine', marks=pytest.mark.slow)],
+)
 def shown(request, tmp_path_factory) -> SimpleNamespace:
     """A bag of a run with a display, and by topic what a reader of other authors finds in it.
 
@@ -158,7 +162,7 @@ def test_arrows_are_the_reactions_of_the_same_run(shown):
     """By their messages: length and direction, and that they start where the force acts."""
     machine, mechanism = shown.machine, shown.machine.mechanism
     solution = ms.simulate(machine, duration=shown.seen.found.duration)
-    columns = solution.sample(np.linspace(0.0, solution.duration, 20_001))
+    columns = without_work(solution, np.linspace(0.0, solution.duration, 20_001))
     forces = [(columns[f'reaction.{j.name}.x'], columns[f'reaction.{j.name}.y'])
               for j in mechanism.joints]  # fmt: skip
     largest = shown.seen.largest
@@ -263,7 +267,7 @@ def test_a_block_with_play_is_where_its_corners_are_and_leans_as_they_do():
     t = np.linspace(0.0, solution.duration, 500)
     k, dt = solution.motion.curve.find(t)
     observed = machine.physics.observe(solution.motion, k, dt)
-    frames, told = stage.frames(t, observed, solution.motion.modes[k].T), solution.sample(t)
+    frames, told = stage.frames(t, observed, solution.motion.modes[k].T), without_work(solution, t)
     assert [pair.name for pair in stage.plays] == ['guide']
     for n, side in enumerate(('left', 'right')):
         corners = [f'guide_{end}_{side}' for end in ('rear', 'front')]

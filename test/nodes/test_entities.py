@@ -276,6 +276,7 @@ def test_wrenches_of_joints_are_their_reactions_in_frames_of_their_own(tmp_path)
         assert {m.header.frame_id for _, m, _ in recorded.messages(topic)} == {'world'}
 
 
+@pytest.mark.slow
 def test_a_machine_whose_forces_are_not_computed_is_published_all_the_same(tmp_path):
     bag, more = tmp_path / 'run.mcap', ('--duration', '0.1', '--set', 'outputs.forces=false')
     run_json('run', 'geneva', '--record', str(bag), *more)

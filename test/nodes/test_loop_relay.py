@@ -132,6 +132,7 @@ def test_two_drivers_come_back_from_the_edge_of_their_workspace():
     np.testing.assert_allclose(found.to(found.driven), first, atol=1e-12)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('scene', ['four_bar_clearance', 'gear_box', 'slider_crank'])
 @pytest.mark.parametrize('fraction', [0.3, -2.0])
 def test_a_place_ten_thousand_turns_away_is_that_of_its_fraction(scene, fraction, monkeypatch):

@@ -278,6 +278,7 @@ def test_the_nominal_mechanism_runs_as_nodes_too(tmp_path):
     assert analyze(bag).digest == digest_of('four_bar_nominal', duration=0.05)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('end', [np.nextafter(0.25, 0.0), 0.25, np.nextafter(0.25, 1.0)])
 def test_nodes_whose_run_ends_at_a_boundary_of_pieces_move_as_solve_does(end, tmp_path):
     bag = tmp_path / 'run.mcap'
@@ -293,6 +294,7 @@ def test_who_follows_ends_though_the_end_of_the_last_piece_rounds_otherwise():
         finish(nodes)
 
 
+@pytest.mark.slow
 def test_a_node_of_parts_integrates_and_follows_alike(tmp_path):
     """Alone, and beside a linkage that its scene does not need."""
     bags = {('crank_drive', 'geneva'): tmp_path / 'alone.mcap',
@@ -332,7 +334,7 @@ def test_blocks_are_those_of_the_channel_and_an_inertial_unit_knows_its_attitude
     across = np.concatenate([m.samples for m in blocks])
     assert np.array_equal([m.linear_acceleration.y for m in messages], across)
     t = np.concatenate([b.time + np.arange(len(b.samples)) / b.sample_rate for b in blocks])
-    seen = solution.sample(t)
+    seen = solution.sample(t, 'velocity.rocker', 'position.rocker')
     turned = np.array([(m.orientation.w + 1j * m.orientation.z) ** 2 for m in messages])
     assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12
     rate = np.array([m.angular_velocity.z for m in messages])
@@ -418,10 +420,13 @@ def test_the_clock_reaches_the_end_of_each_run_in_its_bag(tmp_path):
 @pytest.mark.parametrize(
     ('scene', 'duration'),
     [
-        ('geneva', 0.23), ('linear_intermittent', 0.29), ('quick_return', 0.57),
-        ('offset_roller_cam', 0.27), ('measured_cam', 0.1),
+        ('geneva', 0.23),
+        pytest.param('linear_intermittent', 0.29, marks=pytest.mark.slow),
+        pytest.param('quick_return', 0.57, marks=pytest.mark.slow),
+        pytest.param('offset_roller_cam', 0.27, marks=pytest.mark.slow),
+        pytest.param('measured_cam', 0.1, marks=pytest.mark.slow),
     ],
-)  # fmt: skip
+)
 def test_closed_forms_are_published_alike_however_short_the_law_is_known(
     tmp_path, scene, duration
 ):

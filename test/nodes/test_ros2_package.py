@@ -224,6 +224,7 @@ def test_a_file_of_parameters_for_all_nodes_has_the_last_word(monkeypatch, tmp_p
     assert not told.keys() - {'partner_timeout'} & options.keys()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('package', 'node', 'code', 'said'),
     [

@@ -72,7 +72,7 @@ def test_a_second_machine_is_spawned_and_has_the_time_of_the_first(tmp_path):
     for kind, t in (('joined', 0.05), ('stepped', 0.1), ('again', 0.03)):
         at, sine, frame = found[kind]
         assert (at, frame) == (pytest.approx(t, abs=1e-9), 'cell/one/world')
-        angle = solution.sample(np.array([t]))['position.crank'][0]
+        angle = solution.sample(np.array([t]), 'position.crank')['position.crank'][0]
         # up to whole turns, of which half an angle keeps a sign
         assert abs(sine) == pytest.approx(abs(np.sin(angle / 2)), abs=1e-9)
     assert found['reset'] == 1

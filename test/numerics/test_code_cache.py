@@ -136,6 +136,7 @@ def small_disk(folder, size, *options):
         subprocess.run(['umount', '-l', str(folder)], check=True)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('disk', [
     'full', 'none',
     *(pytest.param(x, marks=pytest.mark.slow) for x in ('small', 'read-only', 'file')),

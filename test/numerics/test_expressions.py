@@ -37,6 +37,7 @@ def term(dice: random.Random, depth: int) -> str:
     ))  # fmt: skip
 
 
+@pytest.mark.sample(15)
 @pytest.mark.parametrize('seed', range(40))
 def test_both_back_ends_find_what_python_does(seed):
     dice = random.Random(seed)

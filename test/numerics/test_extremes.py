@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bags import write_bag
+from builders import simulated
 from running import run_json
 
 import mechanism_sim as ms
@@ -79,13 +81,12 @@ def test_a_peak_between_samples_is_not_missed():
     assert cycle.extremes()[force].greatest.value > 1.2 * cycle[force].max()
 
 
-@pytest.mark.network
 def test_cycle_bag_and_sweep_agree(tmp_path):
     """The largest forces of one run, wherever they are reported."""
     machine = ms.load_scene('four_bar_clearance')
     ends = ms.cycle(machine, periods=2).extremes()
     bag = tmp_path / 'run.mcap'
-    run_json('run', machine.name, '--revolutions', '2', '--record', str(bag))
+    write_bag(bag, simulated(machine.name, revolutions=2))
     loads = run_json('analyze', str(bag))['loads']
     assert loads['samples'] is None
     for peak in loads['joints']:

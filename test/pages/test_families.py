@@ -88,6 +88,7 @@ def worn():
     return ms.life(WHEEL, 'clearance > 0.13 mm', cycles=1e12, revolutions=8, skip=1)
 
 
+@pytest.mark.slow
 def test_the_lens_shows_what_has_worn_along_a_life(tab, tmp_path, worn):
     file = tmp_path / 'life.html'
     output.write_text(file, life_page(worn))

@@ -40,8 +40,9 @@ for (const own of values) {
 process.stdout.write(JSON.stringify(seen));
 """
 
-QUICK = 'four_bar_clearance', 'loader', 'gear_four_bar'
+QUICK = ('four_bar_clearance',)
 SMOOTH = (
+    'loader', 'gear_four_bar',
     'slider_crank_offset', 'quick_return_shaper', 'ten_links', 'windshield_wiper', 'planetary',
     'belt_drive', 'rack_and_pinion', 'four_bar_triple_rocker', 'scotch_yoke_offset', 'wedge',
     'toggle_press', 'eccentric_cam', 'double_toggle_punch', 'punch', 'locking_pliers',
@@ -178,6 +179,7 @@ def test_a_four_bar_stays_on_its_branch_up_to_its_limits(tmp_path):
     assert kinds.count('limited') > 2
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ('scene', 'words'),
     [
@@ -245,8 +247,15 @@ def slide(page, path, value):
     )
 
 
-@pytest.mark.parametrize(('width', 'height'), [(1440, 900), (390, 844)])
-@pytest.mark.parametrize('scheme', ['light', 'dark'])
+@pytest.mark.parametrize(
+    ('width', 'height', 'scheme'),
+    [
+        pytest.param(1440, 900, 'light', marks=pytest.mark.slow),
+        pytest.param(390, 844, 'light', marks=pytest.mark.slow),
+        pytest.param(1440, 900, 'dark', marks=pytest.mark.slow),
+        (390, 844, 'dark'),
+    ],
+)
 def test_sliders_move_the_machine_in_a_browser(browser, file, tmp_path, width, height, scheme):
     context = browser.new_context(
         viewport={'width': width, 'height': height}, color_scheme=scheme, bypass_csp=True

@@ -146,6 +146,7 @@ def test_a_notebook_runs_headless_and_shows_what_it_should():
         assert 100 < len(given.data['text/html']) < LONGEST_PAGE
 
 
+@pytest.mark.slow
 def test_play_and_plot_take_scenes_and_runs_alike(shown):
     file, machine = ROOT / 'config' / 'slider_crank.yaml', ms.load_scene('slider_crank')
     text = file.read_text(encoding='utf-8')

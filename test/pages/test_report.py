@@ -39,6 +39,7 @@ def at(poses, link, place):
     return np.stack([x + c * place[0] - s * place[1], y + s * place[0] + c * place[1]], axis=1)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('scene', EVERY_KIND)
 def test_links_meet_at_their_joints(scene):
     """Poses of links that no coordinate names; what is loose is as far apart as its pin says."""

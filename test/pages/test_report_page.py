@@ -332,6 +332,7 @@ def test_an_interval_that_is_brushed_is_played_over_and_over(opened, record):
     assert time_of(opened) == pytest.approx(record.end)
 
 
+@pytest.mark.slow
 def test_at_night_text_and_lines_stand_out(browser, file, tmp_path):
     """WCAG 2.2: 4.5 for text, 3 for lines, by the colours that the browser computes; axe-core."""
     size = {'width': 1440, 'height': 900}

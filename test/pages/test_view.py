@@ -227,7 +227,7 @@ def refuse(address: str) -> None:
 )
 def test_what_makes_no_sense_is_refused_in_a_sentence(args, said, capsys):
     if args[0] == 'node':
-        done = run(*args)
+        done = run(*args, refused=True)
         code, err = done.returncode, done.stderr
     else:
         with pytest.raises(SystemExit) as stop:

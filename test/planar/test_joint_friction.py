@@ -32,7 +32,9 @@ def test_a_shaft_runs_down_and_stands():
     torque = 2.0 * G * 0.01 * math.sin(math.atan(0.5))
     stop = 10.0 * 0.01 / torque
     t = np.array([0.5 * stop, 0.99 * stop, stop, 2.0])
-    seen = solution.sample(t)
+    seen = solution.sample(
+        t, 'position.rotor', 'energy.dissipated', 'velocity.rotor', 'reaction.shaft.moment'
+    )
     angle = np.where(t < stop, 10.0 * t - 0.5 * torque / 0.01 * t**2, 5.0 * stop)
     assert seen['position.rotor'] == pytest.approx(angle, abs=1e-11)
     assert np.abs(seen['reaction.shaft.moment'][:2] + torque).max() < 1e-13
@@ -46,7 +48,9 @@ def test_a_shaft_runs_down_and_stands():
 def test_a_shaft_at_rest_gives_way_where_the_torque_is_more_than_its_friction(share):
     bound = 2.0 * G * 0.01 * math.sin(math.atan(0.5))
     machine = rotor(loads={'push': {'at': 'rotor', 'torque': share * bound}})
-    seen = ms.simulate(machine, duration=1.0).sample(np.array([1.0]))
+    seen = ms.simulate(machine, duration=1.0).sample(
+        np.array([1.0]), 'velocity.rotor', 'reaction.shaft.moment'
+    )
     over = math.copysign(max(0.0, abs(share) - 1.0), share) * bound / 0.01
     assert seen['velocity.rotor'][0] == pytest.approx(over, abs=1e-10)
     held = -np.clip(share, -1.0, 1.0) * bound
@@ -64,7 +68,9 @@ def test_a_block_on_a_spring_comes_to_rest_off_the_middle(start):
                                                'stiffness': f'{k} N/m'}},
         'initial': {'position': {'block': start}},
     })  # fmt: skip
-    seen = ms.simulate(machine, duration=5.0).sample(np.array([5.0]))
+    seen = ms.simulate(machine, duration=5.0).sample(
+        np.array([5.0]), 'position.block', 'energy.dissipated'
+    )
     off, rest = mu * mass * G / k, start
     while abs(rest) > off:
         rest = -rest + math.copysign(2.0 * off, rest)
@@ -87,7 +93,9 @@ def tilted(mu, **keys):
 @pytest.mark.parametrize('mu', [0.2, 0.9])
 def test_a_block_slides_back_or_not(mu):
     """Up a slope it comes to rest; back down it goes only where tan 30 deg exceeds mu."""
-    seen = ms.simulate(tilted(mu), duration=1.0).sample(np.array([1.0]))
+    seen = ms.simulate(tilted(mu), duration=1.0).sample(
+        np.array([1.0]), 'velocity.block', 'position.block'
+    )
     s, c = math.sin(math.pi / 6.0), math.cos(math.pi / 6.0)
     stop = 0.5 / (G * (s + mu * c))
     back = G * max(0.0, s - mu * c) * (1.0 - stop)
@@ -131,6 +139,7 @@ def test_a_slot_is_a_clutch(share):
     assert (slid > 0.01) == (share > 1.0)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('mu', [0.0, 0.05, 0.1, 0.17])
 def test_a_wedge_lifts_and_lowers_and_holds(mu):
     rubs = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
@@ -301,6 +310,7 @@ def test_forces_forwards_are_those_backwards():
     assert (np.diff(solution.motion.acting.astype(int), axis=0) != 0).any(axis=0)[2:].all()
 
 
+@pytest.mark.slow
 def test_a_pause_changes_nothing():
     """What presses and where forces point goes on with the rest, to the bit."""
     scene = variant('rubbing_compressor', {
@@ -317,6 +327,7 @@ def test_a_pause_changes_nothing():
     assert rest.state == whole.state
 
 
+@pytest.mark.slow
 def test_a_tight_pin_is_the_limit_of_a_loose_one():
     """The loose pin's force is tangent to the same circle, but for its clearance.
 
@@ -330,7 +341,13 @@ def test_a_tight_pin_is_the_limit_of_a_loose_one():
         })  # fmt: skip
         scene |= {'start': 'seated'} if 'clearance' in keys else {}
         solution = ms.simulate(made(scene, 'pin'), revolutions=1)
-        seen = solution.sample(np.linspace(0.0, 1.0, 11))
+        seen = solution.sample(
+            np.linspace(0.0, 1.0, 11),
+            'reaction.crank_rod.x',
+            'reaction.crank_rod.y',
+            'reaction.crank_rod.moment',
+            'energy.dissipated',
+        )
         force = np.hypot(seen['reaction.crank_rod.x'], seen['reaction.crank_rod.y'])
         arm = seen['reaction.crank_rod.moment'] / force / (0.01 * mu / math.hypot(1.0, mu))
         return arm, seen['energy.dissipated'][-1]
@@ -373,6 +390,7 @@ def rubbing(name, joint, **friction):
     return made(scene, name)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('name', 'pin'),
     [
@@ -430,7 +448,13 @@ def test_a_rack_rubs_alike_in_every_slot():
     mu, r = 0.1, 0.04
     machine = rubbing('linear_intermittent', 'crank_rack', coefficient=mu)
     solution = ms.simulate(machine, revolutions=2.4)
-    x = solution.sample(np.linspace(0.01, solution.duration, 200))
+    x = solution.sample(
+        np.linspace(0.01, solution.duration, 200),
+        'reaction.crank_rack.x',
+        'position.crank',
+        'velocity.crank',
+        'reaction.crank_rack.y',
+    )
     N, angle, w = x['reaction.crank_rack.x'], x['position.crank'], x['velocity.crank']
     along = -mu * np.abs(N) * np.sign(-w * r * np.cos(angle))
     assert x['reaction.crank_rack.y'] == pytest.approx(along, abs=1e-9)
@@ -488,6 +512,7 @@ def test_the_equations_show_it():
     assert '|T_guide| <= 0.1 times the force across guide' in shown
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('hand', ['right', 'left'])
 def test_a_worm_is_as_efficient_as_its_lead_angle_allows(hand):
     """``tan(lambda)/tan(lambda + phi)`` with ``tan phi = mu/cos(phi_n)``, either hand."""
@@ -520,7 +545,7 @@ def test_a_worm_locks_itself_from_its_friction_on(speed):
             'drive': {'coordinate': 'worm', 'speed': speed, 'torque': {'constant': 0.0}},
         })  # fmt: skip
         solution = ms.simulate(made(scene, 'worm'), duration=0.3)
-        end = solution.sample(np.array([0.3]))['velocity.worm'][0]
+        end = solution.sample(np.array([0.3]), 'velocity.worm')['velocity.worm'][0]
         assert abs(end) < 1e-9 if locks else end < -20.0
         assert abs(solution.energy.residual) < 1e-10
 

@@ -78,9 +78,11 @@ def test_angles_in_formulas_count_all_turns():
     swing = ms.simulate(wheel({'torque': {}}, torque='-0.1*wheel'), duration=3.0)
     t = np.linspace(0.0, 3.0, 31)
     w = np.sqrt(0.1 / 0.01)
-    assert swing.sample(t)['position.wheel'] == pytest.approx(60.0 / w * np.sin(w * t), abs=1e-10)
+    assert swing.sample(t, 'position.wheel')['position.wheel'] == pytest.approx(
+        60.0 / w * np.sin(w * t), abs=1e-10
+    )
     driven = ms.simulate(wheel({}, torque='-0.1*wheel'), duration=3.0)
-    assert driven.sample(t)['drive_torque'] == pytest.approx(6.0 * t, abs=1e-12)
+    assert driven.sample(t, 'drive_torque')['drive_torque'] == pytest.approx(6.0 * t, abs=1e-12)
 
 
 def test_a_range_must_not_be_empty():
@@ -105,7 +107,9 @@ def test_steep_formulas_are_not_stepped_over(width):
     log = 1.0 / width + np.log1p(-np.exp(-2.0 / width)) - np.log(2.0) - 2.0 * t / width
     large = log > 30.0
     wanted = width * np.where(large, log + np.log(2.0), np.arcsinh(np.exp(np.minimum(log, 30.0))))
-    assert solution.sample(t)['velocity.block'] == pytest.approx(wanted, abs=1e-12)
+    assert solution.sample(t, 'velocity.block')['velocity.block'] == pytest.approx(
+        wanted, abs=1e-12
+    )
     assert abs(solution.energy.residual) < 1e-12
 
 
@@ -125,7 +129,9 @@ def test_another_number_in_a_formula_compiles_nothing_anew():
         load = f'-{c}*wheel_rate*({a} + {b})'
         solution = ms.simulate(wheel({'torque': {}}, torque=load), duration=0.2)
         wanted = 60.0 * np.exp(-float(c) / 0.01 * 0.2)
-        assert solution.sample([0.2])['velocity.wheel'] == pytest.approx([wanted], rel=1e-12)
+        assert solution.sample([0.2], 'velocity.wheel')['velocity.wheel'] == pytest.approx(
+            [wanted], rel=1e-12
+        )
         misses.append(compilations())
     assert misses[0] == misses[1]
     ms.simulate(wheel({'torque': {}}, torque='-0.001*wheel_rate**3'), duration=0.2)
@@ -144,7 +150,9 @@ def test_a_formula_may_have_units_and_pi():
     ends = []
     for text in texts:
         model = ms.load_scene('gear_rattle', {'loads.shaking.torque': text})
-        ends.append(ms.simulate(model, duration=0.05).sample([0.05])['velocity.wheel'][0])
+        ends.append(
+            ms.simulate(model, duration=0.05).sample([0.05], 'velocity.wheel')['velocity.wheel'][0]
+        )
     assert ends == pytest.approx([ends[0]] * 3, rel=1e-9)
 
 
@@ -195,7 +203,7 @@ def on_spring(free_length, damping, start):
 def test_ends_of_a_spring_that_is_nothing_long_may_meet():
     for start in (0.1, 0.0):
         solution = ms.simulate(on_spring(0.0, 0.0, start), duration=1.0)
-        seen = solution.sample(np.array([1.0]))['position.block']
+        seen = solution.sample(np.array([1.0]), 'position.block')['position.block']
         assert seen[0] == pytest.approx(start * math.cos(10.0), abs=1e-11)
     for length, damping in ((0.2, 0.0), (0.0, 1.0)):
         with pytest.raises(RunError, match=r'the ends of springs\.s meet at t = 0 s'):

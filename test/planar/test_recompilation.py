@@ -74,6 +74,7 @@ def compare(name, count):
     assert compilations() == before
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['geneva', 'gear_rattle', 'slider_crank_piston_driven'])
 def test_other_numbers_of_loads_compile_nothing(name):
     compare(name, 1)
@@ -85,6 +86,7 @@ def test_many_other_numbers_of_loads_compile_nothing(name):
     compare(name, 5)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(('crowded', 'kept'), [(True, [1, 1, 1, 1]), (False, [1, 1, 2, 2])])
 def test_machines_before_are_forgotten_for_a_new_integrator(crowded, kept, monkeypatch):
     """Where there is no room for both; for the same machine again nothing is."""

@@ -107,6 +107,7 @@ def test_critical_speeds_of_an_overhung_disk(diametral):
         assert speeds == pytest.approx(expected[way][expected[way] < 2050.0], **EXACT)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('damping', [4e3, 1.2e4, 1e5])
 def test_critical_speeds_are_of_modes_that_oscillate(damping):
     """Dampers beside stiff supports: by the polynomials of the cylinder and the cone."""
@@ -288,7 +289,7 @@ def test_a_weak_motor_stays_at_the_critical_speed():
     for share in (1.0, 0.5):
         torque = {'constant': 4.0 * share, 'per_speed': -8e-3 * share}
         machine = ms.load_scene('rotor_run_up', {'drive.torque': torque})
-        seen = ms.simulate(machine, duration=30.0).sample(np.array([25.0, 30.0]))
+        seen = ms.simulate(machine, duration=30.0).sample(np.array([25.0, 30.0]), 'velocity.disk')
         ends[share] = seen['velocity.disk']
     assert ends[1.0][1] > 450.0
     assert (ends[0.5] < 350.0).all()
@@ -301,7 +302,7 @@ def test_the_drive_torque_of_a_steady_whirl_pays_for_its_damping():
     radius = abs(complex(orbit.x))
     machine = jeffcott(external_damping=c, speed=speed)
     solution = ms.simulate(machine, duration=6.0)
-    seen = solution.sample(np.linspace(5.0, 6.0, 5))
+    seen = solution.sample(np.linspace(5.0, 6.0, 5), 'drive_torque')
     assert seen['drive_torque'] == pytest.approx([c * radius**2 * speed] * 5, rel=1e-6)
 
 
@@ -407,7 +408,9 @@ def test_a_torque_spins_all_disks():
     other = {'along': 0.6, 'mass': MASS, 'inertia': 0.5 * POLAR}
     drive = {'speed': 0.0, 'torque': {'constant': 3.0}}
     machine = rotor(supports=wall, shaft=SHAFT, off=0.0, drive=drive, disks={'b': other})
-    speed = ms.simulate(machine, duration=0.5).sample(np.array([0.5]))['velocity.disk']
+    speed = ms.simulate(machine, duration=0.5).sample(np.array([0.5]), 'velocity.disk')[
+        'velocity.disk'
+    ]
     assert speed == pytest.approx([3.0 * 0.5 / (1.5 * POLAR)], rel=1e-12)
 
 
@@ -427,6 +430,7 @@ def test_a_shaft_of_two_diameters_and_many_disks_is_as_stiff_as_its_deflections_
 GRID = range(8)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('seed', GRID)
 def test_random_rotors(seed):
     """Energy, and harmonics against the motion itself, degenerate cases among them."""

@@ -43,7 +43,11 @@ def wheel(torque, speed=20.0, inertia=0.01, **changes):
 
 
 def last_speed(machine, duration, link='block'):
-    return float(ms.simulate(machine, duration=duration).sample([duration])[f'velocity.{link}'][0])
+    return float(
+        ms.simulate(machine, duration=duration).sample([duration], f'velocity.{link}')[
+            f'velocity.{link}'
+        ][0]
+    )
 
 
 def test_a_pulse_far_from_where_a_step_begins_moves_a_slider():
@@ -126,7 +130,9 @@ def test_a_free_pendulum_meets_a_pulse_of_its_angle(width):
         'drive': {'coordinate': 'bob', 'speed': 0.0, 'start_angle': '-30 deg', 'torque': {}},
     }
     solution = ms.simulate(made(scene, 'pendulum'), duration=0.6)
-    q, v = (float(solution.sample([0.6])[f'{x}.bob'][0]) for x in ('position', 'velocity'))
+    q, v = (
+        float(solution.sample([0.6], f'{x}.bob')[f'{x}.bob'][0]) for x in ('position', 'velocity')
+    )
     assert q < -1.6  # past the pulse, which held against it
     inertia, weight = 0.02 + 2.0 * 0.4**2, 2.0 * 9.81 * 0.4
     energy = 0.5 * inertia * v * v + weight * (math.sin(q) - math.sin(math.radians(-30.0)))
@@ -149,9 +155,9 @@ def test_a_pulse_moves_what_dry_friction_holds():
     )
     begin = 2.003 - width * math.sqrt(math.log(pull / 4.0))
     impulse = 0.5 * pull * width * ROOT * (1.0 + math.erf(math.sqrt(math.log(pull / 4.0))))
-    v = solution.sample([2.1])['velocity.block'][0]
+    v = solution.sample([2.1], 'velocity.block')['velocity.block'][0]
     assert v == pytest.approx(impulse - 4.0 * (2.1 - begin), abs=1e-11)
-    assert abs(solution.sample([4.0])['velocity.block'][0]) < 1e-10
+    assert abs(solution.sample([4.0], 'velocity.block')['velocity.block'][0]) < 1e-10
 
 
 def test_a_pulse_lifts_what_hangs_in_a_loose_pin():
@@ -212,7 +218,10 @@ def test_a_load_across_a_guide_is_seen(width):
 def test_a_smooth_load_of_order_500():
     """``I w w' = -a (1 + sin(500 q))``: the work of the load is what the wheel loses."""
     solution = ms.simulate(wheel('-0.1*(1+sin(500*wheel))'), duration=0.3)
-    q, v = (float(solution.sample([0.3])[f'{x}.wheel'][0]) for x in ('position', 'velocity'))
+    q, v = (
+        float(solution.sample([0.3], f'{x}.wheel')[f'{x}.wheel'][0])
+        for x in ('position', 'velocity')
+    )
     work = 0.1 * (q + (1.0 - math.cos(500.0 * q)) / 500.0)
     assert 0.5 * 0.01 * (400.0 - v * v) == pytest.approx(work, rel=1e-12)
 
@@ -243,8 +252,10 @@ def test_a_cyclic_table_gives_its_pulse_in_every_turn():
     points = [[0, 0], [2.0, 0], [2.00005, 1e4], [2.0001, 0], [2.0 * math.pi, 0]]
     tables = {'pulse': {'points': points, 'cyclic': True}}
     solution = ms.simulate(wheel('pulse(wheel)', inertia=1.0, tables=tables), duration=3.0)
-    turns = (solution.sample([3.0])['position.wheel'][0] - 2.0) // (2.0 * math.pi) + 1.0
-    v = solution.sample([3.0])['velocity.wheel'][0]
+    turns = (solution.sample([3.0], 'position.wheel')['position.wheel'][0] - 2.0) // (
+        2.0 * math.pi
+    ) + 1.0
+    v = solution.sample([3.0], 'velocity.wheel')['velocity.wheel'][0]
     assert turns > 9
     assert v == pytest.approx(math.sqrt(400.0 + 2.0 * 0.5 * turns), rel=1e-11)
 
@@ -313,6 +324,7 @@ def test_figures_of_a_crank_under_a_pulse():
     assert rms == pytest.approx(math.sqrt(square / (2.0 * math.pi)), rel=1e-9)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('width', [1e-1, 1e-2, 1e-3, 1e-4, 1e-5])
 def test_no_pulse_over_an_ideal_crank_is_missed(width):
     for place in np.random.default_rng(round(1.0 / width)).uniform(0.6, 5.6, 3):
@@ -323,6 +335,7 @@ def test_no_pulse_over_an_ideal_crank_is_missed(width):
         assert abs(solution.energy.residual) < 1e-9
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('width', [1e-2, 1e-4, 1e-5])
 def test_pulses_along_the_way_of_an_ideal_piston(width):
     """Passed on the way out only, and one of time beside them."""
@@ -334,13 +347,14 @@ def test_pulses_along_the_way_of_an_ideal_piston(width):
     }
     machine = ms.load_scene('slider_crank', {'loads': loads})
     solution = ms.simulate(machine, revolutions=1)
-    v = solution.sample([0.0313])['velocity.piston'][0]
+    v = solution.sample([0.0313], 'velocity.piston')['velocity.piston'][0]
     moved = 1e-5 * math.sqrt(math.pi)
     share = 0.5 * (math.erf(0.03 / width) + math.erf(0.07 / width))  # of its stroke
     wanted = ROOT * share + 2.0 * v * v * moved
     assert solution.energy.dissipated == pytest.approx(wanted, rel=1e-7)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('share', [1e-2, 1e-4, 1e-6])
 @pytest.mark.parametrize('free', [False, True])
 def test_a_narrow_part_of_a_turn_is_passed_in_every_turn(share, free):

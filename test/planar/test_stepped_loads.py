@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import scipy
-from builders import compilations, made
+from builders import compilations, made, without_work
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -42,7 +42,7 @@ def rotor(speed=0.0, loads=None, **motor):
 def after(model, t, name='block'):
     """Place and speed at a time, and the solution."""
     solution = ms.simulate(model, duration=t)
-    seen = solution.sample([t])
+    seen = without_work(solution, [t])
     return seen[f'position.{name}'][0], seen[f'velocity.{name}'][0], solution
 
 
@@ -131,7 +131,7 @@ def test_a_range_of_a_displacement_and_a_direction_of_motion():
     during = {'coordinate': 'block', 'from': '20 mm', 'to': '80 mm', 'moving': 'forward'}
     model = block(force={'per_position': -RATE}, a={'force': ['-2 N', 0], 'during': during})
     _, _, solution = after(model, 5.0)
-    speeds = ms.simulate(model, duration=5.0).sample(np.linspace(0.0, 5.0, 5001))
+    speeds = ms.simulate(model, duration=5.0).sample(np.linspace(0.0, 5.0, 5001), 'position.block')
     crossings = np.count_nonzero(np.diff(np.sign(speeds['position.block'] - 0.08)) > 0)
     assert crossings == 4
     assert solution.energy.dissipated == pytest.approx(crossings * 2.0 * 0.06, rel=1e-11)
@@ -156,7 +156,7 @@ def test_dry_friction_by_its_sign_sticks_and_slips():
     half = np.pi / w
     solution = ms.simulate(model, duration=6.0)
     times = [begin, end, begin + half, end + half, begin + 2.0 * half, end + 4.0 * half]
-    seen = solution.sample(times)
+    seen = solution.sample(times, 'position.block')
     assert seen['position.block'] == pytest.approx([0, way, way, 0, 0, way], abs=1e-11)
     stuck = solution.view(np.linspace(end + 1e-6, begin + half - 1e-6, 20)).observed
     assert np.abs(stuck.velocity).max() < 1e-11
@@ -185,7 +185,7 @@ def test_two_blocks_that_rub_on_each_other_and_on_the_ground():
     }
     model = made(scene, 'blocks')
     solution = ms.simulate(model, duration=4.0)
-    seen = solution.sample([4 / 3, 2.0, 2.5, 4.0])
+    seen = solution.sample([4 / 3, 2.0, 2.5, 4.0], 'velocity.upper', 'velocity.lower')
     # from 4/3 s on both go together, (3 t - 4)/4, until 1 (3 t - 4)/4 = 3 t - 6: t = 20/9 s
     apart = 20.0 / 9.0
     together = lambda t: (1.5 * (t**2 - 16 / 9) - 4 * (t - 4 / 3)) / 4  # noqa: E731
@@ -229,7 +229,7 @@ def test_an_induction_motor_runs_up_by_its_data_sheet():
     }
     model = rotor(induction=sheet, ratio=-3.0)
     solution = ms.simulate(model, duration=1.0)
-    seen = solution.sample(np.linspace(0.0, 1.0, 1001))
+    seen = solution.sample(np.linspace(0.0, 1.0, 1001), 'velocity.rotor', 'drive_torque')
     w0, wr = (n * np.pi / 30 for n in (1500.0, 1430.0))
     s_r, m = 1 - wr / w0, 75.0 / 26.7
     s_b = s_r * (m + np.sqrt(m * m - 1.0))
@@ -241,7 +241,7 @@ def test_an_induction_motor_runs_up_by_its_data_sheet():
     assert torque(wr) == pytest.approx(26.7, rel=1e-12)
     assert seen['velocity.rotor'][-1] == pytest.approx(-w0 / 3.0, rel=1e-9)
     for t in (0.01, 0.02, 0.03):
-        w = -3.0 * solution.sample([t])['velocity.rotor'][0]
+        w = -3.0 * solution.sample([t], 'velocity.rotor')['velocity.rotor'][0]
         time = scipy.integrate.quad(lambda x: 0.05 / (9.0 * torque(x)), 0.0, w)[0]
         assert time == pytest.approx(t, rel=1e-10)
     assert np.abs(seen['drive_torque']).max() <= 3.0 * 75.0
@@ -249,6 +249,7 @@ def test_an_induction_motor_runs_up_by_its_data_sheet():
     assert solution.energy.drive_work == pytest.approx(kinetic, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_driven_machine_has_its_stepped_loads_to_carry():
     """Virtual power, in inverse dynamics and with ideal joints under equations of motion."""
     loads = {
@@ -259,8 +260,14 @@ def test_a_driven_machine_has_its_stepped_loads_to_carry():
         'b': {'at': 'crank', 'torque': 'min(3, 100*t)'},
     }
     solution = ms.simulate(ms.load_scene('slider_crank', {'loads': loads}), revolutions=2)
-    seen = solution.sample(t := np.linspace(0.0, 0.19, 301))
-    bare = ms.simulate(ms.load_scene('slider_crank'), revolutions=2).sample(t)
+    seen = solution.sample(
+        t := np.linspace(0.0, 0.19, 301),
+        'position.piston',
+        'velocity.piston',
+        'velocity.crank',
+        'drive_torque',
+    )
+    bare = ms.simulate(ms.load_scene('slider_crank'), revolutions=2).sample(t, 'drive_torque')
     place, v = seen['position.piston'], seen['velocity.piston']
     force = np.where(v > 0.0, -2000.0 * np.maximum(0.0, place - 0.1), -50.0 * np.abs(v))
     wanted = -force * v / seen['velocity.crank'] - np.minimum(3.0, 100.0 * t)
@@ -268,6 +275,7 @@ def test_a_driven_machine_has_its_stepped_loads_to_carry():
     assert seen['drive_torque'] - bare['drive_torque'] == pytest.approx(wanted, abs=1e-11)
 
 
+@pytest.mark.slow
 def test_a_toggle_press_works_on_its_workpiece():
     """Ram and workpiece hold each other at the dead point, while two pins rattle."""
     solution = ms.simulate(ms.load_scene('toggle_press'), duration=0.3)
@@ -278,11 +286,11 @@ def test_a_toggle_press_works_on_its_workpiece():
     tight = ms.load_scene('toggle_press', {
         'joints.knee_pin.clearance': None, 'joints.ram_pin.clearance': None})  # fmt: skip
     ideal = ms.simulate(tight, duration=0.3)
-    lowest = ideal.sample(np.linspace(0.0, 0.3, 3001))['position.ram'].min()
+    lowest = ideal.sample(np.linspace(0.0, 0.3, 3001), 'position.ram')['position.ram'].min()
     curve = through([(0.0, 60e3), (2e-3, 45e3), (6e-3, 12e3), (6e-3, 0.0)])
     left = scipy.integrate.quad(lambda x: float(curve(np.array([x]))[0]), 0.0, lowest)[0]
     assert ideal.energy.dissipated == pytest.approx(area - left, rel=1e-6)
-    loose = solution.sample(np.linspace(0.0, 0.3, 3001))['position.ram'].min()
+    loose = solution.sample(np.linspace(0.0, 0.3, 3001), 'position.ram')['position.ram'].min()
     above = scipy.integrate.quad(lambda x: float(curve(np.array([x]))[0]), 0.0, loose)[0]
     assert len(solution.impacts) > 20
     assert energy.dissipated > area - above > ideal.energy.dissipated - 10.0
@@ -347,10 +355,10 @@ tables: {press: {file: press.csv, columns: [stroke, force]}}
 """
     scene = tmp_path / 'block.yaml'
     scene.write_text(text)
-    by_file = ms.simulate(ms.load_scene(str(scene)), duration=0.2).sample([0.2])
+    by_file = ms.simulate(ms.load_scene(str(scene)), duration=0.2).sample([0.2], 'velocity.block')
     tables = {'press': {'points': [[0.0, 0.0], [0.05, 2.0]]}}
     given = ms.simulate(block(tables=tables, a={'force': ['-press(block)', 0]}), duration=0.2)
-    assert by_file['velocity.block'] == given.sample([0.2])['velocity.block']
+    assert by_file['velocity.block'] == given.sample([0.2], 'velocity.block')['velocity.block']
     for columns, found in (
         ('[stroke, x]', "no column 'x'"),
         ('[stroke, note]', 'a finite number'),
@@ -414,7 +422,7 @@ def test_what_holds_two_rates_at_once_is_shown_as_it_acts():
         },
     })  # fmt: skip
     solution = ms.simulate(machine, duration=0.4)
-    seen = solution.sample(np.array([0.1, 0.2, 0.4]))
+    seen = solution.sample(np.array([0.1, 0.2, 0.4]), 'velocity.crank', 'acceleration.crank')
     assert np.abs(seen['velocity.crank']).max() < 1e-11  # held
     assert np.abs(seen['acceleration.crank']).max() < 1e-9
     exchanged = abs(solution.energy.drive_work) + solution.energy.dissipated

@@ -66,7 +66,7 @@ def overlapping(figure):
                 yield name, other
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     'scene',
     [

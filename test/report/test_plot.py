@@ -102,7 +102,7 @@ def test_quantities_of_a_bag_are_those_of_the_solution(bag, solution):
     assert len(found) == 2 + 8
     assert words == ['angular velocity [rad/s]', 'normal force [N]', *['force [N]'] * 4]
     for name, (_, t, y) in zip(('velocity.rocker', f'normal_force.{JOINT}'), found, strict=False):
-        np.testing.assert_array_equal(y, solution.sample(t)[name])
+        np.testing.assert_array_equal(y, solution.sample(t, name)[name])
         assert t[0] == 0.1
         assert t[-1] == solution.duration
     hits = [i.t for i in solution.impacts if i.t > 0.1]
@@ -197,6 +197,7 @@ def test_the_command_plots_against_a_quantity_alike_for_a_bag_and_a_scene(bag, t
     assert '--against angle' in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_charts_of_the_report_are_drawn_by_their_keys(bag, tmp_path):
     names = 'forces', f'gap-{JOINT}-run'
@@ -284,7 +285,7 @@ def test_an_overview_of_a_solution(solution):
     assert words == ['angle [deg]', 'gap [mm]', 'normal force [N]', 'drive torque [N·m]', '']
     gap = figure.axes[1].lines[0]
     np.testing.assert_array_equal(
-        gap.get_ydata(), 1e3 * solution.sample(gap.get_xdata())[f'gap.{JOINT}']
+        gap.get_ydata(), 1e3 * solution.sample(gap.get_xdata(), f'gap.{JOINT}')[f'gap.{JOINT}']
     )
     crank = figure.axes[0].lines[0].get_ydata()
     assert 0.0 <= np.nanmin(crank) <= np.nanmax(crank) <= 360.0
@@ -325,7 +326,10 @@ def test_turns_that_overlap_are_a_band_around_all_and_the_last_whole_one():
     edge = band.get_paths()[0].vertices
     t = np.linspace(0.0, solution.duration, 50_001)
     speed = 2.0 * np.pi * 6.5 / solution.duration
-    angle, values = np.degrees(speed * t) % 360.0, solution.sample(t)['velocity.rocker']
+    angle, values = (
+        np.degrees(speed * t) % 360.0,
+        solution.sample(t, 'velocity.rocker')['velocity.rocker'],
+    )
     for low in np.arange(0.0, 360.0, 20.0):  # a second way: least and greatest of a stretch
         inside = (angle >= low) & (angle <= low + 20.0)
         on = edge[(edge[:, 0] >= low) & (edge[:, 0] <= low + 20.0), 1]
@@ -336,7 +340,9 @@ def test_turns_that_overlap_are_a_band_around_all_and_the_last_whole_one():
     begun = 5.0 * solution.duration / 6.5
     once = np.diff(x, prepend=-1.0) > 1e-9  # after an impact there is a second value
     once[[0, -1]] = False  # where the turn begins and ends it is between two instants
-    true = solution.sample(begun + np.radians(x[once]) / speed)['velocity.rocker']
+    true = solution.sample(begun + np.radians(x[once]) / speed, 'velocity.rocker')[
+        'velocity.rocker'
+    ]
     np.testing.assert_allclose(y[once], true, rtol=1e-6, atol=1e-6)
 
 

@@ -345,7 +345,7 @@ def close(found, expected, bound=1e-12):
     np.testing.assert_allclose(found, expected, rtol=bound, atol=bound * scale)
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('variant', one_of(4, VARIANTS))
 def test_printed_closures_and_gaps_are_those_of_the_engine(variant):
     machine = machine_of(variant)
@@ -372,7 +372,7 @@ def test_printed_closures_and_gaps_are_those_of_the_engine(variant):
         close(reader.define(part), engine(machine, map(quantity, eq.gap_jets), state))
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('variant', VARIANTS)
 def test_printed_equations_of_motion_are_those_of_the_engine(variant):
     """Left: M a + h; right: every force alone, along its row of the Jacobian."""
@@ -620,6 +620,7 @@ def test_the_four_bar_reads_as_in_the_thesis():
     assert all(value > 0.0 for value in values.values())
 
 
+@pytest.mark.slow
 def test_another_process_prints_the_same():
     """Whatever the order in which sets of symbols come: it differs from process to process."""
     args = 'check', 'four_bar_clearance', '--equations', '--rates'
@@ -639,7 +640,7 @@ def test_the_same_scene_is_always_printed_the_same():
     assert len(texts) == 1
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(7)
 @pytest.mark.parametrize('variant', VARIANTS)
 def test_latex_is_balanced(variant):
     text = setter(variant).document()

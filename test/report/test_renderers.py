@@ -95,7 +95,10 @@ def unlike(charts):
     return list(shape.values())
 
 
-@pytest.mark.parametrize('kind', ['turns', 'multiples', 'two', 'bag'])
+@pytest.mark.parametrize(
+    'kind',
+    ['turns', 'bag', *(pytest.param(x, marks=pytest.mark.slow) for x in ('multiples', 'two'))],
+)
 def test_paper_and_page_show_the_curves_of_a_chart(kind):
     check(unlike(KINDS[kind]()))
 

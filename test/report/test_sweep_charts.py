@@ -103,6 +103,7 @@ def test_no_run_is_better_in_both_than_those_of_the_front(sweep):
     assert shown.x.max() == pytest.approx(max(row['peak'] for row in sweep[1]) / 1e3)
 
 
+@pytest.mark.slow
 def test_labels_break_between_words_only_and_all_is_drawn(sweep, tmp_path):
     drawn = paint(chart(sweep, 'effects'))
     for axes in drawn.axes:

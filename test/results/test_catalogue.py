@@ -40,7 +40,7 @@ def run_of(runs, name):
     return runs[name]
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', ms.scene_names())
 def test_every_quantity_has_a_unit_and_words_and_a_value_at_each_instant(runs, name):
     solution = run_of(runs, name)
@@ -56,7 +56,7 @@ def test_every_quantity_has_a_unit_and_words_and_a_value_at_each_instant(runs, n
         assert found.units[quantity.name] == quantity.unit
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', ms.scene_names())
 def test_one_source_tells_a_quantity(runs, name):
     """But for the gap of a pair, which its reading has in its message, too."""
@@ -66,7 +66,7 @@ def test_one_source_tells_a_quantity(runs, name):
     assert {n for n in told if told.count(n) > 1} <= pairs
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize('name', ms.scene_names())
 def test_a_joint_whose_moment_is_not_listed_transmits_none(runs, name):
     solution = run_of(runs, name)
@@ -77,7 +77,7 @@ def test_a_joint_whose_moment_is_not_listed_transmits_none(runs, name):
             assert listed or not np.nan_to_num(moment).any(), joint
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('name', ms.scene_names())
 def test_measures_and_cycles_take_every_quantity(runs, name):
     solution = run_of(runs, name)

@@ -47,7 +47,14 @@ def trapezoid(y, t):
 def test_figures_over_time_agree_with_fine_sampling(nominal):
     _, solution = nominal
     t = np.linspace(0.0, solution.duration, FINE)
-    seen = solution.sample(t)
+    seen = solution.sample(
+        t,
+        'reaction.coupler_rocker.x',
+        'reaction.coupler_rocker.y',
+        'drive_torque',
+        'velocity.crank',
+        'position.rocker',
+    )
     force = np.hypot(seen['reaction.coupler_rocker.x'], seen['reaction.coupler_rocker.y'])
     torque, speed = seen['drive_torque'], seen['velocity.crank']
     for text, expected in (
@@ -105,7 +112,9 @@ def test_events_are_counted_and_summed(rattling):
         assert one(rattling, text).value == pytest.approx(expected, rel=1e-12), text
     flying = one(rattling, f'share(closed.{joint})').value
     t = np.linspace(0.0, solution.duration, FINE)
-    assert flying == pytest.approx(solution.sample(t)[f'closed.{joint}'].mean(), abs=1e-3)
+    assert flying == pytest.approx(
+        solution.sample(t, f'closed.{joint}')[f'closed.{joint}'].mean(), abs=1e-3
+    )
 
 
 def test_pieces_of_a_run_give_what_the_whole_gives(rattling):

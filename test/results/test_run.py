@@ -36,7 +36,8 @@ def calls(method, without_arguments=False):
         name = path.relative_to(PACKAGE)
         if name.parts[0] in ENGINES:
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+        text = path.read_text(encoding='utf-8')
+        for node in ast.walk(ast.parse(text)) if method in text else ():
             called = isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
             if called and node.func.attr == method and not (without_arguments and node.args):
                 found.add(name.as_posix())

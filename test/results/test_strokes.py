@@ -32,6 +32,7 @@ SYMMETRIC = ((20, 110, 10), (150, 240, -10))
 """Rises and returns in 90 deg, dwells of 40 and 140 deg."""
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize('start', [None, 0.0, 45.0, 130.0, 200.0, 300.0])
 def test_a_symmetric_cam_with_dwells_has_a_time_ratio_of_one(start):
     turn = {} if start is None else {'start': -math.radians(start)}
@@ -113,6 +114,7 @@ def test_turns_are_whole_or_not_told():
     assert (two.turns, two.period) == (-2, pytest.approx(0.2, rel=1e-12))
 
 
+@pytest.mark.slow
 def test_what_turns_one_way_stands_in_its_dwells_only():
     """A wheel of four slots is locked in three quarters of each turn of its crank."""
     crank, wheel = ms.cycle(ms.load_scene('geneva'), periods=4).swings().values()

@@ -271,7 +271,7 @@ def test_the_cheapest_level_that_is_exact_is_chosen(scene, overrides, level):
     assert ms.load_scene(scene, overrides).level is level
 
 
-@pytest.mark.sample(16)
+@pytest.mark.sample(8)
 @pytest.mark.parametrize('name', ms.scene_names())
 def test_every_scene_of_the_package_loads_checks_and_runs(name):
     machine = ms.load_scene(name)

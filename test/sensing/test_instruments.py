@@ -82,7 +82,7 @@ def test_an_inertial_unit_feels_gravity_and_knows_its_attitude(bags):
         across = np.concatenate([m.samples for m in blocks])
         assert np.array_equal([m.linear_acceleration.y for m in messages], across)
         t = np.concatenate([b.time + np.arange(len(b.samples)) / 2700.0 for b in blocks])
-        seen = solution.sample(t)
+        seen = solution.sample(t, 'velocity.rocker', 'position.rocker')
         turned = np.array([(m.orientation.w + 1j * m.orientation.z) ** 2 for m in messages])
         assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12
         rate = np.array([m.angular_velocity.z for m in messages])

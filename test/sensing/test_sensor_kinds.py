@@ -87,7 +87,7 @@ def test_an_encoder_counts_from_its_index_once_that_has_passed(begin):
 def test_an_encoder_on_a_moving_link_counts_the_angle_between_both(solution):
     machine = changed({'e': {'kind': 'encoder', 'link': 'rod', 'relative_to': 'crank'}})
     read = samples(machine, 'e', solution.motion)
-    at = solution.sample(instants(machine, 'e', read))
+    at = solution.sample(instants(machine, 'e', read), 'position.rod', 'position.crank')
     between = at['position.rod'] - at['position.crank']
     slack = between - between[0] - read
     assert (slack > -1e-9).all()
@@ -149,7 +149,7 @@ def test_an_ideal_gyroscope_reads_the_rate_and_its_filter_is_that_of_the_book(so
                  'amplifier': {'low_pass': '1 kHz', 'low_pass_order': 1}},
     })  # fmt: skip
     rate = samples(machine, 'ideal', solution.motion)
-    at = solution.sample(instants(machine, 'ideal', rate))
+    at = solution.sample(instants(machine, 'ideal', rate), 'velocity.rod')
     np.testing.assert_allclose(rate, at['velocity.rod'], rtol=1e-12, atol=1e-9)
     slow = samples(machine, 'slow', solution.motion)
     decay = math.exp(-math.tau * 1e3 / 4e5)  # the exact response to steps between samples
@@ -179,7 +179,12 @@ def test_two_probes_see_where_the_pin_is_in_its_bushing(machine, solution):
 def test_a_load_cell_reads_the_reaction_along_the_link(solution):
     machine = changed({'f': {'kind': 'load_cell', 'joint': 'crank_rod', 'direction': '30 deg'}})
     read = samples(machine, 'f', solution.motion)
-    at = solution.sample(instants(machine, 'f', read))
+    at = solution.sample(
+        instants(machine, 'f', read),
+        'position.rod',
+        'reaction.crank_rod.x',
+        'reaction.crank_rod.y',
+    )
     way = at['position.rod'] + math.radians(30.0)
     force = at['reaction.crank_rod.x'] * np.cos(way) + at['reaction.crank_rod.y'] * np.sin(way)
     np.testing.assert_allclose(read, force, rtol=1e-9, atol=1e-6)

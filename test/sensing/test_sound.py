@@ -116,7 +116,8 @@ def test_links_take_their_parts_in_an_impact():
     assert len(train) == len(solution.impacts) > 10
     for strike, impact in zip(train, solution.impacts, strict=True):
         lever = rocker.length * math.sin(
-            impact.normal_angle - solution.sample(impact.t)['position.rocker'][0]
+            impact.normal_angle
+            - solution.sample(impact.t, 'position.rocker')['position.rocker'][0]
         )
         assert strike.jump[1] == pytest.approx(
             impact.normal_impulse * lever**2 / inertia, rel=1e-6, abs=1e-9

@@ -62,6 +62,7 @@ def test_a_branch_folds_and_goes_back_to_where_it_grazes():
         assert np.abs(point.multipliers[0]) == pytest.approx(size, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_command_draws_branches(tmp_path):
     scene, picture = tmp_path / 'oscillator.yaml', tmp_path / 'b.svg'
     scene.write_text(OSCILLATOR, encoding='utf-8')

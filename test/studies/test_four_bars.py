@@ -64,7 +64,7 @@ def test_five_positions_are_taken_exactly_by_the_linkage_they_are_of_and_by_othe
         assert min(one.transmission[0], math.pi - one.transmission[1]) >= math.radians(20.0)
 
 
-@pytest.mark.parametrize('count', [3, 4])
+@pytest.mark.parametrize('count', [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_fewer_positions_have_many_linkages(count):
     body = poses(EVENLY[:count])
     found = ms.find_four_bars(body)
@@ -72,6 +72,7 @@ def test_fewer_positions_have_many_linkages(count):
     assert max(max(missed(one, body)[:2]) for one in found) < 1e-9
 
 
+@pytest.mark.slow
 def test_many_positions_with_errors_are_fitted():
     rng = np.random.default_rng(1)
     body = poses(np.linspace(0.3, 5.3, 9)) + rng.normal(size=(9, 3)) * [1e-4, 1e-4, 1e-3]

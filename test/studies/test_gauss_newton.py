@@ -102,6 +102,7 @@ def test_a_signal_of_another_machine_is_said_to_be_none():
     assert 'not reliable' in fit_text(found)
 
 
+@pytest.mark.slow
 def test_what_has_no_effect_keeps_its_range():
     record = measured(1)
     limits = LIMITS | {'links.base.mass': ('0.5 kg', '2 kg')}

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import running
 from four_bars import RADIAL, loose
 from running import ROOT, TIMEOUT, command, environment, run, run_json
 
@@ -34,7 +35,7 @@ grid:
   {RADIAL}: [0.0254 mm, 0.254 mm]
   drive.start_angle: [0 deg, 90 deg, 180 deg, 270 deg]
   start: [seated, centred]
-revolutions: 5
+revolutions: 3
 skip: 1
 """
 RUNS = 16
@@ -198,19 +199,19 @@ def row_of(machine, extent, bag=None):
 def test_a_row_says_what_the_solution_says():
     """A second route: the whole motion kept in memory, and sampled."""
     machine = loose(0.5, 'seated')
-    row = row_of(machine, Extent(24, None, 4))
-    solution = ms.simulate(machine, revolutions=24)
+    row = row_of(machine, Extent(12, None, 4))
+    solution = ms.simulate(machine, revolutions=12)
     T = machine.drive.period
     later = [i for i in solution.impacts if i.t >= 4 * T]
     impulse = sum(i.normal_impulse for i in later)
-    assert row['impacts'] * 20 == pytest.approx(len(later))
-    assert row['impulse'] * 20 == pytest.approx(impulse)
+    assert row['impacts'] * 8 == pytest.approx(len(later))
+    assert row['impulse'] * 8 == pytest.approx(impulse)
     assert row['I_n'] == pytest.approx(impulse / len(later))
-    assert row['dissipated'] * 20 == pytest.approx(sum(i.energy_loss for i in later))
+    assert row['dissipated'] * 8 == pytest.approx(sum(i.energy_loss for i in later))
     assert row['largest_impulse'] == max(i.normal_impulse for i in later)
     assert row['energy_residual'] == pytest.approx(solution.energy.residual, abs=1e-15)
     assert (row['steps'], row['digest']) == (solution.stats.steps, solution.digest())
-    t = np.linspace(4 * T, 24 * T, 100001)
+    t = np.linspace(4 * T, 12 * T, 40001)
     at = solution.sample(t)
     joints = ('ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground')
     force = max(np.hypot(at[f'reaction.{j}.x'], at[f'reaction.{j}.y']).max() for j in joints)
@@ -256,7 +257,7 @@ def test_a_torque_driven_run_counts_the_revolutions_it_makes():
     machine = ms.load_scene('four_bar_clearance', overrides)
     row = row_of(machine, Extent(None, 0.6, 0.2))
     solution = ms.simulate(machine, duration=0.6)
-    crank = solution.sample([0.2, 0.6])['position.crank']
+    crank = solution.sample([0.2, 0.6], 'position.crank')['position.crank']
     turned = float(np.diff(crank)[0]) / (2.0 * np.pi)
     assert row['revolutions'] == pytest.approx(turned)
     later = [i for i in solution.impacts if i.t >= 0.2]
@@ -289,14 +290,17 @@ def test_the_table_has_a_row_for_each_run_in_the_order_of_the_plan(reference, tm
     machine = ms.load_scene(
         'four_bar_clearance', {'drive.speed': '350 rpm', **{k: r.given[k] for k in plan.columns}}
     )
-    assert row['digest'] == ms.simulate(machine, revolutions=5).digest()
+    assert row['digest'] == ms.simulate(machine, revolutions=3).digest()
 
 
-def test_two_workers_write_the_same_table_and_a_second_call_computes_nothing(reference, tmp_path):
+def test_two_workers_write_the_same_table_and_a_second_call_computes_nothing(
+    reference, tmp_path, monkeypatch
+):
     file, table = sweep_file(tmp_path, SWEEP), tmp_path / 'two.parquet'
     first = run_json('sweep', str(file), '-o', str(table), '--workers', '2')
     assert first['computed'] == RUNS
     assert table.read_bytes() == reference.read_bytes()
+    monkeypatch.setattr(running, 'workers_apart', False)  # there is nothing to do for them
     again = run_json('sweep', str(file), '-o', str(table), '--plot', str(tmp_path / 'p.svg'),
                      '--over', 'drive.start_angle')  # fmt: skip
     assert (again['computed'], again['kept']) == (0, RUNS)
@@ -445,6 +449,7 @@ def test_swept_parts_and_missing_values_have_their_place_in_the_table(tmp_path):
     assert parts.to_pylist()[0] is None
 
 
+@pytest.mark.usefixtures('in_this_process')
 def test_a_bag_that_cannot_be_written_ends_the_sweep_but_fails_no_run(tmp_path):
     text = 'scene: four_bar_nominal\nrevolutions: 1\nbags: true\n'
     file, table = sweep_file(tmp_path, text), tmp_path / 't.parquet'

@@ -177,6 +177,7 @@ Sums of squares of Nguyen-Van et al., Symmetry 14 (2022) 381, case 3, by data pu
 PUBLISHED = 0.01607768518983885
 
 
+@pytest.mark.slow
 def test_a_loop_of_the_literature_with_prescribed_angles():
     angles = (np.arange(18) * math.pi / 9.0).tolist()
     found = path_four_bars(target(LOOP, angles), math.radians(20.0))[0]

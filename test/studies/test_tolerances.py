@@ -42,6 +42,7 @@ def test_dead_centres_of_a_slider_crank():
     assert [c.share for c in stroke.contributions] == pytest.approx([1.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_monte_carlo_has_the_same_deviation():
     """A second route: draws of the closed form of the least transmission of forces."""
     given = CRANK | {'measures': {'swing': 'highest(position.rod)'}}
@@ -103,6 +104,7 @@ def test_other_sweeps_are_refused(change, words):
         first_order(read_plan({k: v for k, v in ({**CRANK, 'design': {}} | change).items() if v}))
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_table_and_tornados(tmp_path):
     file = tmp_path / 'stack.yaml'
     file.write_text(json.dumps(CRANK), encoding='utf-8')

@@ -277,6 +277,7 @@ def test_a_killed_sweep_goes_on_and_writes_the_same_files(reference, tmp_path):
     assert same(table, reference)
 
 
+@pytest.mark.usefixtures('in_this_process')
 def test_a_trigger_begins_records_that_windows_do_not_leave(tmp_path):
     text = (
         'scene: four_bar_clearance\n'
@@ -295,11 +296,12 @@ def test_a_trigger_begins_records_that_windows_do_not_leave(tmp_path):
     solution = ms.simulate(machine, revolutions=4)
     for row in rows:  # an ideal sensor reads the motion itself
         t = row['start'] + np.arange(700) / 10000.0
-        at = solution.sample(t)
+        at = solution.sample(t, 'acceleration.rocker')
         truth = 0.2 * at['acceleration.rocker']
         assert row['signal'] == pytest.approx(truth, abs=1e-6 * np.abs(truth).max())
 
 
+@pytest.mark.usefixtures('in_this_process')
 def test_a_run_with_too_few_triggers_fails_and_leaves_no_file(tmp_path):
     text = (
         'scene: four_bar_clearance\nrevolutions: 3\n'
@@ -402,7 +404,10 @@ def test_folders_that_would_mix_data_sets_are_refused(reference, tmp_path):
         assert len(done.stderr.strip().splitlines()) == 1
 
 
-def test_the_data_set_has_twenty_machines_and_the_same_bytes_for_any_workers(tmp_path):
+@pytest.mark.parametrize(
+    'workers', [(), pytest.param(('1', '2'), marks=pytest.mark.slow)], ids=['read', 'written']
+)
+def test_the_data_set_has_twenty_machines_and_the_same_bytes_for_any_workers(tmp_path, workers):
     """Two of its motions, shorter; as many windows as it says in all."""
     text = (ROOT / 'config/sweeps/loose_machines.yaml').read_text(encoding='utf-8')
     content = yaml.safe_load(text)
@@ -413,9 +418,10 @@ def test_the_data_set_has_twenty_machines_and_the_same_bytes_for_any_workers(tmp
     content['runs'], content['grid']['drive.speed'] = [runs[3], runs[8]], speeds[:1]
     content['windows']['per_run'], content['duration'], content['skip'] = 2, '0.5 s', '0.2 s'
     file, bytes_of = sweep_file(tmp_path, yaml.safe_dump(content), 'loose_machines.yaml'), []
-    for workers in ('1', '2'):
-        table = tmp_path / f'{workers}.parquet'
-        run_json('sweep', file, '-o', str(table), '--workers', workers)
+    assert len(read_plan(file).runs) == 2
+    for count in workers:
+        table = tmp_path / f'{count}.parquet'
+        run_json('sweep', file, '-o', str(table), '--workers', count)
         bytes_of.append(contents(folder_of(table)))
-    assert len(bytes_of[0]) == 2
-    assert bytes_of[0] == bytes_of[1]
+        assert len(bytes_of[0]) == 2
+        assert bytes_of[0] == bytes_of[-1]

@@ -10,6 +10,7 @@ import runpy
 import numpy as np
 import pytest
 import scipy
+from builders import without_work
 from running import ROOT, run
 
 import mechanism_sim as ms
@@ -189,6 +190,7 @@ def test_runs_are_named_that_are_compared_and_why(found):
     assert film['deviation']['coupler']['half_width'] is None
 
 
+@pytest.mark.slow
 def test_an_oil_film_is_a_bearing_too(found):
     """Deviation of a steady state, by differences of the velocities of a simulation."""
     trial = found.groups[0].first
@@ -200,7 +202,7 @@ def test_an_oil_film_is_a_bearing_too(found):
     solution = ms.simulate(machine, revolutions=TURNS)
     period = 2 * np.pi / trial.condition.speed
     t = np.linspace(2 * period, 6 * period * (1 - 1e-12), 20001)
-    own = solution.sample(t)
+    own = solution.sample(t, 'position.crank', 'velocity.crank', 'velocity.coupler')
     ideal = machine.nominal.linkage.motion(own['position.crank'], own['velocity.crank'], 0.0 * t)[
         1
     ][1]
@@ -256,13 +258,13 @@ def test_truth_and_severity_are_those_of_the_simulation(found):
     solution = simulated(trial)
     linkage = trial.machine.nominal.linkage
     for link, swing in trial.swings.items():
-        own = solution.sample(swing.t)
+        own = without_work(solution, swing.t)
         truth = own[f'acceleration.{link}']
         assert swing.accelerations['thesis'].truth == pytest.approx(truth, rel=1e-6, abs=1e-3)
         t = np.arange(round(4 * 360 / MESH) + 1) * np.radians(MESH) / (350 * np.pi / 30)
         t += 2 * 2 * np.pi / (350 * np.pi / 30)
         t[-1] = min(t[-1], solution.duration)
-        own = solution.sample(t)
+        own = without_work(solution, t)
         w2 = own['velocity.crank']
         row = ('crank', 'coupler', 'rocker').index(link)
         ideal = linkage.motion(own['position.crank'], w2, 0.0 * t)[1][row]
@@ -320,10 +322,10 @@ def test_a_turn_holds_all_of_its_impulses(found):
     solution = simulated(trial)
     turn = trial.at_first[0]
     t = np.array([turn, turn + 1]) * 2.0 * np.pi / trial.condition.speed
-    gained = np.diff(solution.sample(t)['velocity.rocker'])[0]
+    gained = np.diff(solution.sample(t, 'velocity.rocker')['velocity.rocker'])[0]
     inertia = links['rocker'].inertia + links['rocker'].mass * links['rocker'].cog ** 2
     middle = (turn + (np.arange(len(cycle.angle)) + 0.5) / len(cycle.angle)) * t[0] / turn
-    th4 = solution.sample(middle)['position.rocker']
+    th4 = solution.sample(middle, 'position.rocker')['position.rocker']
     fx, fy = cycle.force
     turning = links['rocker'].length * (np.cos(th4) * fy - np.sin(th4) * fx)
     weight = -9.8145 * links['rocker'].mass * links['rocker'].cog * np.cos(th4)
@@ -467,13 +469,17 @@ def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkey
     monkeypatch.setattr(experiment_figures, 'charts', lambda _: two)
     page = tmp_path / 'page.md'
     page.write_text('<!-- experiment: bearings -->\n<!-- /experiment -->\n')
+    some = tmp_path / 'some'  # to read all of them again takes seconds
+    some.mkdir()
+    for name in ('thesis_measurement_00066', 'thesis_measurement_00072', 'thesis_bearings_00064'):
+        (some / f'{name}.mcap').symlink_to(bags / f'{name}.mcap')
     done = run(
-        'thesis', 'experiment', str(bags), '-o', str(tmp_path / 'figures'), '--skip', '3',
+        'thesis', 'experiment', str(some), '-o', str(tmp_path / 'figures'), '--skip', '3',
         '--json', '--page', str(page),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
-    assert [t['restitution'] for t in told['trials']] == [0.5] * 4 + [1.0] * 2
+    assert [t['restitution'] for t in told['trials']] == [0.5] * 2 + [1.0]
     assert told['trials'][0]['turns'] == [3, TURNS]
     written = {file.stem for file in (tmp_path / 'figures').glob('*.png')}
     assert written == {'figure_1', 'figure_2'}
@@ -525,6 +531,7 @@ def test_what_is_no_such_experiment_is_refused(bags, tmp_path):
             read_experiment([file], skip=1)
 
 
+@pytest.mark.slow
 def test_machines_that_differ_in_more_than_their_start_are_no_repeats(tmp_path):
     files = []
     for k, mass in enumerate(('0.2439 kg', '0.25 kg')):

@@ -62,6 +62,7 @@ def test_a_function_that_is_never_resolved_says_so():
     assert found.error[0] > 1e-4
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('phase', [0.0, 0.77])
 def test_a_square_wave(phase):
     machine = shaken(f'5*sign(sin(wheel-{phase}))')
@@ -185,6 +186,7 @@ def cam_on_a_frame(mass, speed, segments):
     }, 'cam')  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_frame_under_the_blows_of_a_cam():
     """Lift L (1 - |cos|) over half a turn: its rate jumps, and so an impulse shakes the frame."""
     mass, speed, lift = 0.4, 40.0, 8e-3
@@ -211,6 +213,7 @@ def test_a_frame_under_the_blows_of_a_cam():
     assert np.isinf(harmonics(machine, [name], 30).series[name].rest)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('curve', ['harmonic', 'cycloidal', 'polynomial_345'])
 def test_a_frame_under_a_cam(curve):
     """The accelerations of the law by quadrature between its breaks, times mass and receptance."""

@@ -110,6 +110,7 @@ def test_a_chain_behind_a_frame_has_the_product_of_both():
 # --- forces ---------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     'scene',
     [
@@ -136,6 +137,7 @@ def test_the_force_is_that_of_bearings_drives_and_springs(scene):
         assert np.abs(row - column)[inner].max() < 1e-8 * scale, name
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ('scene', 'overrides', 'duration'),
     [
@@ -191,9 +193,10 @@ def test_the_response_is_that_of_an_integrator(joints):
     shaken = machine.oscillator('frame')
     frame, t = shaken.frame, np.linspace(0.0, 0.1, 50)
     found = shaken.take(solution.motion)(t)
+    needed = 'reaction.ground_crank', 'reaction.rocker_ground', 'drive_torque'
 
     def rates(time, state):
-        x = solution.sample(time)
+        x = solution.sample(time, *needed)
         force = np.zeros(3)
         for joint, sign, place in (('ground_crank', -1, 0.0), ('rocker_ground', 1, 0.387)):
             fx, fy = (sign * x[f'reaction.{joint}.{axis}'][0] for axis in 'xy')
@@ -230,6 +233,7 @@ def test_an_impact_gives_the_frame_the_velocity_of_its_impulse():
         assert np.abs(jump - impulses[k]).max() < 1e-7
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('scene', ['four_bar_on_frame', 'gear_housing'])
 def test_momentum_and_energy_of_a_long_run(scene):
     """What machine and impacts give is what mounts take, and what is left."""
@@ -352,7 +356,7 @@ def test_a_heavy_frame_moves_as_if_it_did_not_move_the_machine(tmp_path):
         both = tmp_path / f'both_{mass:g}.yaml'
         both.write_text(yaml.safe_dump(riding), encoding='utf-8')
         solution = ms.simulate(ms.load_scene(str(both)), duration=0.2)
-        coupled = solution.sample(t)['position.frame']
+        coupled = solution.sample(t, 'position.frame')['position.frame']
         differences.append(np.abs(coupled - x).max() / np.abs(x).max())
     ratios = np.array(differences[:-1]) / differences[1:]
     assert differences[0] < 0.1
@@ -397,6 +401,7 @@ def test_wrong_scenes_with_frames_are_refused(overrides, says):
         on_frame('four_bar_nominal', overrides)
 
 
+@pytest.mark.slow
 def test_a_load_much_faster_than_the_machine_is_followed():
     """Pieces are as short as the load asks for: DOP853 under forces that are read densely."""
     load = {'at': 'rod.end', 'force': ['10*sin(40000*t)', 0.0]}
@@ -424,7 +429,7 @@ def test_a_load_much_faster_than_the_machine_is_followed():
 
 @pytest.mark.network
 def test_a_node_without_a_frame_says_so():
-    done = run('node', 'oscillator', '--scene', 'pendulum')
+    done = run('node', 'oscillator', '--scene', 'pendulum', refused=True)
     assert done.returncode == 2
     assert "pendulum has nothing for the node 'oscillator'" in done.stderr
 

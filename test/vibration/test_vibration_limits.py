@@ -59,6 +59,7 @@ def matrices(system):
     return system.mass.tolist(), system.damping.tolist(), system.stiffness.tolist()
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('side', [-1.0, 1.0])
 @pytest.mark.parametrize('near', NEARNESS)
 def test_critical_damping_from_both_sides(near, side):
@@ -76,6 +77,7 @@ def test_critical_damping_from_both_sides(near, side):
         assert abs(book / o.free(1.0, 1.0).displacement - 1.0) > 1e-12
 
 
+@pytest.mark.sample(16)
 @pytest.mark.parametrize('ratio', [0.0, 1e-14, 1e-9, 1e-4])
 @pytest.mark.parametrize('near', [s * n for n in NEARNESS for s in (-1.0, 1.0)])
 def test_resonance_approached(near, ratio):
@@ -163,6 +165,7 @@ def test_mode_ratios_of_weakly_coupled_masses():
         np.testing.assert_allclose(two.mode_ratios, expected, rtol=1e-13)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('apart', [0.0, 1e-14, 1e-12, 1e-9, 1e-3])
 def test_repeated_natural_frequencies(apart):
     """Three equal oscillators, all but uncoupled by springs, coupled by dampers."""

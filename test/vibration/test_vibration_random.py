@@ -107,6 +107,7 @@ def test_periodic_excitation(random):
     agree(periodic_response(o, t, force, *start), states)
 
 
+@pytest.mark.sample(40)
 def test_two_masses(random):
     m1, m2, k1, k2 = 10.0 ** random.uniform(-1, 1, 4)
     two = TwoMasses(m1, m2, k1, k2)
@@ -126,6 +127,7 @@ def test_two_masses(random):
     assert np.abs(found - np.sort_complex(expected)).max() < 1e-7  # double roots are not excluded
 
 
+@pytest.mark.sample(40)
 def test_modes_with_proportional_damping(random):
     n = int(random.integers(2, 9))
     system = MassSystem(*matrices(random, n, proportional=True))
@@ -140,6 +142,7 @@ def test_modes_with_proportional_damping(random):
     agree(system.forced(t, force, w, *start), states)
 
 
+@pytest.mark.sample(40)
 def test_modes_with_any_damping(random):
     n = int(random.integers(2, 9))
     system = MassSystem(*matrices(random, n, proportional=False))
@@ -164,6 +167,7 @@ def test_chains_with_dampers_like_springs(random):
     agree(system.free(t, *start), state_space.free(system.state_matrix, t, start.ravel()))
 
 
+@pytest.mark.sample(40)
 def test_rotors(random):
     mass, e, kx, ky, cx, cy = 10.0 ** random.uniform(-1, 1, 6)
     rotor = Rotor(mass, e, (kx, ky), (cx, cy))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from absolute import cross
-from builders import made
+from builders import made, without_work
 from scipy.integrate import solve_ivp
 
 import mechanism_sim as ms
@@ -51,6 +51,7 @@ def strands(crossed):
     return found
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('crossed', [False, True])
 @pytest.mark.parametrize('stiff', [False, True])
 def test_the_strands_balance_on_both_pulleys(crossed, stiff):
@@ -59,7 +60,7 @@ def test_the_strands_balance_on_both_pulleys(crossed, stiff):
         {'crossed': crossed, **given}, drive={'coordinate': 'a', 'torque': {'constant': 3}},
         loads={'brake': {'at': 'b', 'torque': '-0.2*b_rate'}}, duration=0.3,
     )  # fmt: skip
-    x = ms.simulate(machine).sample(np.array([0.011, 0.07, 0.29]))
+    x = without_work(ms.simulate(machine), np.array([0.011, 0.07, 0.29]))
     force = np.array([x[f'reaction.belt.{axis}'] for axis in 'xy'])
     moment = x['reaction.belt.moment']
     for k in range(3):
@@ -85,7 +86,7 @@ def test_rotors_swing_against_each_other_as_their_strands_let_them(pretension, p
     assert solution.stop_reason is StopReason.COMPLETE
     t = np.linspace(0.0, 0.05, 501)
     omega = np.sqrt(pulling * K * (R1**2 / J1 + R2**2 / J2))
-    x = solution.sample(t)
+    x = solution.sample(t, 'position.a', 'position.b')
     stretch = R1 * x['position.a'] - R2 * x['position.b']
     assert stretch == pytest.approx(0.5 * R1 / omega * np.sin(omega * t), abs=1e-14)
 
@@ -120,11 +121,11 @@ def test_a_stiff_belt_tends_to_the_ideal_one():
         'loads': loads,
         'duration': 1,
     }
-    ideal = ms.simulate(drive(**moved)).sample(np.array([1.0]))
+    ideal = ms.simulate(drive(**moved)).sample(np.array([1.0]), 'position.b')
     off = []
     for k in (1e4, 1e6):
         given = {'stiffness': k, 'pretension': 1000, 'damping': 100.0}
-        x = ms.simulate(drive(given, **moved)).sample(np.array([1.0]))
+        x = ms.simulate(drive(given, **moved)).sample(np.array([1.0]), 'position.b')
         off.append(abs(x['position.b'][0] - ideal['position.b'][0]))
     assert off[1] < 0.02 * off[0] < 1e-3
 
@@ -146,7 +147,9 @@ def test_a_belt_holds_up_to_eulers_ratio_of_tensions_and_slips_at_it(crossed, gr
             drive={'coordinate': 'a', 'torque': {'constant': share * torque}},
         )  # fmt: skip
         solution = ms.simulate(machine)
-        x = solution.sample(t)
+        x = solution.sample(
+            t, 'velocity.a', 'velocity.b', 'acceleration.b', 'reaction.belt.x', 'reaction.belt.y'
+        )
         slip = R1 * x['velocity.a'] - s * R2 * x['velocity.b']
         pull = min(share, 1.0) * most
         assert s * R2 * x['acceleration.b'] == pytest.approx(pull * R2**2 / J2, rel=1e-12)
@@ -173,7 +176,7 @@ def test_a_belt_that_slipped_holds_again():
     solution = ms.simulate(machine)
     most = machine.mechanism.joint('belt').most
     stops = R1 * w / (most * (R1**2 / J1 + R2**2 / J2))
-    x = solution.sample(np.array([0.5 * stops, 1.001 * stops, 0.1]))
+    x = solution.sample(np.array([0.5 * stops, 1.001 * stops, 0.1]), 'velocity.a', 'velocity.b')
     slip = R1 * x['velocity.a'] - R2 * x['velocity.b']
     assert slip == pytest.approx([0.5 * R1 * w, 0.0, 0.0], abs=1e-9)
     assert x['velocity.b'][2] == pytest.approx(most * R2 / J2 * stops, rel=1e-12)
@@ -181,6 +184,7 @@ def test_a_belt_that_slipped_holds_again():
     assert 'slips beyond a ratio of tensions' in ' '.join(check(machine).notes)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('crossed', [False, True])
 @pytest.mark.parametrize(('driven', 'braked'), ['ab', 'ba'])
 def test_a_chain_is_as_efficient_as_it_is_said_to_be(crossed, driven, braked):
@@ -214,7 +218,9 @@ def test_an_arm_that_carries_pulleys_takes_no_moment():
         'initial': {'velocity': {'arm': 3, 'a': 20, 'b': -7}},
         'duration': 0.5,
     }  # fmt: skip
-    x = ms.simulate(drive(**data)).sample(np.linspace(0.0, 0.5, 20))
+    x = ms.simulate(drive(**data)).sample(
+        np.linspace(0.0, 0.5, 20), 'velocity.b', 'velocity.arm', 'velocity.a'
+    )
     spin = 0.1 + 1.0 * 0.5**2  # the second rotor goes round with the arm
     spin = spin * x['velocity.arm'] + J1 * x['velocity.a'] + J2 * x['velocity.b']
     assert spin == pytest.approx(spin[0], rel=1e-11)

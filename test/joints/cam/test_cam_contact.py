@@ -60,6 +60,7 @@ def test_the_pressure_angle_of_an_offset_roller():
     assert best.value > abs(found['pressure_angle.contact']).max()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['oscillating_roller', 'measured_cam', 'offset_roller_cam'])
 def test_the_point_of_contact_is_on_roller_and_cam_and_moves_as_told(name):
     machine = ms.load_scene(name)
@@ -141,6 +142,7 @@ def test_a_law_whose_velocity_jumps_is_refused_where_forces_are_needed(capsys):
     assert 'for cams, and mesh has none' in capsys.readouterr().err
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['oscillating_roller', 'offset_roller_cam', 'sliding_cam'])
 def test_a_roller_spins_as_it_rolls_on_its_cam(name):
     """Cam and roller have one tangential velocity where they touch; differences of places."""

@@ -297,6 +297,7 @@ def test_the_smallest_base_circle_by_brute_force(follower, lift, limit, curve):
     )
 
 
+@pytest.mark.slow
 def test_a_limit_that_no_base_circle_keeps_is_refused():
     with pytest.raises(InputError, match='within 10 deg'):
         smallest_base_radius(law(0.4), Oscillating(0.12, 0.1), 10 * DEG)

@@ -20,6 +20,7 @@ def bits(parts):
     return numbers, [i for _, impacts, _ in parts for i in impacts]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('name', [
     pytest.param(name, marks=[pytest.mark.slow] if name == 'whole_machine' else [])
     for name in PAUSES

@@ -108,7 +108,7 @@ def pressed(kind, seed, force, **more):
     return made(said, kind)
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('seed', range(4))
 @pytest.mark.parametrize('kind', KINDS)
 def test_the_drawn_profile_touches_the_follower(kind, seed):
@@ -139,7 +139,7 @@ def test_the_drawn_profile_touches_the_follower(kind, seed):
         assert gap == pytest.approx(0.0, abs=1e-7 if kind == 'knife' else 1e-9)
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('seed', range(4))
 @pytest.mark.parametrize('kind', KINDS)
 def test_forces_are_those_of_newton_and_euler_at_the_drawn_profile(kind, seed):
@@ -164,7 +164,7 @@ def test_row_of_the_poses_is_the_derivative_of_what_it_leaves(kind):
         assert (ahead - behind) / (2 * h) == pytest.approx(J[:, k], abs=1e-7)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('kind', ['knife', 'roller', 'swinging roller'])
 @pytest.mark.parametrize('lift_off', [None, {'restitution': 0.2}], ids=['ideal', 'open'])
 def test_a_follower_keeps_to_its_law_there_and_back(kind, lift_off):
@@ -285,6 +285,7 @@ def test_energy_closes_where_a_slider_crank_moves_the_cam():
     assert solution.max_penetration < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize('kind', ['roller', 'swinging roller'])
 def test_a_roller_rattles_between_the_drawn_walls_of_a_groove(kind):
@@ -313,6 +314,7 @@ def test_a_roller_rattles_between_the_drawn_walls_of_a_groove(kind):
 # what is read, and what is refused
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('kind', KINDS)
 def test_readings_balance(kind):
     machine = scene(kind, 6)
@@ -344,7 +346,11 @@ def test_readings_balance(kind):
 @pytest.mark.parametrize(
     ('overrides', 'words'),
     [
-        ({'links.crank.length': '60 mm'}, 'but its law is defined from 0.095 to 0.205 m only'),
+        pytest.param(
+            {'links.crank.length': '60 mm'},
+            'but its law is defined from 0.095 to 0.205 m only',
+            marks=pytest.mark.slow,  # it is followed to where it stops
+        ),
         ({'links.rod.length': '180 mm'}, 'at the start contact reaches 0.22 m, but its law'),
         ({'joints.contact.phase': '3 deg'}, 'phase has no meaning for a cam that slides'),
         ({'joints.contact.sense': 'clockwise'}, 'sense has no meaning for a cam that slides'),
@@ -391,6 +397,7 @@ def test_a_run_that_leaves_the_stroke_ends_with_a_sentence():
         ms.simulate(machine, duration=0.3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('restitution', [None, 0.3])
 def test_a_stroke_may_end_exactly_where_its_law_does(restitution):
     """The crank goes through both dead points, by rounding on either side of the ends."""

@@ -109,6 +109,7 @@ OTHERS = {
 }  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('name', OTHERS)
 def test_other_flanks_are_not_conjugate_and_their_ratio_is_that_of_their_angles(name):
     """Kennedy's theorem itself: by the angles of positions in contact, one after the other."""

@@ -50,6 +50,7 @@ def lead(gears, t, x, v, since):
     return x + place - place0 + (v - rate0) * (t - since), v + rate - rate0
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['load', 'hard gears', 'ripple'])
 def test_every_flight_is_the_integrated_equation_from_impact_to_impact(name):
     gears = GEARS[name]
@@ -73,6 +74,7 @@ def test_every_flight_is_the_integrated_equation_from_impact_to_impact(name):
     assert {i.wall for i in motion.impacts} == {'drive', 'coast'}
 
 
+@pytest.mark.sample(2)
 @cases
 def test_impacts_stay_where_they_are_at_a_coarser_tolerance(name):
     fine, coarse = rattle(GEARS[name]), rattle(GEARS[name], rtol=1e-11)
@@ -81,6 +83,7 @@ def test_impacts_stay_where_they_are_at_a_coarser_tolerance(name):
     assert max(apart) < 1e-9
 
 
+@pytest.mark.sample(2)
 @cases
 def test_a_small_error_of_the_start_shrinks(name):
     gears = GEARS[name]
@@ -144,6 +147,7 @@ def test_bounces_on_one_flank_shrink_by_the_restitution():
     assert motion.sample([0.1])[3, 0] == pytest.approx(-25.0, abs=1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('gears', [GEARS['load'], GearRattle(**MOTOR)], ids=['load', 'motor'])
 def test_without_backlash_the_ideal_pair_comes_back(gears):
     """Where x'' falls through zero the play j is crossed as t^3: rates are off by j^(2/3)."""

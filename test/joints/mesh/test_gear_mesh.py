@@ -5,6 +5,7 @@ import math
 import geared_four_bar
 import numpy as np
 import pytest
+from builders import without_work
 from event_solution import apart, solve
 from rattling import GearRattle
 from scipy.integrate import quad, solve_ivp
@@ -90,7 +91,7 @@ def test_modes_are_drive_crossing_and_coast():
     gears = GearRattle()
     solution = ms.simulate(scene(gears), duration=4.0 * CYCLE)
     t = np.linspace(2.0 * CYCLE, 4.0 * CYCLE, 400)
-    at = solution.sample(t)
+    at = without_work(solution, t)
     left, right = (at[f'normal_force.mesh_{side}'] for side in ('left', 'right'))
     assert left.max() > 10.0
     assert right.max() > 10.0
@@ -179,7 +180,7 @@ def test_elastic_teeth_follow_their_equation():
                 force -= sign * (k * x + sign * d * dh)
         return [y[1], (force * 40.0 * BASE - 0.2 * y[1]) / WHEEL]
 
-    span = 0.012
+    span = 0.008
     other = solve_ivp(
         rate,
         (0.0, span),
@@ -187,7 +188,7 @@ def test_elastic_teeth_follow_their_equation():
         'DOP853',
         rtol=1e-12,
         atol=1e-15,
-        max_step=1e-6,
+        max_step=2e-6,
     )
     o = ms.simulate(machine, duration=span).view(np.array([span])).observed
     assert o.position[1, 0] == pytest.approx(other.y[0, -1], abs=2e-9)
@@ -200,6 +201,7 @@ def _path(machine):
     return Pair(*(t.gear for t in machine.mechanism.joint('mesh').wheels)).path
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('play', [{}, {'backlash': {'width': '50 um'}}], ids=['tight', 'loose'])
 def test_energy_of_elastic_teeth_stays_while_their_stiffness_changes(play):
     """Without damping and drive nothing is lost: the couple of the changing stiffness counts."""
@@ -257,7 +259,11 @@ def test_stiff_teeth_come_near_to_rigid_ones():
 
 @pytest.mark.parametrize(
     ('play', 'turns'),
-    [pytest.param({}, 100_000, marks=pytest.mark.slow), ({'width': '0.1 mm'}, 10_000)],
+    [
+        pytest.param({}, 100_000, marks=pytest.mark.slow),
+        pytest.param({'width': '0.1 mm'}, 10_000, marks=pytest.mark.slow),
+        ({'width': '0.1 mm'}, 1000),
+    ],
 )
 def test_teeth_stay_in_mesh_over_many_turns(play, turns):
     """No whole turn is lost, no drift gathers; with play the teeth rest on one flank."""

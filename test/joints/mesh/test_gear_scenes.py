@@ -84,6 +84,7 @@ def random_compound(random):
     return 'compound_planetary', changes, compound_planetary(n), names, {'6': 0.0}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('make', [random_gear_box, random_planetary, random_compound])
 def test_trains_turn_and_load_as_the_lists_of_their_meshes_say(make):
     """Speeds and torques of the scene against `gears.trains`, for random numbers of teeth."""
@@ -128,12 +129,15 @@ def test_a_differential_shares_its_torque_and_averages_its_speeds():
     assert np.abs(halved - torques[1]).max() < 1e-9 * np.abs(halved).max()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize('turns', [0.0, 1e5, 1e5 + 0.25])
 def test_a_differential_moves_by_its_closed_form_wherever_it_starts(turns):
     """``J (l' - r') = -2 l + r/2`` with ``l + r = 2 w``: l goes to 0.4 w by exp(-1.25 t/J)."""
     machine = loaded('differential', {'drive.start_angle': f'{2.0 * math.pi * turns!r} rad'})
     t = np.linspace(0.0, 1.0, 21)
-    seen = ms.simulate(machine, duration=1.0).sample(t)
+    seen = ms.simulate(machine, duration=1.0).sample(
+        t, 'velocity.left', 'velocity.right', 'position.left'
+    )
     w, J = 1000.0 * math.pi / 30.0 * 11.0 / 41.0, machine.mechanism.body('left').inertia
     slow, first = 0.4 * w, 268.29268 * math.pi / 30.0
     left = slow + (first - slow) * np.exp(-1.25 * t / J)

@@ -243,7 +243,11 @@ SIMPLE = planetary(24, 21, 66)
         (lambda: choose(2.0, centre_distance=0.1), 'belong together'),
         (lambda: choose(2.0, centre_distance=0.1001, modules=(1e-3,)), 'centre distance'),
         (lambda: choose(2.0, stages=4), 'too many'),
-        (lambda: choose(2.0, stages=2, tolerance=0.4, teeth=(18, 70)), 'more than 100000'),
+        pytest.param(
+            lambda: choose(2.0, stages=2, tolerance=0.4, teeth=(18, 70)),
+            'more than 100000',
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_wrong_trains_are_refused_by_name(make, sentence):

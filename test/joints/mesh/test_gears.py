@@ -283,7 +283,7 @@ def test_tips_of_internal_gears_meet_where_the_drawn_teeth_overlap(system):
         wheel = Gear(n + more, M, system, internal=True)
         deepest = 0.0
         # a space of the wheel and a tooth of the pinion on the line of centres, then a pitch on
-        for turn in np.linspace(0.0, 2 * math.pi / n, 200):
+        for turn in np.linspace(0.0, 2 * math.pi / n, 60):
             at = drawn * np.exp(1j * turn) + more * M / 2
             at = at[np.abs(at) > wheel.tip_radius]
             tooth = 2 * math.pi / wheel.teeth

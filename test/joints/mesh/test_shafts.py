@@ -42,6 +42,7 @@ def frame(z, toward, facing):
     return np.array([c * toward - s * across, s * toward + c * across, z])
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('seed', range(12))
 def test_bevel_teeth_press_against_each_other_in_space(seed):
     random = np.random.default_rng(seed)
@@ -154,6 +155,7 @@ loads:
 """
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize('seed', range(10))
 def test_all_forces_on_a_shaft_are_in_balance_in_space(tmp_path, seed):
     """Teeth, bearings, weight and inertia of an unbalanced shaft, by d'Alembert."""

@@ -105,7 +105,9 @@ def test_the_measure_is_the_distance_beside_the_wall():
     assert (found.measure(inside)[0] > 0.0).all()
 
 
-@pytest.mark.parametrize('worn', ['bushing', 'pin', 'both'])
+@pytest.mark.parametrize(
+    'worn', ['both', *(pytest.param(x, marks=pytest.mark.slow) for x in ('bushing', 'pin'))]
+)
 def test_derivatives_are_those_of_the_value(worn):
     """Gradient, rate and curvature of gap and slip, by differences along a path."""
     profile = {}
@@ -151,16 +153,24 @@ def test_derivatives_are_those_of_the_value(worn):
     assert (high[2:, 0] - low[2:, 0]) / (2 * h) == pytest.approx(now[2:, 1], rel=1e-5)
 
 
-def test_a_round_profile_is_a_round_bearing():
+@pytest.mark.parametrize(
+    ('depth', 'kind'),
+    [
+        pytest.param(0.0, 'bushing', marks=pytest.mark.slow),
+        (0.1e-3, 'bushing'),
+        pytest.param(0.05e-3, 'pin', marks=pytest.mark.slow),
+    ],
+)
+def test_a_round_profile_is_a_round_bearing(depth, kind):
     """To rounding: of no depth, and of an even one a bearing of more clearance."""
-    for depth, kind in ((0.0, 'bushing'), (0.1e-3, 'bushing'), (0.05e-3, 'pin')):
-        profile = {kind: table(lambda phi, depth=depth: np.full_like(phi, depth))}
-        worn = struck(ms.simulate(four_bar(profile, pin_radius=PIN), revolutions=1.5))
-        plain = struck(ms.simulate(four_bar(radial=CLEARANCE + depth), revolutions=1.5))
-        assert len(worn) == len(plain) > 10
-        assert worn[:5] == pytest.approx(plain[:5], rel=1e-7, abs=1e-8)
+    profile = {kind: table(lambda phi: np.full_like(phi, depth))}
+    worn = struck(ms.simulate(four_bar(profile, pin_radius=PIN), revolutions=1.5))
+    plain = struck(ms.simulate(four_bar(radial=CLEARANCE + depth), revolutions=1.5))
+    assert len(worn) == len(plain) > 10
+    assert worn[:5] == pytest.approx(plain[:5], rel=1e-7, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_bushing_that_is_a_moved_circle_moves_as_one():
     """Depths of a circle about another point of the rocker: that of the bushing moved there."""
     x, y = 0.05e-3, -0.03e-3
@@ -327,6 +337,7 @@ def test_a_spinning_pin_slides_in_an_elliptic_bushing_as_by_scipy():
     assert spin == pytest.approx(seen['velocity.loose'][1], rel=1e-7)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize('deep', [0.01, 0.05])
 def test_two_worn_surfaces_count_together_to_the_product_of_their_slopes(deep):
     """The sum is off by about the square of depth over clearance, as it says."""
