@@ -104,8 +104,9 @@ def _bifurcation(options: argparse.Namespace) -> int:
         return print_result(options, map_, report.basins_json, report.basins_text)
     lines: tuple[ResponseBranch, ...] = ()
     if getattr(options, 'continue'):
-        with progress.busy('bifurcation', options.json) as say:
-            lines = branches(found, say)
+        periods = len({r.period for r in found.responses if r.period})
+        with progress.count('bifurcation', periods, options.json) as show:
+            lines = branches(found, workers, show)
     _write(options, found.columns(), report.chart(found, machine.scene.title, lines))
     if page:
         from mechanism_sim.pages.families import bifurcation_page  # noqa: PLC0415
