@@ -84,7 +84,8 @@ class BranchEvent(NamedTuple):
 
     Attributes
     ----------
-    kind : ``fold``, ``flip``, ``torus``, ``grazing``, or ``lost`` where Newton's method ends
+    kind : ``fold``, ``flip``, ``torus``, ``grazing``, ``lost`` where Newton's method ends, or
+        ``cut`` where a branch has all the points that it may have
     value : of the parameter, in its SI unit
     joint : that grazes
     """
@@ -196,6 +197,8 @@ class _Shooting:
                 grown = 1.0 if rows is None else float(np.linalg.norm(rows[:, :-1], 2))
                 if size <= max(_RESIDUAL, _ROUNDING * grown):
                     return self._orbit(state, value)
+                if base is not None and size > before:  # a shorter step costs less
+                    return None
                 if rows is None or basis is None or size > _FASTER * before:
                     M, _ = section.growth(state, self.period)
                     basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
@@ -387,6 +390,8 @@ def _trace(
         orbits, other = [*orbits[1 - _SEEN :], new], None
         ahead, eased = (ahead, eased - 1) if eased else (min(1.4 * ahead, _LONGEST), 0)
         shooting, orbits = _recentred(shooting, orbits)
+    else:
+        events.append(BranchEvent('cut', orbits[-1].value))
     return points, events, None
 
 
