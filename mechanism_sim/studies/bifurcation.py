@@ -296,7 +296,7 @@ def _moved(state: State, before: Machine, machine: Machine) -> State:
     thousandth of the rates is as much as the speed of many impacts.
     """
     old, new = before.initial_state(), machine.initial_state()
-    q, v = np.array([state.q, state.v]) + [new.q, new.v] - np.array([old.q, old.v])
+    q, v = np.array([state.q, state.v]) + np.subtract([new.q, new.v], [old.q, old.v])
     still = (0,) * len(state.turns)
     return replace(state, q=tuple(q.tolist()), v=tuple(v.tolist()), turns=still)
 
