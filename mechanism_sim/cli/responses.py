@@ -50,8 +50,9 @@ def _shared(sub: argparse.ArgumentParser, vary: str) -> None:
     scene_options(sub)
     several(sub, '--vary', 'PATH=LOW:HIGH:N', vary, 'vary')
     option(sub, '--at-impacts', 'JOINT', 'sections at impacts in this joint, not once a turn')
-    option(sub, '--transient', 'N', 'turns of the drive left out for settling', 60)
-    option(sub, '--keep', 'N', 'turns in which sections are taken', 60)
+    few = ' (default: 60, fewer in bifurcation of more than 100 values)'
+    option(sub, '--transient', 'N', f'turns of the drive left out for settling{few}', int)
+    option(sub, '--keep', 'N', f'turns in which sections are taken{few}', int)
     option(sub, '--longest', 'P', 'longest period to look for, in turns', 16)
     option(sub, '-o --output', 'TABLE', f'a row for each point: {TABLES}')
     option(sub, '--plot', 'FILE', 'draw the sections: .png, .svg or .pdf')
@@ -88,7 +89,8 @@ def _bifurcation(options: argparse.Namespace) -> int:
     workers, machine = read_workers(options), read_machine(options)
     counts = [count for *_, count in vary.values()]
     total = counts[0] if two else 2 + counts[0] * options.starts
-    how = {'transient': options.transient, 'keep': options.keep, 'longest': options.longest}
+    names = 'transient', 'keep', 'longest'
+    how = {n: x for n in names if (x := getattr(options, n)) is not None}
     with progress.count('bifurcation', total, options.json) as show:
         if two:
             map_ = basins(
@@ -104,8 +106,9 @@ def _bifurcation(options: argparse.Namespace) -> int:
         return print_result(options, map_, report.basins_json, report.basins_text)
     lines: tuple[ResponseBranch, ...] = ()
     if getattr(options, 'continue'):
-        with progress.busy('bifurcation', options.json) as say:
-            lines = branches(found, say)
+        periods = len({r.period for r in found.responses if r.period})
+        with progress.count('bifurcation', periods, options.json) as show:
+            lines = branches(found, workers, show)
     _write(options, found.columns(), report.chart(found, machine.scene.title, lines))
     if page:
         from mechanism_sim.pages.families import bifurcation_page  # noqa: PLC0415

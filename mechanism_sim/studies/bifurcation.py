@@ -9,7 +9,7 @@ joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -52,6 +52,9 @@ _MOST_POINTS = 400
 _FEWEST = 10
 """Turns of a run, and at least a quarter of those left out: until then what repeats may be an
 unstable motion near which the run begins."""
+_SHARED, _LEAST = 6000, {'transient': 8, 'keep': 16}
+"""Turns of all values in one direction, and at least of each: values that lie close together begin
+near to where they settle, and their sections fill a diagram together."""
 _SEEN = 4
 """Turns at least, over which a transient is compared with as many before."""
 _SETTLED = 1e-3
@@ -67,7 +70,7 @@ class SectionPlan:
     of : names of the quantities of a section
     joint : at whose impacts it is taken; once a turn of the drive if empty
     transient, keep : turns of the drive until the motion has settled, and of the section; fewer
-        where it repeats itself before
+        where it repeats itself before, and of more than 100 values of `bifurcation` if not given
     longest : period that is looked for [turns]
     """
 
@@ -187,8 +190,9 @@ def bifurcation(
     path = parameter.path
     content = machine.scene.to_document()
     scenes = [check_scene(machine.name, content, {path: value}) for value in values]
+    shared = paced(plan, len(values), when)
     tasks = [
-        Call(way, follow, (machine.name, values[::sign], scenes[::sign], plan, way))
+        Call(way, follow, (machine.name, values[::sign], scenes[::sign], shared, way))
         for way, sign in zip(DIRECTIONS, (1, -1), strict=True)
     ]
     if starts:
@@ -253,6 +257,13 @@ def section(
     return plan, tuple(units), tuple(words)
 
 
+def paced(plan: SectionPlan, count: int, asked: Collection[str]) -> SectionPlan:
+    """The plan of each of so many values that follow one another, but for what is asked for."""
+    share = _SHARED // count
+    fewer = {n: min(getattr(plan, n), max(x, share)) for n, x in _LEAST.items() if n not in asked}
+    return replace(plan, **fewer)
+
+
 def follow(
     name: str, values: Sequence[float], scenes: Sequence[Scene], plan: SectionPlan, branch: str
 ) -> Row:
@@ -261,27 +272,40 @@ def follow(
     Those of the branch `START` begin as their scenes say.
     """
     state: State | None = None
+    before: Machine | None = None
     found = []
     for value, scene in zip(values, scenes, strict=True):
         machine = Machine(name, scene)
         # where this machine cannot begin as the one before ended, it begins as its scene says
         for begin in dict.fromkeys((state, None)):
             try:
-                response, state = _settled(machine, plan, begin)
+                moved = _moved(begin, before, machine) if begin and before else None
+                response, state = _settled(machine, plan, moved)
                 break
             except RunError as error:
                 response, state = _NOTHING | {'note': str(error)}, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
-        state = None if branch == START else state
+        state, before = None if branch == START else state, machine
     return {'responses': found}
+
+
+def _moved(state: State, before: Machine, machine: Machine) -> State:
+    """A state of one machine as one of another, moved by what lies between their starts.
+
+    With other lengths, or at another speed of the crank, contacts would open or strike: a
+    thousandth of the rates is as much as the speed of many impacts.
+    """
+    old, new = before.initial_state(), machine.initial_state()
+    q, v = np.array([state.q, state.v]) + np.subtract([new.q, new.v], [old.q, old.v])
+    still = (0,) * len(state.turns)
+    return replace(state, q=tuple(q.tolist()), v=tuple(v.tolist()), turns=still)
 
 
 def _settled(
     machine: Machine, plan: SectionPlan, state: State | None
 ) -> tuple[dict[str, Any], State]:
     """The section of a machine after its transient, and the state at the end."""
-    begin = state and replace(state, turns=(0,) * len(state.turns))
-    engine = machine.start(state=begin)
+    engine = machine.start(state=state)
     if not isinstance(engine, EventLoop):
         raise InputError(f'{machine.name}: a motion in closed form has no sections')
     tally, runner = _SectionTally(machine, plan), Runner(machine, engine)
@@ -295,7 +319,7 @@ def _settled(
     turns = min(turns, most)
     for piece in runner.to(turns * machine.drive.period):
         tally.add(piece)
-    return tally.found(turns, keep or plan.keep), replace(engine.state, time=Fraction(0))
+    return tally.found(turns, keep), replace(engine.state, time=Fraction(0))
 
 
 class _SectionTally:
@@ -336,10 +360,12 @@ class _SectionTally:
         left = t[sum(map(len, taken)) :]
         return np.asarray(np.minimum(left[left <= curve.end * (1.0 + 1e-12)], curve.end))
 
-    def found(self, turns: int, keep: int) -> dict[str, Any]:
+    def found(self, turns: int, settled: int) -> dict[str, Any]:
         """Period, section and impacts per turn of the last turns of so many, as plain data."""
-        states = np.concatenate(self._states)
-        p = self._period(states[-(keep // 2 + 1) :])
+        keep, states = settled or self._plan.keep, np.concatenate(self._states)
+        # twice the longest period tells it; of what still settles the later half is looked at
+        looked = keep // 2 if settled else max(keep // 2, min(keep, 2 * self._plan.longest))
+        p = self._period(states[-(looked + 1) :])
         kept = p or keep
         # impacts at the very end of a turn are in that turn or in the next: count between turns
         end = turns - _APART

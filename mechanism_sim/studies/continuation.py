@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -19,24 +19,28 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.results.run import Piece, Runner
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import Bifurcation
 from mechanism_sim.studies.periodic import PoincareMap
+from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 _RESIDUAL = 1e-10
 """Of a period: largest change of an angle, or of a rate over the speed of the crank."""
+_ROUNDING = 1e-12
+"""Of a state, in the same measure; a period makes it grow."""
 _ROUNDS = 12
 _FASTER = 0.2
 """Of a residual, to which a step of Newton's method must bring it with derivatives of before."""
-_FIRST, _LONGEST, _LEAST = 0.02, 0.1, 1e-4
-"""Steps; the range of the parameter is 1."""
+_FIRST, _LONGEST, _LEAST = 0.02, 0.1, 1e-6
+"""Steps; the range of the parameter is 1. Many impacts a period graze one after the other."""
+_BEYOND = 0.01
+"""Of the range: how far behind a grazing impact what follows is looked for."""
 _TURNED = 0.9
 """Cosine between the tangents of neighbours, at least."""
 _MOST = 400
@@ -44,6 +48,10 @@ _MOST = 400
 _MOST_BRANCHES = 50
 _SEEN = 5
 """Points that tell where a branch grazes."""
+_CLOSE = 0.1
+"""Change of a multiplier's size from point to point, beside 1 and itself, without a grazing."""
+_STEEP = 2e3
+"""Multiplier of an impact that all but grazes; nearer, rounding is larger than its speed."""
 _STABLE = 1e-7
 """Of a multiplier, by which its size must be below 1."""
 
@@ -76,7 +84,8 @@ class BranchEvent(NamedTuple):
 
     Attributes
     ----------
-    kind : ``fold``, ``flip``, ``torus``, ``grazing``, or ``lost`` where Newton's method ends
+    kind : ``fold``, ``flip``, ``torus``, ``grazing``, ``lost`` where Newton's method ends, or
+        ``cut`` where a branch has all the points that it may have
     value : of the parameter, in its SI unit
     joint : that grazes
     """
@@ -105,6 +114,7 @@ class _Orbit(NamedTuple):
     pieces: list[Piece]
     rows: Array  #: (r, r + 1) derivatives of the change in a period, along the basis and by value
     basis: Array  #: (2 f, r) of changes that contacts allow, over the scales
+    seat: Array  #: (2 f,) change by value that contacts need, over the scales
 
     @property
     def impacts(self) -> list[Impact]:
@@ -146,13 +156,8 @@ class _Shooting:
 
     def run(self, state: State, value: float, turns: float) -> tuple[list[Piece], State]:
         """The motion from a state on, and the state after so many turns."""
-        machine = self.machine(value)
-        engine = machine.start()
-        assert isinstance(engine, EventLoop)  # noqa: S101 - it has a map
-        engine.restart(replace(state, turns=(0,) * len(state.turns)))
-        runner = Runner(machine, engine, audited=False)
-        pieces = list(runner.to(turns * machine.drive.period))
-        return pieces, replace(engine.state, time=state.time)
+        section = self.at(value)
+        return list(section.pieces(state, turns)), section.state
 
     def centred(self, state: State, value: float) -> tuple[_Shooting, State]:
         """Turns that begin amid the longest time without impact, and the state then."""
@@ -175,26 +180,38 @@ class _Shooting:
         Newton's method keeps the derivatives of that other while it gets nearer fast enough.
         """
         rows, basis, before = (base.rows, base.basis, math.inf) if base else (None, None, 0.0)
+        by, struck = np.zeros(len(self.scale)), 0
         try:
             for _ in range(_ROUNDS):
                 section = self.at(value)
-                state, wide = section.start(state), section.scale / self.scale
-                end = section.map(state, self.period)[0]
+                wide = section.scale / self.scale
+                if base is None:
+                    state, end, struck = self._moved(state, value, by, struck)
+                else:
+                    state = section.start(section.displace(state, by))
+                    end = section.map(state, self.period)[0]
                 if end.closed != state.closed:
                     return None
                 off = wide * section.difference(state, end)
                 size = float(np.abs(off / wide).max())
-                if size <= _RESIDUAL:
+                grown = 1.0 if rows is None else float(np.linalg.norm(rows[:, :-1], 2))
+                if size <= max(_RESIDUAL, _ROUNDING * grown):
                     return self._orbit(state, value)
+                if base is not None and size > before:  # a shorter step costs less
+                    return None
                 if rows is None or basis is None or size > _FASTER * before:
                     M, _ = section.growth(state, self.period)
                     basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
                     inner = basis.T @ (wide[:, None] * M / wide) @ basis
-                    by = base.rows[:, -1:] if base else np.zeros((len(inner), 1))
-                    rows = np.column_stack([inner - np.eye(len(inner)), by])
-                before, last, left = size, np.eye(rows.shape[1])[-1], 0.0
+                    column = np.zeros((len(inner), 1))
+                    if base:  # in the present basis
+                        column = basis.T @ base.basis @ base.rows[:, -1:]
+                    rows = np.column_stack([inner - np.eye(len(inner)), column])
+                last, left = np.eye(rows.shape[1])[-1], 0.0
                 if base is not None:
-                    last = np.append(base.tangent[:-1] @ basis, base.tangent[-1])
+                    before = size
+                    along = base.tangent[:-1] @ np.column_stack([basis, base.seat])
+                    last = along + base.tangent[-1] * last
                     way = np.append(
                         wide * section.difference(base.state, state),
                         (value - base.value) / self.span,
@@ -204,11 +221,36 @@ class _Shooting:
                 step = np.linalg.lstsq(np.vstack([rows, last]), right)[0]
                 if not (np.isfinite(step).all() and abs(step[-1]) < 1.0):
                     return None
-                state = section.displace(state, basis @ step[:-1] / wide)
-                value += self.span * float(step[-1])
+                seat = step[-1] * base.seat if base else 0.0
+                by, value = (basis @ step[:-1] + seat) / wide, value + self.span * float(step[-1])
         except (RunError, InputError):
             pass
         return None
+
+    def _moved(
+        self, state: State, value: float, by: Array, struck: int
+    ) -> tuple[State, State, int]:
+        """The state after a step, the state a period later, and the impacts till then.
+
+        A part of the step is taken if all of it loses an impact. A slow one changes the period by
+        the root of how far the state is beyond the grazing: half a step of Newton's method comes
+        near where a whole one goes from one side to the other for ever.
+        """
+        section, found = self.at(value), []
+        for share in (1.0, 0.5, 0.4):
+            new = section.start(section.displace(state, share * by))
+            end, count, _ = section.map(new, self.period)
+            found.append((new, end, count))
+            if count >= struck:
+                return found[-1]
+        return found[0]
+
+    def beyond(self, base: _Orbit, graze: float) -> _Orbit | None:
+        """The fixed point with other impacts behind a grazing impact, if there is one."""
+        past = math.copysign(_BEYOND * self.span, graze - base.value)
+        ahead = (graze + past - base.value) / (self.span * base.tangent[-1])
+        by = ahead * base.tangent[:-1] * self.scale / self.at(base.value).scale
+        return self.solved(self.at(base.value).displace(base.state, by), graze + past)
 
     def _orbit(self, state: State, value: float) -> _Orbit:
         """Tangent, multipliers and motion of a fixed point."""
@@ -218,12 +260,15 @@ class _Shooting:
         wide = section.scale / self.scale
         basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
         inner = basis.T @ (wide[:, None] * M / wide) @ basis
-        by = self.span * basis.T @ (wide[:, None] * by)
-        rows = np.column_stack([inner - np.eye(len(inner)), by])
+        seat = section.seated(state)[:, 0]
+        by = self.span * wide * (by[:, 0] + M @ seat - seat)
+        seat *= self.span * wide
+        rows = np.column_stack([inner - np.eye(len(inner)), basis.T @ by])
         null = np.linalg.svd(rows)[2][-1]
-        tangent = np.append(basis @ null[:-1], null[-1])
+        tangent = np.append(basis @ null[:-1] + null[-1] * seat, null[-1])
+        tangent /= np.linalg.norm(tangent)
         pieces, _ = self.run(state, value, self.period)
-        return _Orbit(state, value, tangent, np.linalg.eigvals(inner), pieces, rows, basis)
+        return _Orbit(state, value, tangent, np.linalg.eigvals(inner), pieces, rows, basis, seat)
 
     def step(self, base: _Orbit, ahead: float) -> _Orbit | None:
         """The fixed point so far along the tangent of another."""
@@ -281,10 +326,34 @@ def _sampled(pieces: list[Piece], t: float, names: tuple[str, ...]) -> list[floa
 # --- along a branch ------------------------------------------------------------------------------
 
 
-def _strikes(orbit: _Orbit) -> Counter[str]:
-    """Impacts of each joint, but for those whose chatter is ended: their last ones come and go."""
-    chatters = {i.joint for i in orbit.impacts if i.ends_chatter}
-    return Counter(i.joint for i in orbit.impacts if i.joint not in chatters)
+def _strikes(orbit: _Orbit) -> dict[str, list[float]]:
+    """Approach speeds of each joint's impacts [m/s], but for those of a chatter that is ended.
+
+    How many these are depends on where it is ended; they are the last ones that get slower.
+    """
+    found: dict[str, list[float]] = {}
+    chatters: dict[str, float] = {}
+    for impact in reversed(orbit.impacts):
+        before = chatters.get(impact.joint, math.inf)
+        if impact.ends_chatter or impact.approach_speed > before:
+            chatters[impact.joint] = impact.approach_speed
+        else:
+            chatters.pop(impact.joint, None)
+            found.setdefault(impact.joint, []).append(impact.approach_speed)
+    return found
+
+
+def _alike(a: _Orbit, b: _Orbit) -> bool:
+    """True if no impact has come or gone between neighbours.
+
+    One that comes at a grazing makes a multiplier large; a chatter may begin an impact earlier
+    without that.
+    """
+    counts = [Counter({joint: len(x) for joint, x in _strikes(o).items()}) for o in (a, b)]
+    if counts[0] == counts[1]:
+        return True
+    one, other = (np.sort(np.abs(o.multipliers)) for o in (a, b))
+    return one.shape == other.shape and bool((np.abs(one - other) <= _CLOSE * (1.0 + one)).all())
 
 
 def _trace(
@@ -296,15 +365,21 @@ def _trace(
     points: list[BranchPoint] = []
     events: list[BranchEvent] = []
     ahead, eased = _FIRST, 0
+    other: _Orbit | None = None  # beyond a grazing impact, from where it was seen last
     while len(points) < _MOST:
         base, new = orbits[-1], shooting.step(orbits[-1], ahead)
-        alike = new is not None and _strikes(new) == _strikes(base)
-        if new is None or not alike or float(new.tangent @ base.tangent) < _TURNED:
-            if ahead > _LEAST:
+        alike = new is not None and _alike(new, base)
+        steep = float(np.abs(base.multipliers).max(initial=0.0)) > _STEEP
+        turned = new is not None and float(new.tangent @ base.tangent) < _TURNED
+        if new is None or not alike or turned or steep:
+            other = other if new is None or alike else new
+            if ahead > _LEAST and not steep:
                 ahead, eased = 0.5 * ahead, 3
                 continue
-            events.append(_grazing(shooting, orbits) or BranchEvent('lost', base.value))
-            return points, events, (shooting, new) if new and not alike else None
+            event = _grazing(shooting, orbits)
+            events.append(event or BranchEvent('lost', base.value))
+            other = other or (shooting.beyond(base, event.value) if event else None)
+            return points, events, (shooting, other) if other else None
         if not low <= new.value <= high:
             limit = low if new.value < low else high
             end = shooting.solved(new.state, limit)
@@ -312,9 +387,11 @@ def _trace(
             break
         events += _between(shooting, base, new, ahead)
         points.append(shooting.point(new))
-        orbits = [*orbits[1 - _SEEN :], new]
+        orbits, other = [*orbits[1 - _SEEN :], new], None
         ahead, eased = (ahead, eased - 1) if eased else (min(1.4 * ahead, _LONGEST), 0)
         shooting, orbits = _recentred(shooting, orbits)
+    else:
+        events.append(BranchEvent('cut', orbits[-1].value))
     return points, events, None
 
 
@@ -376,12 +453,10 @@ def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
     joints = shooting.machine(values[-1]).physics.clearances
     found: list[tuple[float, float, str]] = []
     for joint in joints:
-        speeds = [
-            [i.approach_speed for i in o.impacts if i.joint == joint] for o in orbits[-_SEEN:]
-        ]
+        speeds = [_strikes(o).get(joint) for o in orbits[-_SEEN:]]
         margins = [[shooting.gap_left(o, joint) for o in orbits[-_SEEN:]]]
         if all(speeds):
-            margins.append([min(x) for x in speeds])
+            margins.append([min(x) for x in speeds if x])
         for m in map(np.array, margins):
             if np.isfinite(m).all() and (np.diff(m) < 0.0).all() and m[-1] < 0.5 * m[0]:
                 value = float(scipy.interpolate.BarycentricInterpolator(m, values)(0.0))
@@ -393,7 +468,7 @@ def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
 
 
 def branches(
-    found: Bifurcation, show: Callable[[str], None] | None = None
+    found: Bifurcation, workers: Workers | None = None, show: Show | None = None
 ) -> tuple[ResponseBranch, ...]:
     """Branches through all periodic responses that were found, within the range of the parameter.
 
@@ -402,16 +477,29 @@ def branches(
     ...                        transient=30, keep=8)
     >>> {branch.period for branch in ms.branches(found)}
     {2}
+
+    Parameters
+    ----------
+    workers : each period is followed by one of them; this process follows all if not given
+    show : called with the number of periods that are done
     """
+    bare = replace(found, machine=Machine(found.machine.name, found.machine.scene))
+    periods = dict.fromkeys(r.period for r in found.responses if r.period and r.state)
+    tasks = [Call(str(period), _followed, (bare, period)) for period in periods]
+    with workers or Workers(1) as makers:
+        rows = makers.do_all(tasks, show)
+    return tuple(branch for row in rows for branch in row['branches'])
+
+
+def _followed(found: Bifurcation, period: int) -> Row:
+    """Branches of one period."""
     made: list[ResponseBranch] = []
     for response in found.responses:
-        if not response.period or response.note or response.state is None:
+        if response.period != period or response.state is None:
             continue
         if any(_holds(branch, response.value, response.points) for branch in made):
             continue
-        if show:
-            show(f'period {response.period} at {found.scale * response.value:.6g} {found.unit}')
-        shooting = _Shooting(found, response.period)
+        shooting = _Shooting(found, period)
         shooting, state = shooting.centred(response.state, response.value)
         start = shooting.solved(state, response.value)
         left = [(shooting, start)] if start else []
@@ -423,7 +511,7 @@ def branches(
                 for other, orbit in beyond
                 if not any(_holds(b, orbit.value, other.point(orbit).points) for b in made)
             ]
-    return tuple(made)
+    return {'branches': made}
 
 
 def _branch(
@@ -448,7 +536,7 @@ def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
     tangent = np.append(x / by, start.tangent[-1])
     rows = np.column_stack([start.rows[:, :-1], start.rows[:, -1:] / by])
     tangent /= np.linalg.norm(tangent)
-    return shooting, start._replace(tangent=tangent, rows=rows)
+    return shooting, start._replace(tangent=tangent, rows=rows, seat=start.seat / by)
 
 
 def _holds(branch: ResponseBranch, value: float, section: Array) -> bool:

@@ -7,8 +7,9 @@ revolutions later, by Newton's method. Impacts are part of the map.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +24,7 @@ from mechanism_sim.engine.totals import Totals
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.planar.elastic import Beam
-from mechanism_sim.results.run import Runner
+from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine
 
 
@@ -103,13 +104,20 @@ class PoincareMap:
 
         Newton's method goes by way of states that nearly penetrate: those are not audited.
         """
-        run = self._run
-        run.restart(replace(state, turns=(0,) * len(state.turns)))
         struck = Totals()
-        for piece in Runner(self._machine, run, audited=audited).to(revolutions * self._period):
+        for piece in self.pieces(state, revolutions, audited):
             struck.add(piece.impacts, piece.modes)
-        end = run.state
-        return replace(end, time=state.time), struck.impacts, struck.normal_impulse
+        return self.state, struck.impacts, struck.normal_impulse
+
+    def pieces(self, state: State, turns: float, audited: bool = False) -> Iterator[Piece]:
+        """The motion from a state at the start angle on; then `state` is where it ends."""
+        self._run.restart(replace(state, turns=(0,) * len(state.turns)))
+        return Runner(self._machine, self._run, audited=audited).to(turns * self._period)
+
+    @property
+    def state(self) -> State:
+        """The present state, as one from which turns begin."""
+        return replace(self._run.state, time=Fraction(0))
 
     def growth(self, state: State, revolutions: int) -> tuple[Array, State]:
         """The matrix of `sensitivity` (2f, 2f), and the state later."""
@@ -121,7 +129,9 @@ class PoincareMap:
 
         At a fixed point, ``M`` is the monodromy matrix, whose eigenvalues are the Floquet
         multipliers, and the fixed point moves by ``solve(I - M, by)`` with the keys: where an
-        eigenvalue is 1 it folds.
+        eigenvalue is 1 it folds. Both are of the flow from a state as it stands, whose contacts
+        are stabilised; a map that brings the state into contact first moves by
+        ``by + M @ seated`` with the keys.
 
         Returns
         -------
@@ -134,9 +144,7 @@ class PoincareMap:
         RunError
             If there are none.
         """
-        self._run.restart(replace(state, turns=(0,) * len(state.turns)))
-        runner = Runner(self._machine, self._run, audited=False)
-        pieces = list(runner.to(revolutions * self._period))
+        pieces = list(self.pieces(state, revolutions))
         impacts = [i for piece in pieces for i in piece.impacts]
         motion = Motion.joined([piece.motion for piece in pieces])
         J, limits = self._flows.transition(motion, impacts)
@@ -147,8 +155,23 @@ class PoincareMap:
         flow = [motion.curve.local(last, motion.curve.duration[last], k)[0, free] for k in (1, 2)]
         J[:, 2 * f :] += np.outer(np.concatenate(flow), revolutions * self._longer)
         J /= self.scale[:, None]
-        end = replace(self._run.state, time=state.time)
-        return J[:, : 2 * f] * self.scale, J[:, 2 * f :], end
+        return J[:, : 2 * f] * self.scale, J[:, 2 * f :], self.state
+
+    def seated(self, state: State) -> Array:
+        """Derivatives (2f, P) of a state that is brought into contact, in that measure."""
+        found: Array = np.zeros((2 * len(state.q), len(self._keys)))
+        begin = replace(state, turns=(0,) * len(state.turns))
+        turns = self._turns / float(TWO_PI)
+        for k, key in enumerate(self._keys):
+            ends = []
+            for machine in key.beside:
+                run = machine.start(state=begin)
+                assert isinstance(run, EventLoop)  # noqa: S101 - it has a map
+                q = np.array(run.state.q) - np.array(state.q)
+                q -= float(TWO_PI) * np.round(turns * q / float(TWO_PI))
+                ends.append(np.concatenate([q, run.state.v]))
+            found[:, k] = WEIGHTS @ np.array(ends) / key.step / self.scale
+        return found
 
     @cached_property
     def _flows(self) -> Flows:

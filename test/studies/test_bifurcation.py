@@ -175,3 +175,23 @@ def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
     assert [bool(r.note) for r in found.responses] == [False, False, True, True]
     assert not found.coexisting
     assert (found.unit, found.scale) == ('rad/s', pytest.approx(1.0))
+
+
+def test_responses_are_followed_over_speeds_where_turns_are_few():
+    """A state moves with its machine: contacts of the neighbour do not strike at another speed."""
+    found = ms.bifurcation(
+        'four_bar_clearance', {'drive.speed': ('445 rpm', '447 rpm', 3)}, transient=12, keep=16,
+        longest=3,
+    )  # fmt: skip
+    up, down = ([r.period for r in found.responses if r.branch == x] for x in ('up', 'down'))
+    assert up[1:] == down[:-1] == [2, 2]
+
+
+def test_a_direction_of_many_values_shares_its_turns():
+    """Values of a dense diagram begin near to where they settle; what is asked for stays."""
+    turns = []
+    for count, asked in ((3, {}), (3, {'keep': 20}), (800, {}), (800, {'transient': 30})):
+        plan, _, _ = study.section(ms.load_scene(ball(2.5)), (), None, asked)
+        shared = study.paced(plan, count, asked)
+        turns.append((shared.transient, shared.keep))
+    assert turns == [(60, 60), (60, 20), (8, 16), (30, 16)]
