@@ -427,8 +427,8 @@ class _Walk:
                     now[: f + w] = np.nan
                     break
                 now[: f + w], now[f + w :] = self._state, self._approach
-        for i in _within(bounds[bounds <= done]):
-            states[i] = across[i - 1] @ states[i - 1] + ahead[i - 1]
+        for inner in _within(bounds[bounds <= done]):
+            states[inner] = across[inner - 1] @ states[inner - 1] + ahead[inner - 1]
         self._state, self._approach = states[done, : f + w], states[done, f + w :]
         self._strike(first, blows, ends, states[:done])
         if not alive:
@@ -505,8 +505,8 @@ class _Walk:
         alone, found = of.jumps.blows(before, after, x, impacts, len(states))
         alone &= ~switched
         every = np.concatenate([found.free, found.impacts[0]], axis=1)
-        at = np.array([which, numbers], dtype=np.intp)[:, alone]
-        return _Blows(*at, found.shift[alone], every[alone])
+        segments, own_impacts = np.array([which, numbers], dtype=np.intp)[:, alone]
+        return _Blows(segments, own_impacts, found.shift[alone], every[alone])
 
     def _strike(self, first: int, blows: _Blows, ends: Array, states: Array) -> None:
         """Note the single impacts at the ends of some segments that begin with `states`.
@@ -515,17 +515,16 @@ class _Walk:
         ----------
         ends : (E, 2f + s + a, 2f + s + a + P) from the starts of their segments to their ends
         """
-        known = blows.segment < len(states)
-        blows, W = _Blows(*(x[known] for x in blows)), ends.shape[1]
-        x = _product(ends[known, :, :W], states[blows.segment]) + ends[known, :, W:]
-        k = self._next[first + blows.segment]
-        shift, log = blows.shift[:, None], blows.every[:, len(self._state) :]
+        known, W = blows.segment < len(states), ends.shape[1]
+        segment, impact = blows.segment[known], blows.impact[known]
+        x = _product(ends[known, :, :W], states[segment]) + ends[known, :, W:]
+        shift, log = blows.shift[known, None], blows.every[known, len(self._state) :]
         dt = _product(shift[..., :W], x) + shift[..., W:]
         logged = _product(log[..., :W], x) + log[..., W : W + 1] * dt + log[..., W + 1 :]
-        self._shift[k], self._moved[k], self._logged[blows.impact] = dt[:, 0], True, logged
-        for i, segment in zip(blows.impact.tolist(), k.tolist(), strict=True):
-            if self._impacts[i].ends_chatter:
-                self._note_chatter(segment, [self._impacts[i]])
+        k = self._next[first + segment]
+        self._shift[k], self._moved[k], self._logged[impact] = dt[:, 0], True, logged
+        for i, at in zip(impact.tolist(), k.tolist(), strict=True):
+            self._note_chatter(at, [self._impacts[i]])
 
     def _note_chatter(self, k: int, impacts: Sequence[Impact]) -> None:
         t = float(self._motion.curve.start[k])
