@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
+from mechanism_sim.derivatives.collocation import COUNT, Steps, powers, rule, solve
 from mechanism_sim.derivatives.influences import (
     NUMBERS,
     Influence,
@@ -38,6 +39,12 @@ from mechanism_sim.scene import Machine
 
 _MEMORY = 2e6  # numbers in the equations that are solved at once
 _MOST = 1024  # segments
+_PARTS = [
+    0.0,
+    *(0.5 * 4.0**-k for k in range(6, -1, -1)),
+    *(1.0 - 0.5 * 4.0**-k for k in range(1, 7)),
+    1.0,
+]
 _GROUP = 16  # segments that are joined before states go across them
 _SHORT = 1e-8  # of usual segments: of one in which nothing can happen
 
@@ -269,13 +276,20 @@ def _within(bounds: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
         yield bounds[:-1][np.diff(bounds) > r] + r
 
 
-def _grouped(across: Array, ahead: Array, bounds: NDArray[np.intp]) -> Array:
-    """Maps (G, W, W + P) across groups of segments, by those across each."""
-    found = np.concatenate([across, ahead], axis=2)[bounds[:-1]]
+def _after(turns: Array, before: Array) -> Array:
+    """Maps (N, W, W + P) across one thing after another."""
+    W = turns.shape[1]
+    found = np.asarray(turns[..., :W] @ before)
+    found[..., W:] += turns[..., W:]
+    return found
+
+
+def _grouped(turns: Array, bounds: NDArray[np.intp]) -> Array:
+    """Maps across groups of segments, by those across each."""
+    found = turns[bounds[:-1]]
     for k in _within(bounds):
         which = np.searchsorted(bounds, k, side='right') - 1
-        found[which] = across[k] @ found[which]
-        found[which, :, across.shape[1] :] += ahead[k]
+        found[which] = _after(turns[k], found[which])
     return found
 
 
@@ -380,70 +394,113 @@ class _Walk:
         k, f, system = np.arange(first, last), len(self._of.free), self._of.system
         places, curve, P = rule().nodes, self._motion.curve, self._of.count
         at = of.equations.points(motion, k, places)
-        slopes = of.equations.slopes(at)
-        self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
+        self._given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
         begun = curve.start[k] + curve.start_low[k]
         self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
         if not first and any(of.influence.begun):
             self._begin()
         h = curve.duration[k, None]
         self._ends = [[_derivative(x, h, order) for order in range(3)] for x in self._laws]
-        count, w = len(k), of.width
-        own_ = slopes.parameters.reshape(w, given.shape[1], count, COUNT).transpose(2, 3, 0, 1)
-        forced = _product(own_, given)
-        for column, x in slopes.built_in.items():
-            forced[..., column] += x.reshape(w, count, COUNT).transpose(1, 2, 0)
-        dt = np.outer(curve.duration[k], places.fractions)
-        for j, (i, law) in enumerate(zip(system.prescribed_index, self._laws, strict=True)):
-            for order, slope in enumerate((slopes.q[:, i], slopes.v[:, i], slopes.a_p[:, j])):
-                moved = _derivative(law[:, None], dt[:, :, None], order)
-                wide = slope.reshape(w, count, COUNT, 1).transpose(1, 2, 0, 3)
-                forced += wide * moved[:, :, None]
-        touches = [of.equations.chosen.index(i) for i in system.parameters.approach]
-        columns = np.concatenate([own_[..., touches], forced], axis=3)
-        steps = solve(slopes, of.free, curve.duration[k], columns)
+        steps = self._steps(k - first, at, np.zeros(len(k)), curve.duration[k])
+        # from the start of each segment to that of the next, approaches being parts of the state
+        turns = self._across(steps)
+        self._refine(turns, k)
+        count, w, W = len(k), f + of.width, turns.shape[1]
         events = self._events(first, last)
         blows = self._blows(first, events)
-        # from the start of each segment to that of the next, approaches being parts of the state
-        W = f + w + len(touches)
-        turns = np.zeros((count, W, W + P))
-        turns[:, : f + w] = steps.end
-        turns[:, range(f + w, W), range(f + w, W)] = 1.0
         ends = turns[blows.segment]
-        turns[blows.segment, : f + w] = _composed(blows, ends)[:, : f + w]
-        across, ahead = np.ascontiguousarray(turns[..., :W]), np.ascontiguousarray(turns[..., W:])
+        turns[blows.segment, :w] = _composed(blows, ends)[:, :w]
         states, alive, done = np.empty((count + 1, W, P)), True, count
-        states[0, : f + w], states[0, f + w :] = self._state, self._approach
+        states[0, :w], states[0, w:] = self._state, self._approach
         jumps = events.number.keys() - {*blows.segment.tolist()}
         bounds = np.array(sorted({*range(0, count, _GROUP), *(j + 1 for j in jumps), count}))
-        turns = _grouped(across, ahead, bounds)
-        for start, end, turn in zip(bounds[:-1], bounds[1:], turns, strict=True):
+        grouped = _grouped(turns, bounds)
+        for start, end, turn in zip(bounds[:-1], bounds[1:], grouped, strict=True):
             j, now = int(end) - 1, states[end]
             now[:] = turn[:, :W] @ states[start] + turn[:, W:]
             if j in jumps:
-                self._state, self._approach = now[: f + w], now[f + w :]
+                self._state, self._approach = now[:w], now[w:]
                 if not self._jump(first + j, j, *events.at([j])):
                     alive, done = False, j + 1
-                    now[: f + w] = np.nan
+                    now[:w] = np.nan
                     break
-                now[: f + w], now[f + w :] = self._state, self._approach
+                now[:w], now[w:] = self._state, self._approach
         for inner in _within(bounds[bounds <= done]):
-            states[inner] = across[inner - 1] @ states[inner - 1] + ahead[inner - 1]
-        self._state, self._approach = states[done, : f + w], states[done, f + w :]
+            turn = turns[inner - 1]
+            states[inner] = turn[..., :W] @ states[inner - 1] + turn[..., W:]
+        self._state, self._approach = states[done, :w], states[done, w:]
         self._strike(first, blows, ends, states[:done])
         if not alive:
             self._shift[first + done :] = np.nan
-        self._approaches[first : first + done] = states[:done, f + w :]
+        self._approaches[first : first + done] = states[:done, w:]
         rates = _product(steps.rates[:done, ..., :W], states[:done])
         rates += steps.rates[:done, ..., W:]
         kept = slice(first, first + done)
-        q, others = powers(states[:done, : f + w], rates, curve.duration[kept], f)
+        q, others = powers(states[:done, :w], rates, curve.duration[kept], f)
         self._coefficients[kept] = 0.0
         self._coefficients[kept, of.free, : q.shape[2]] = q
         self._states[kept] = others
         for i, law in zip(system.prescribed_index, self._laws, strict=True):
             self._coefficients[kept, i, : law.shape[1]] = law[:done]
         return alive
+
+    def _steps(self, which: NDArray[np.intp], at: Points, since: Array, h: Array) -> Steps:
+        """Variations in segments of the chunk, or parts of them.
+
+        Parameters
+        ----------
+        which : (N,) their numbers
+        at : points at the nodes of each
+        since, h : (N,) [s] from the starts of the segments, and durations
+        """
+        of, slopes, given = self._of, self._of.equations.slopes(at), self._given[which]
+        count, w = len(which), of.width
+
+        def by_node(x: Array) -> Array:
+            """(N, K, f + s, columns)."""
+            return x.reshape(w, -1, count, COUNT).transpose(2, 3, 0, 1)
+
+        own_ = by_node(slopes.parameters)
+        forced = _product(own_, given)
+        for column, x in slopes.built_in.items():
+            forced[..., column] += by_node(x)[..., 0]
+        dt = since[:, None] + np.outer(h, rule().nodes.fractions)
+        for j, (i, law) in enumerate(zip(of.system.prescribed_index, self._laws, strict=True)):
+            for order, slope in enumerate((slopes.q[:, i], slopes.v[:, i], slopes.a_p[:, j])):
+                moved = _derivative(law[which, None], dt[:, :, None], order)
+                forced += by_node(slope) * moved[:, :, None]
+        touches = [of.equations.chosen.index(i) for i in of.system.parameters.approach]
+        columns = np.concatenate([own_[..., touches], forced], axis=3)
+        return solve(slopes, of.free, h, columns)
+
+    def _across(self, steps: Steps) -> Array:
+        """Maps (N, W, W + P) of states with their approaches, which stay, across steps."""
+        count, w, C = steps.end.shape
+        W = C - self._of.count
+        found = np.zeros((count, W, C))
+        found[:, :w] = steps.end
+        found[:, range(w, W), range(w, W)] = 1.0
+        return found
+
+    def _refine(self, turns: Array, k: NDArray[np.intp]) -> None:
+        """Take segments beside ends of touches in parts that are as long as these are far.
+
+        There the force is a broken power of a depth that is zero, which no polynomial follows.
+        """
+        of, motion = self._of, self._motion
+        closed = motion.modes > Mode.FREE_FLIGHT
+        changed = np.pad((closed[1:] != closed[:-1]).any(axis=1), 1)
+        which = np.flatnonzero((closed.any(axis=1) & (changed[1:] | changed[:-1]))[k])
+        if not of.system.compliant or not len(which):
+            return
+        whole, found = motion.curve.duration[k[which]], turns[which][:0]
+        for begin, end in pairwise(_PARTS):
+            since, h = begin * whole, (end - begin) * whole
+            dt = since[:, None] + np.outer(h, rule().nodes.fractions)
+            at = of.equations.points(motion, np.repeat(k[which], COUNT), dt.ravel())
+            part = self._across(self._steps(which, at, since, h))
+            found = _after(part, found) if len(found) else part
+        turns[which] = found
 
     # --- events -------------------------------------------------------------------------------
 
