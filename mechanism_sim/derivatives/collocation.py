@@ -113,8 +113,9 @@ def powers(start: Array, rates: Array, h: Array, f: int) -> tuple[Array, Array]:
     -------
     (N, f, K + 2, P) and (N, s, K + 1, P)
     """
-    found = np.einsum('kj,nkip->nijp', rule().powers, rates)
-    found /= h[:, None, None, None] ** np.arange(COUNT)[:, None]
+    count, K, w, P = rates.shape
+    found = (rule().powers.T @ rates.reshape(count, K, w * P)).reshape(count, K, w, P)
+    found = np.moveaxis(found, 1, 2) / h[:, None, None, None] ** np.arange(COUNT)[:, None]
     j = np.arange(1.0, COUNT + 1.0)[:, None]
     q = np.concatenate(
         [start[:, :f, None], start[:, f : 2 * f, None], found[:, :f] / (j * (j + 1.0))], axis=2

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.derivatives.collocation import COUNT, powers, rule, solve
+from mechanism_sim.derivatives.collocation import COUNT, Steps, powers, rule, solve
 from mechanism_sim.derivatives.influences import (
     NUMBERS,
     Influence,
@@ -38,6 +39,13 @@ from mechanism_sim.scene import Machine
 
 _MEMORY = 2e6  # numbers in the equations that are solved at once
 _MOST = 1024  # segments
+_PARTS = [
+    0.0,
+    *(0.5 * 4.0**-k for k in range(6, -1, -1)),
+    *(1.0 - 0.5 * 4.0**-k for k in range(1, 7)),
+    1.0,
+]
+_GROUP = 16  # segments that are joined before states go across them
 _SHORT = 1e-8  # of usual segments: of one in which nothing can happen
 
 CHATTER = (
@@ -228,12 +236,13 @@ class _Events(NamedTuple):
         return [side.some([self.number[j] for j in segments]) for side in self.sides]
 
 
-class _Blow(NamedTuple):
-    """Derivatives across an impact by the state before and approaches, then what P keys add."""
+class _Blows(NamedTuple):
+    """E single impacts in a chunk: maps of any state before, with its approaches, and keys."""
 
-    impact: int  #: its number
-    shift: Array  #: (2f + s + a + P,) of its instant
-    every: Array  #: (2f + s + len(NUMBERS), 2f + s + a + 1 + P) of state, log; the shift between
+    segment: NDArray[np.intp]  #: (E,) of the chunk at whose ends they happen
+    impact: NDArray[np.intp]  #: (E,) their numbers
+    shift: Array  #: (E, 2f + s + a + P) of their instants
+    every: Array  #: (E, 2f + s + len(NUMBERS), 2f + s + a + 1 + P) of state, log; shift between
 
 
 def _moves(rows: Array) -> NDArray[np.bool_]:
@@ -253,6 +262,45 @@ def _derivative(powers: Array, x: Any, order: int) -> Array:
     for j in range(powers.shape[-2] - 1, order - 1, -1):
         value = value * x + math.perm(j, order) * powers[..., j, :]
     return np.asarray(value)
+
+
+def _product(A: Array, x: Array) -> Array:
+    """Of N arrays (..., n) with N matrices (n, P)."""
+    wide = np.reshape(A, (len(A), math.prod(A.shape[1:-1]), A.shape[-1]))
+    return np.asarray(wide @ x).reshape(*A.shape[:-1], x.shape[-1])
+
+
+def _within(bounds: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
+    """The second numbers of all groups between bounds, the third, and so on."""
+    for r in range(1, int(np.diff(bounds).max(initial=1))):
+        yield bounds[:-1][np.diff(bounds) > r] + r
+
+
+def _after(turns: Array, before: Array) -> Array:
+    """Maps (N, W, W + P) across one thing after another."""
+    W = turns.shape[1]
+    found = np.asarray(turns[..., :W] @ before)
+    found[..., W:] += turns[..., W:]
+    return found
+
+
+def _grouped(turns: Array, bounds: NDArray[np.intp]) -> Array:
+    """Maps across groups of segments, by those across each."""
+    found = turns[bounds[:-1]]
+    for k in _within(bounds):
+        which = np.searchsorted(bounds, k, side='right') - 1
+        found[which] = _after(turns[k], found[which])
+    return found
+
+
+def _composed(blows: _Blows, ends: Array) -> Array:
+    """Maps across impacts after those (E, W, W + P) to the ends of the segments before them."""
+    W = ends.shape[1]
+    shift = blows.shift[:, None, :W] @ ends
+    shift[..., W:] += blows.shift[:, None, W:]
+    found = blows.every[..., :W] @ ends + blows.every[..., W : W + 1] * shift
+    found[..., W:] += blows.every[..., W + 1 :]
+    return np.asarray(found)
 
 
 class _Walk:
@@ -315,7 +363,8 @@ class _Walk:
         )  # fmt: skip
         for x in found:
             x[..., [p for p, limit in self._begun.items() if limit.ends]] = np.nan
-        return Flow(*found, tuple(self._limits), self._begun)
+        limits = sorted(self._limits, key=lambda limit: limit.t)
+        return Flow(*found, tuple(limits), self._begun)
 
     def _begin(self) -> None:
         """Derivatives at the start where keys change contacts or switches there."""
@@ -345,57 +394,113 @@ class _Walk:
         k, f, system = np.arange(first, last), len(self._of.free), self._of.system
         places, curve, P = rule().nodes, self._motion.curve, self._of.count
         at = of.equations.points(motion, k, places)
-        slopes = of.equations.slopes(at)
-        self._given = given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
+        self._given = of.parameters(motion, Points(*(x[:, ::COUNT] for x in at)), k)
         begun = curve.start[k] + curve.start_low[k]
         self._laws = [of.prescribed(begun, j) for j in range(len(system.prescribed))]
         if not first and any(of.influence.begun):
             self._begin()
         h = curve.duration[k, None]
         self._ends = [[_derivative(x, h, order) for order in range(3)] for x in self._laws]
-        count, w = len(k), of.width
-        own_ = slopes.parameters.reshape(w, given.shape[1], count, COUNT)
-        forced = np.einsum('wcnk,ncp->wnkp', own_, given)
-        for column, x in slopes.built_in.items():
-            forced[..., column] += x.reshape(w, count, COUNT)
-        dt = np.outer(curve.duration[k], places.fractions)
-        for j, (i, law) in enumerate(zip(system.prescribed_index, self._laws, strict=True)):
-            for order, slope in enumerate((slopes.q[:, i], slopes.v[:, i], slopes.a_p[:, j])):
-                moved = _derivative(law[:, None], dt[:, :, None], order)
-                forced += slope.reshape(w, count, COUNT, 1) * moved
-        touches = [of.equations.chosen.index(i) for i in system.parameters.approach]
-        touched = slopes.parameters[:, touches].swapaxes(1, 2).reshape(w, count, COUNT, -1)
-        columns = np.moveaxis(np.concatenate([touched, forced], axis=3), 0, 2)
-        steps = solve(slopes, of.free, curve.duration[k], columns)
+        steps = self._steps(k - first, at, np.zeros(len(k)), curve.duration[k])
+        # from the start of each segment to that of the next, approaches being parts of the state
+        turns = self._across(steps)
+        self._refine(turns, k)
+        count, w, W = len(k), f + of.width, turns.shape[1]
         events = self._events(first, last)
         blows = self._blows(first, events)
-        extended = np.empty((count, f + w + len(touches), P))
-        starts, W = extended[:, : f + w], extended.shape[1]
-        alive, done, extended[:, f + w :] = True, count, self._approach
-        across, ahead = np.ascontiguousarray(steps.end[..., :W]), steps.end[..., W:]
-        for j in range(count):
-            starts[j] = self._state
-            self._state = across[j] @ extended[j] + ahead[j]
-            if j in blows:
-                self._strike(first + j, blows[j])
-            elif j in events.number:
+        ends = turns[blows.segment]
+        turns[blows.segment, :w] = _composed(blows, ends)[:, :w]
+        states, alive, done = np.empty((count + 1, W, P)), True, count
+        states[0, :w], states[0, w:] = self._state, self._approach
+        jumps = events.number.keys() - {*blows.segment.tolist()}
+        bounds = np.array(sorted({*range(0, count, _GROUP), *(j + 1 for j in jumps), count}))
+        grouped = _grouped(turns, bounds)
+        for start, end, turn in zip(bounds[:-1], bounds[1:], grouped, strict=True):
+            j, now = int(end) - 1, states[end]
+            now[:] = turn[:, :W] @ states[start] + turn[:, W:]
+            if j in jumps:
+                self._state, self._approach = now[:w], now[w:]
                 if not self._jump(first + j, j, *events.at([j])):
                     alive, done = False, j + 1
-                    self._state = np.full_like(self._state, np.nan)
-                    self._shift[first + j + 1 :] = np.nan
+                    now[:w] = np.nan
                     break
-                extended[j + 1 :, f + w :] = self._approach
-        self._approaches[first : first + done] = extended[:done, f + w :]
-        rates = np.einsum('nkiw,nwp->nkip', steps.rates[:done, ..., :W], extended[:done])
+                now[:w], now[w:] = self._state, self._approach
+        for inner in _within(bounds[bounds <= done]):
+            turn = turns[inner - 1]
+            states[inner] = turn[..., :W] @ states[inner - 1] + turn[..., W:]
+        self._state, self._approach = states[done, :w], states[done, w:]
+        self._strike(first, blows, ends, states[:done])
+        if not alive:
+            self._shift[first + done :] = np.nan
+        self._approaches[first : first + done] = states[:done, w:]
+        rates = _product(steps.rates[:done, ..., :W], states[:done])
         rates += steps.rates[:done, ..., W:]
         kept = slice(first, first + done)
-        q, states = powers(starts[:done], rates, curve.duration[kept], f)
+        q, others = powers(states[:done, :w], rates, curve.duration[kept], f)
         self._coefficients[kept] = 0.0
         self._coefficients[kept, of.free, : q.shape[2]] = q
-        self._states[kept] = states
+        self._states[kept] = others
         for i, law in zip(system.prescribed_index, self._laws, strict=True):
             self._coefficients[kept, i, : law.shape[1]] = law[:done]
         return alive
+
+    def _steps(self, which: NDArray[np.intp], at: Points, since: Array, h: Array) -> Steps:
+        """Variations in segments of the chunk, or parts of them.
+
+        Parameters
+        ----------
+        which : (N,) their numbers
+        at : points at the nodes of each
+        since, h : (N,) [s] from the starts of the segments, and durations
+        """
+        of, slopes, given = self._of, self._of.equations.slopes(at), self._given[which]
+        count, w = len(which), of.width
+
+        def by_node(x: Array) -> Array:
+            """(N, K, f + s, columns)."""
+            return x.reshape(w, -1, count, COUNT).transpose(2, 3, 0, 1)
+
+        own_ = by_node(slopes.parameters)
+        forced = _product(own_, given)
+        for column, x in slopes.built_in.items():
+            forced[..., column] += by_node(x)[..., 0]
+        dt = since[:, None] + np.outer(h, rule().nodes.fractions)
+        for j, (i, law) in enumerate(zip(of.system.prescribed_index, self._laws, strict=True)):
+            for order, slope in enumerate((slopes.q[:, i], slopes.v[:, i], slopes.a_p[:, j])):
+                moved = _derivative(law[which, None], dt[:, :, None], order)
+                forced += by_node(slope) * moved[:, :, None]
+        touches = [of.equations.chosen.index(i) for i in of.system.parameters.approach]
+        columns = np.concatenate([own_[..., touches], forced], axis=3)
+        return solve(slopes, of.free, h, columns)
+
+    def _across(self, steps: Steps) -> Array:
+        """Maps (N, W, W + P) of states with their approaches, which stay, across steps."""
+        count, w, C = steps.end.shape
+        W = C - self._of.count
+        found = np.zeros((count, W, C))
+        found[:, :w] = steps.end
+        found[:, range(w, W), range(w, W)] = 1.0
+        return found
+
+    def _refine(self, turns: Array, k: NDArray[np.intp]) -> None:
+        """Take segments beside ends of touches in parts that are as long as these are far.
+
+        There the force is a broken power of a depth that is zero, which no polynomial follows.
+        """
+        of, motion = self._of, self._motion
+        closed = motion.modes > Mode.FREE_FLIGHT
+        changed = np.pad((closed[1:] != closed[:-1]).any(axis=1), 1)
+        which = np.flatnonzero((closed.any(axis=1) & (changed[1:] | changed[:-1]))[k])
+        if not of.system.compliant or not len(which):
+            return
+        whole, found = motion.curve.duration[k[which]], turns[which][:0]
+        for begin, end in pairwise(_PARTS):
+            since, h = begin * whole, (end - begin) * whole
+            dt = since[:, None] + np.outer(h, rule().nodes.fractions)
+            at = of.equations.points(motion, np.repeat(k[which], COUNT), dt.ravel())
+            part = self._across(self._steps(which, at, since, h))
+            found = _after(part, found) if len(found) else part
+        turns[which] = found
 
     # --- events -------------------------------------------------------------------------------
 
@@ -406,11 +511,16 @@ class _Walk:
         if not len(k):
             return _Events({}, ())
         after = self._next[k]
-        old, new = (
-            of.equations.points(motion, x, np.zeros(len(k))).parameters for x in (k, after)
-        )
-        kept = np.isin(np.arange(len(old)), of.system.parameters.stabilisation, invert=True)
-        changed = (old != new)[kept].any(axis=0)
+        if of.system.switches:
+            old, new = (
+                of.equations.points(motion, x, np.zeros(len(k))).parameters for x in (k, after)
+            )
+            kept = np.isin(np.arange(len(old)), of.system.parameters.stabilisation, invert=True)
+            changed = (old != new)[kept].any(axis=0)
+        else:
+            changed = np.zeros(len(k), dtype=bool)
+            for x in (motion.modes, motion.approach, motion.acting):
+                changed |= (x[k] != x[after]).any(axis=1) if x.size else False
         for table in of.laws:
             changed |= _law_at(table, curve.start[after]) != _law_at(table, curve.start[k])
         changed |= np.isin(k + 1, [*self._struck])
@@ -433,36 +543,45 @@ class _Walk:
         a[of.free], a[of.system.prescribed_index] = rates[: len(of.free)], at.a_p
         return Side(at, rates, a)
 
-    def _blows(self, first: int, events: _Events) -> dict[int, _Blow]:
-        """Single impacts among the events of the chunk: what they do to any state before."""
+    def _blows(self, first: int, events: _Events) -> _Blows:
+        """Single impacts among the events of the chunk."""
         of, w = self._of, len(self._state)
         struck = {j: self._struck.get(int(self._next[first + j]), []) for j in events.number}
         which = [j for j, own in struck.items() if len(own) == 1]
+        C = of.count + w + len(self._approach)
         if not which:
-            return {}
+            none = np.zeros(0, dtype=np.intp)
+            return _Blows(none, none, np.zeros((0, C)), np.zeros((0, w + len(NUMBERS), C + 1)))
         before, after = events.at(which)
         own_ = [i for symbols in of.system.parameters.switches for i in symbols]
         switched = (before.at.parameters[own_] != after.at.parameters[own_]).any(axis=0)
-        states = np.eye(w + len(self._approach), of.count + w + len(self._approach))
+        states = np.eye(C - of.count, C)
         x = self._variation(which, self._ends, states)
-        impacts = [self._impacts[struck[j][0]] for j in which]
+        numbers = [struck[j][0] for j in which]
+        impacts = [self._impacts[i] for i in numbers]
         alone, found = of.jumps.blows(before, after, x, impacts, len(states))
         alone &= ~switched
         every = np.concatenate([found.free, found.impacts[0]], axis=1)
-        return {
-            j: _Blow(struck[j][0], found.shift[i], every[i])
-            for i, j in enumerate(which) if alone[i]
-        }  # fmt: skip
+        segments, own_impacts = np.array([which, numbers], dtype=np.intp)[:, alone]
+        return _Blows(segments, own_impacts, found.shift[alone], every[alone])
 
-    def _strike(self, old: int, blow: _Blow) -> None:
-        """Take derivatives across a single impact after segment `old`."""
-        k, x = int(self._next[old]), np.concatenate([self._state, self._approach])
-        W, w = len(x), len(self._state)
-        dt = blow.shift[:W] @ x + blow.shift[W:]
-        found = blow.every[:, :W] @ x + np.outer(blow.every[:, W], dt) + blow.every[:, W + 1 :]
-        self._state, self._shift[k], self._logged[blow.impact] = found[:w], dt, found[w:]
-        self._moved[k] = True
-        self._note_chatter(k, [self._impacts[blow.impact]])
+    def _strike(self, first: int, blows: _Blows, ends: Array, states: Array) -> None:
+        """Note the single impacts at the ends of some segments that begin with `states`.
+
+        Parameters
+        ----------
+        ends : (E, 2f + s + a, 2f + s + a + P) from the starts of their segments to their ends
+        """
+        known, W = blows.segment < len(states), ends.shape[1]
+        segment, impact = blows.segment[known], blows.impact[known]
+        x = _product(ends[known, :, :W], states[segment]) + ends[known, :, W:]
+        shift, log = blows.shift[known, None], blows.every[known, len(self._state) :]
+        dt = _product(shift[..., :W], x) + shift[..., W:]
+        logged = _product(log[..., :W], x) + log[..., W : W + 1] * dt + log[..., W + 1 :]
+        k = self._next[first + segment]
+        self._shift[k], self._moved[k], self._logged[impact] = dt[:, 0], True, logged
+        for i, at in zip(impact.tolist(), k.tolist(), strict=True):
+            self._note_chatter(at, [self._impacts[i]])
 
     def _note_chatter(self, k: int, impacts: Sequence[Impact]) -> None:
         t = float(self._motion.curve.start[k])

@@ -2,7 +2,7 @@
 
 What a key does on its way to the machine (units, assembly, seats of pins, laws) is ordinary Python
 that ends in a few numbers: runtime parameters, the state at the start, laws, coefficients of
-impacts. Their derivatives are differences of fourth order of machines that are built anew, with
+impacts. Their derivatives are differences of third order of machines that are built anew, with
 errors near 1e-12 of them: there is no motion between, which could make more of a rounding.
 """
 
@@ -19,12 +19,14 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.scene import Machine, load_scene
+from mechanism_sim.scene.build import build
+from mechanism_sim.scene.files import check_scene, content_of
 
-OFFSETS = (1.0, -1.0, 2.0, -2.0)
-WEIGHTS = (2.0 / 3.0, -2.0 / 3.0, -1.0 / 12.0, 1.0 / 12.0)
-"""Of the values at multiples of a step, over the step: the derivative but for its fourth power."""
+OFFSETS = (1.0, -1.0, 2.0, 0.0)  # the last is that of the machine itself
+WEIGHTS = (1.0, -1.0 / 3.0, -1.0 / 6.0, -0.5)
+"""Of the values at multiples of a step, over the step: the derivative but for its third power."""
 
-_STEP = 5e-4  # of the value: the fourth power and the rounding over it are alike
+_STEP = 2e-4  # of the value: the third power and the rounding over it are alike
 _SMALLER = 3.0
 _TRIED = 6
 _SILENT = {
@@ -43,6 +45,7 @@ class NumericKey:
     value : in SI units
     unit : in which the scene keeps it, if that is not clear from the key
     step : [SI] of the differences
+    given : whether the scene itself gives it, not only how it starts
     """
 
     machine: Machine
@@ -50,17 +53,30 @@ class NumericKey:
     value: float
     unit: str
     step: float
+    given: bool
 
     def at(self, value: float) -> Machine:
         """The machine with another value."""
+        return load_scene(self.machine, self._changed(value))
+
+    def _changed(self, value: float) -> dict[str, Any]:
         value = float(value)  # not as NumPy writes it
-        text = f'{value!r} {self.unit}' if self.unit else value
-        return load_scene(self.machine, {self.path: text})
+        return {self.path: f'{value!r} {self.unit}' if self.unit else value}
 
     @cached_property
     def beside(self) -> list[Machine]:
-        """Machines with the values at `OFFSETS`, which can all begin."""
-        found = [self.at(self.value + x * self.step) for x in OFFSETS]
+        """Machines with the values at `OFFSETS`, which can all begin.
+
+        The farthest is checked as any scene: what it fulfils, those between fulfil as well.
+        """
+        content, name, found = content_of(self.machine.scene).data, self.machine.name, []
+        for offset in OFFSETS:
+            if not offset and self.given:
+                found.append(self.machine)
+                continue
+            value = self.value + offset * self.step
+            scene = check_scene(name, content, self._changed(value))
+            found.append(build(name, scene) if offset == max(OFFSETS) else Machine(name, scene))
         if self.machine.level.dynamic:
             for machine in found:
                 machine.initial_state()
@@ -74,13 +90,12 @@ def numeric_keys(machine: Machine, paths: Sequence[str]) -> list[NumericKey]:
     leaves = dict(_leaves(machine.scene.to_document(exclude=_SILENT)))
     found = []
     for path in dict.fromkeys(paths):
-        value, unit = (
-            _quantity(leaves[path]) if path in leaves else _at_start(machine, path, leaves)
-        )
+        given = path in leaves
+        value, unit = _quantity(leaves[path]) if given else _at_start(machine, path, leaves)
         if not _is_number(value) or isinstance(value, int):
             kind = 'a whole number' if isinstance(value, int) else 'no number'
             raise InputError(f"{machine.name}: '{path}' is {kind}, without a derivative")
-        found.append(_stepped(machine, path, value, unit))
+        found.append(_stepped(machine, path, value, unit, given))
     return found
 
 
@@ -129,11 +144,11 @@ def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[f
     )
 
 
-def _stepped(machine: Machine, path: str, value: float, unit: str) -> NumericKey:
+def _stepped(machine: Machine, path: str, value: float, unit: str, given: bool) -> NumericKey:
     """The key with a step at which the scene can be read on both sides."""
     step = _STEP * (abs(value) or 1.0)
     for _ in range(_TRIED):
-        key = NumericKey(machine, path, value, unit, step)
+        key = NumericKey(machine, path, value, unit, step, given)
         try:
             assert key.beside  # noqa: S101 - they can be built
         except InputError as error:
@@ -152,12 +167,12 @@ def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) 
     Parameters
     ----------
     take : the numbers (n,), as many of each machine
-    base : those of the machine itself, for errors
+    base : those of the machine itself
     """
     found = np.zeros_like(base)
-    for weight, machine in zip(WEIGHTS, key.beside, strict=True):
+    for weight, machine in zip(WEIGHTS[::-1], key.beside[::-1], strict=True):
         try:
-            values = take(machine)
+            values = take(machine) if machine is not key.machine else base
         except RunError as error:
             raise InputError(
                 f"{key.machine.name}: no derivative by '{key.path}': {error}"
@@ -167,5 +182,7 @@ def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) 
                 f"{key.machine.name}: '{key.path}' changes the structure of the machine: no "
                 'derivative'
             )
+        if machine is key.beside[-1]:
+            base = values  # what does not depend on the key is exactly alike in all of them
         found += (weight / key.step) * (values - base)
     return found

@@ -31,7 +31,7 @@ _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
 _SETTLED = 1e-10
 _SHORTEST = 1e-3  # of the turn that is begun with, of one that repeats itself
-_STEP = 5e-4  # of differences of fourth order of positions, over the size of coordinates
+_STEP = 2e-4  # of differences of third order of positions, over the size of coordinates
 _FADED = 1e-7  # multipliers below it are rounding
 
 

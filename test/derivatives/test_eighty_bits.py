@@ -35,7 +35,7 @@ CASES: dict[str, tuple[str, dict[str, Any], float, int, list[str]]] = {
     ),
     'compliant': (
         'four_bar_clearance',
-        CENTRED | {f'{PLAY}.contact': {'law': 'hunt_crossley', 'stiffness': 1e8}}, 0.0095, 1,
+        CENTRED | {f'{PLAY}.contact': {'law': 'hunt_crossley', 'stiffness': 1e8}}, 0.016, 4,
         ['links.coupler.mass', 'drive.speed'],
     ),
     'cam': (

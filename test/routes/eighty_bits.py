@@ -27,7 +27,7 @@ from mechanism_sim.planar.switches import Switch
 F = np.longdouble
 TURN = 8 * np.arctan(F(1))
 STEPS, CLOSE = 8, F('1e-11')  # of Newton's method for an instant [s]
-INSIDE = F('1e-13')  # [s] at which a compliant contact begins and ends: nor has its force a series
+INSIDE = F('1e-13')  # [s] at which a compliant contact ends: its force has no series there
 BEFORE = F('2e-6')  # [s] from which the end of one is looked for
 OFFSETS = ((1, F(3) / 4), (2, -F(3) / 20), (3, F(1) / 60))
 """Of differences of sixth order."""
@@ -58,7 +58,8 @@ def newton_impulses(A: Any, rates: Any, e: Any, mu: Any) -> np.ndarray:
 class _Part(NamedTuple):
     """Part of a motion with one set of flags."""
 
-    segment: int
+    segment: int  #: the first
+    last: int
     end: Any  #: [s] in the run
     struck: list[int]  #: gaps that an impact ends it by
     touched: list[int]  #: compliant gaps that close at its end
@@ -160,7 +161,7 @@ class Repeated:
             free, closed = old == Mode.FREE_FLIGHT, new > Mode.FREE_FLIGHT
             closed_before, soft = old > Mode.FREE_FLIGHT, self._system.compliant
             found.append(_Part(
-                first, F(t), struck.get(k + 1, []),
+                first, k, F(t), struck.get(k + 1, []),
                 [int(i) for i in np.flatnonzero(free & closed & soft)],
                 [int(i) for i in np.flatnonzero(
                     closed_before & (new == Mode.FREE_FLIGHT) & (old != Mode.RECOVERING) & soft
@@ -170,7 +171,7 @@ class Repeated:
                 (laws[0], self._laws_at(t)[laws[0]]) if laws else None,
             ))  # fmt: skip
             first, before = k + 1, now
-        found.append(_Part(first, F(self._end), [], [], [], [], [], None))
+        found.append(_Part(first, len(motion) - 1, F(self._end), [], [], [], [], [], None))
         return found
 
     # --- runs ---------------------------------------------------------------------------------
@@ -229,10 +230,22 @@ class Repeated:
             at = self._at()
             for i in part.touched:
                 approach[i] = -at[self._m + i]
-                ta.propagate_for(INSIDE)
+            if part.touched:
+                ta.state[:f] += self._step_before(part.last + 1)[free]
             if part.struck:
                 self._strike(part.struck, at, e, mu)
         return np.array(ta.state)
+
+    def _step_before(self, k: int) -> np.ndarray:
+        """By how much coordinates step where a segment begins.
+
+        A compliant contact begins at a depth of a hair, for its force has no series at none. It is
+        the same hair for numbers beside.
+        """
+        curve, before = self._run.motion.curve, np.array([k - 1])
+        return np.asarray(
+            curve.coefficients[k, :, 0] - curve.local(before, curve.duration[before])[0]
+        )
 
     def _at(self) -> np.ndarray:
         ta = self._integrator
