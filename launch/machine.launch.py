@@ -43,6 +43,7 @@ ARGUMENTS = {
     'record': ('', 'MCAP file for our own recorder'),
     'ros_bag': ('', "folder for 'ros2 bag record -s mcap'"),
     'namespace': ('', 'of all nodes and topics, within the namespace that is pushed'),
+    'clock': ('', 'true or false: the time on /clock; if not given, unless in a namespace'),
 }
 FLAGS = {
     'paused': 'begin paused, to be played or stepped by the services of crank_drive',
@@ -126,12 +127,19 @@ def _machine(context):
     }  # fmt: skip
     if given['composed'] == 'true':
         arguments = ['run', *options]
+        if given['clock']:
+            more = [{'publish_clock': given['clock'] == 'true'}, *more]
         machine.nodes['run'] = Node(
             executable='mechanism-sim', arguments=arguments, parameters=more, **shared
         )
     else:
         for name, values in plan['nodes'].items():
-            typed = {k: ParameterValue(v, value_type=type(v)) for k, v in values.items()}
+            if name == 'crank_drive' and given['clock']:
+                values['publish_clock'] = given['clock'] == 'true'
+            typed = {
+                k: ParameterValue(v, value_type=list[str] if isinstance(v, list) else type(v))
+                for k, v in values.items()
+            }
             # The last file has the last word, and ours is for all nodes (/**), as theirs may be.
             machine.nodes[name] = Node(executable=name, parameters=[typed, *more], **shared)
     if bag:
@@ -171,7 +179,9 @@ def _plan(program, options):
 
 
 def _refuse(given):
-    """Raise ValueError for a file that is missing, or a folder that is there already."""
+    """Raise ValueError for a file that is missing, a folder that is there, a word that is none."""
+    if given['clock'] not in ('', 'true', 'false'):
+        raise ValueError(f'clock:={given["clock"]}: true or false, or nothing')
     if given['params_file'] and not Path(given['params_file']).is_file():
         raise ValueError(f'params_file:={given["params_file"]}: there is no such file')
     if given['ros_bag'] and Path(given['ros_bag']).exists():

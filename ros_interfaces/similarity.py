@@ -29,10 +29,8 @@ class SimilarMessages:
         name = type_name(kind)
         rules = rules_of(name)
         self._judged = rules is not None
-        # What else has to be looked at is looked at in the message.
-        self._able = rules is None or not (
-            name in rules.unknown_as_nan or name in rules.contradictions
-        )
+        # What else has to be looked at is looked at in the message; where NaN is allowed, too.
+        self._able = rules is None or name not in rules.contradictions
         self._known: defaultdict[int, list[Callable[[bytes], bool]]] = defaultdict(list)
 
     def __contains__(self, data: bytes) -> bool:
@@ -43,7 +41,7 @@ class SimilarMessages:
         """Remember a message that is good."""
         if self._able and len(self._known) < MOST and len(self._known[len(data)]) < MOST:
             layout = Layout(message)
-            if layout.size == len(data):
+            if layout.size <= len(data) < layout.size + 4:  # DDS fills up to multiples of 4
                 self._known[len(data)].append(_compile_check(layout, data, self._judged))
 
 

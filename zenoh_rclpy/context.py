@@ -101,6 +101,11 @@ def signalled() -> bool:
     return _signalled
 
 
+def received() -> int:
+    """Number of messages that other processes have sent."""
+    return _context.received if _context is not None else 0
+
+
 def default_context() -> Context:
     """The context of this process."""
     if _context is None:

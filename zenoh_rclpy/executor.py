@@ -16,7 +16,7 @@ from zenoh_rclpy.node import Node
 from zenoh_rclpy.timer import Timer
 
 LOOK_AT_TIMERS = 1e-3  # [s] how often, while messages are waiting
-BUSY = 16  # messages between two such looks: then the next are let come together
+BUSY = 16  # messages of others between two such looks: then the next are let come together
 
 
 class SingleThreadedExecutor:
@@ -28,7 +28,7 @@ class SingleThreadedExecutor:
         self._is_shutdown = False
         self._ran_timer = False
         self._next_look = 0.0
-        self._ran = 0  # messages since the last look
+        self._received = 0  # messages of others until the last look
         contexts.add_sleeper(self)
 
     def add_node(self, node: Node) -> bool:
@@ -92,13 +92,13 @@ class SingleThreadedExecutor:
                 raise ExternalShutdownException('The process is not, or no longer, on the network')
             if self._ready.qsize() and time.monotonic() < self._next_look:
                 if self._execute(self._ready.get()):
-                    self._ran += 1
                     return
                 continue
-            if self._ran >= BUSY and not self._ready.qsize():
+            received = contexts.received()
+            if received - self._received >= BUSY and not self._ready.qsize():
                 # Threads that wake each other up for every message cost more than the messages.
                 time.sleep(LOOK_AT_TIMERS)
-            self._ran = 0
+            self._received = received
             self._next_look = time.monotonic() + LOOK_AT_TIMERS
             timers = [
                 timer for node in self._nodes for timer in node.timers if timer.callback_group.free

@@ -49,6 +49,7 @@ class Context:
         self.zid = str(self.session.zid())
         self.graph = Graph()
         self.is_open = True
+        self.received = 0  # messages of other processes
         self.inboxes: set[Closable] = set()
         self.local = Local()
         self.refusals = Refusals()

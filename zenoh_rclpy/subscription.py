@@ -105,6 +105,7 @@ class Subscription:
 
     def _receive(self, sample: zenoh.Sample) -> None:
         """Take in a sample, in Zenoh's thread, if it is one of ROS with a message."""
+        self._context.received += 1
         extra = sample.attachment
         attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
         if attachment is None or sample.kind != zenoh.SampleKind.PUT:

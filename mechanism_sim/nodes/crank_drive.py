@@ -264,8 +264,8 @@ class CrankDrive(Drive):
 
     def _worthwhile(self) -> float:
         """Time [s] below which a message would extend the law by too little."""
-        lead, factor = self._lead_and_factor()
-        return self.announced + 0.1 * min(lead, 0.05 * factor if factor > 0.0 else lead)
+        lead, _ = self._lead_and_factor()
+        return self.announced + 0.1 * lead
 
     def _lead_and_factor(self) -> tuple[float, float]:
         lead, factor = self.value('lead'), self.value('realtime_factor')

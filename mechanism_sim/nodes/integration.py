@@ -216,9 +216,11 @@ class Integration:
         if seen:
             self._latest = seen[-1]
             if ahead is not None and len(ahead) and physics.has_forces:
-                each = np.arange(len(ahead))
-                coming = work_since_start(physics, ahead, each, ahead.curve.duration)
-                work = Work(*np.concatenate([balance.work, coming], axis=1))
+                # no sample lies behind the last segment, whose own work is not asked for
+                each = np.arange(len(ahead) - 1)
+                coming = work_since_start(physics, ahead, each, ahead.curve.duration[:-1])
+                none = np.zeros((len(Work._fields), 1))
+                work = Work(*np.concatenate([balance.work, coming, none], axis=1))
                 balance = balance._replace(work=work)
             self._samples.publish(MotionBatch.joined(seen), balance)
         if len(motion):

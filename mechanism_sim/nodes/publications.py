@@ -301,9 +301,9 @@ class SampleTopics:
         """A run begins, or begins anew, of the machine that the node has now."""
         self._machine, frame, publisher = self._node.machine, self._node.frame, self._publishers
         machine, world, outputs = self._machine, frame(WORLD), self._machine.scene.outputs
-        writers = [
-            ('linkage_state', outputs.linkage_state, linkage_states(machine, world)),
+        writers = [  # what controllers wait for comes first
             ('joint_states', outputs.joint_states, joint_states(machine.physics)),
+            ('linkage_state', outputs.linkage_state, linkage_states(machine, world)),
         ]
         if machine.physics.has_forces and outputs.forces:
             write = reactions(machine, world)

@@ -14,7 +14,7 @@ import inspect
 import os
 import signal
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext, suppress
 from functools import partial
 from typing import Any
@@ -48,7 +48,7 @@ from rclpy.exceptions import (
     ParameterNotDeclaredException,
     ParameterUninitializedException,
 )
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException
 from rclpy.logging import LoggingSeverity
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -72,7 +72,9 @@ from rclpy.utilities import remove_ros_args
 from mechanism_sim import ending
 from mechanism_sim.messages import MessageError, objection
 from mechanism_sim.nodes.blocked_writes import BlockedWrites
+from mechanism_sim.nodes.rclpy_executor import SingleThreadedExecutor
 from ros_interfaces.refusals import Refusals, check_message
+from ros_interfaces.similarity import SimilarMessages
 
 __all__ = [
     'ActionClient',
@@ -196,7 +198,18 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                     )
                     time.sleep(RETRY)
 
-        publisher.publish = publish_when_possible
+        def publish_all(messages: Sequence[bytes]) -> None:
+            done, raw = 0, publisher.handle.publish_raw
+            try:
+                with write(), publisher.handle:
+                    for message in messages:
+                        raw(message)
+                        done += 1
+            except (RCLError, TypeError):  # a queue that is full, or messages
+                for message in messages[done:]:
+                    publish_when_possible(message)
+
+        publisher.publish, publisher.publish_all = publish_when_possible, publish_all
         return publisher
 
     def create_subscription(
@@ -204,11 +217,13 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
     ) -> Any:
         """Subscription whose callback gets the message, or with ``raw`` its bytes."""
         refusals, raw = Refusals(), how.get('raw', False)
+        known = SimilarMessages(msg_type)
 
         def good(message: Any) -> bool:
             try:
                 if raw:
-                    check_message(message, msg_type)
+                    if message not in known:
+                        known.add(check_message(message, msg_type), message)
                 elif reason := objection(message):
                     raise MessageError(reason)
             except MessageError as error:
@@ -266,10 +281,9 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
         _writes = BlockedWrites(ending.signals())
 
 
-def publish_all(publisher: Any, messages: Iterable[Any]) -> None:
+def publish_all(publisher: Any, messages: Sequence[Any]) -> None:
     """Publish messages in their order."""
-    for message in messages:
-        publisher.publish(message)
+    publisher.publish_all(messages)
 
 
 def log_end(node: Any, reason: str) -> None:

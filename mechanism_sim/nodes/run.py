@@ -104,17 +104,17 @@ class NodePlan:
         names += ['display'] if self.display else []
         return [*names, 'recorder'] if self.record else names
 
-    def options(self, node: str) -> dict[str, str | float | bool]:
+    def options(self, node: str) -> dict[str, Any]:
         """Parameters of a node of this run; others are left to files of parameters."""
-        options: dict[str, str | float | bool] = {
+        options = {
             'scene': self.scene,
             'duration': self.duration,
-            'partners': ','.join(n for n in self.nodes if n != node),
+            'partners': [n for n in self.nodes if n != node],
             'partner_timeout': START_PATIENCE,
         }
-        asked: dict[str, str | float | bool | None] = {
-            'overrides': '\n'.join(self.overrides),
-            'listeners': ','.join(self.listeners),
+        asked: dict[str, Any] = {
+            'overrides': list(self.overrides),
+            'listeners': list(self.listeners),
         }
         if node == 'crank_drive':
             asked |= {name: getattr(self, name) for name in ('realtime_factor', 'paused', 'hold')}
@@ -269,7 +269,7 @@ class _Children:
 def _spawn(plan: NodePlan, node: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, '-m', 'mechanism_sim', 'node', node]
     # The monitor is no partner, but has to hear how each node ends.
-    listeners = ','.join([*plan.listeners, f'{MONITOR}:progress'])
+    listeners = [*plan.listeners, f'{MONITOR}:progress']
     for key, value in (plan.options(node) | {'listeners': listeners}).items():
         option = f'--{key.replace("_", "-")}'
         if key == 'overrides':
@@ -277,7 +277,7 @@ def _spawn(plan: NodePlan, node: str) -> subprocess.Popen[bytes]:
         elif value is True:
             command.append(option)
         elif value is not False:
-            command += [option, str(value)]
+            command += [option, ','.join(value) if isinstance(value, list) else str(value)]
     return ending.start([*command, *plan.ros_args])
 
 

@@ -12,8 +12,10 @@ from running import environment, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.cli.entry import make_parser
+from mechanism_sim.cli.options import ros_args
 from mechanism_sim.cli.overview import GROUPS
 from mechanism_sim.errors import InputError
+from zenoh_rclpy.arguments import parse_arguments
 
 NOMINAL_AT = {
     # crank angle [deg]: th3, th4, w3, w4, a3, a4, force on the rocker [N], crank torque [N m]
@@ -285,3 +287,13 @@ def test_an_option_is_the_same_in_every_command():
 
 def test_the_first_level_can_be_remembered():
     assert len(sum(GROUPS.values(), ())) <= 24
+
+
+def test_parameters_of_one_node_reach_it_below_a_namespace():
+    given = ['--ros-args', '-p', 'crank_drive:lead:=0.5', '-p', 'use_sim_time:=true']
+    for space in ('left', '/cell/one'):
+        options = argparse.Namespace(ros_args=given, namespace=space)
+        found = parse_arguments(ros_args(options))
+        here = space.strip('/')
+        assert found.parameters_of(f'/{here}/crank_drive') == {'lead': 0.5, 'use_sim_time': True}
+        assert found.parameters_of(f'/{here}/linkage') == {'use_sim_time': True}

@@ -36,6 +36,7 @@ def generate_test_description():
     parameters.write_text(PARAMETERS)
     given = {
         'duration': '0.5', 'hold': 'true', 'composed': 'true', 'params_file': str(parameters),
+        'clock': 'true',
     }  # fmt: skip
     include = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(str(file)), launch_arguments=given.items()
@@ -54,6 +55,7 @@ class TestNames(unittest.TestCase):
         self.assertNotIn('/cell/impacts', topics)
         for node in ('crank_drive', 'linkage', 'sensors'):
             until_said('param', 'get', f'/cell/{node}', 'use_sim_time', wanted='True')
+        until_said('topic', 'info', '/clock', '--no-daemon', wanted='Publisher count: 1')
         told = until_said(
             'topic', 'info', '-v', '/cell/joint_states', '--no-daemon', wanted='Node name: linkage'
         )

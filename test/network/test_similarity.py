@@ -6,9 +6,11 @@ import pytest
 from mechanism_sim.messages import (
     Impact,
     Imu,
+    JointReactions,
     JointState,
     LinkageState,
     MessageError,
+    ModeChange,
     Motion,
     SensorBlock,
     String,
@@ -66,6 +68,27 @@ def test_what_contradicts_itself_is_decoded_every_time():
     known = SimilarMessages(Motion)
     known.add(check_message(data, Motion), data)
     assert data not in known
+
+
+def test_bytes_that_dds_has_filled_up_to_a_multiple_of_four():
+    data = serialize(ModeChange(joint='a', mode=2, previous_mode=1)) + bytes(2)
+    known = SimilarMessages(ModeChange)
+    known.add(check_message(data, ModeChange), data)
+    other = serialize(ModeChange(joint='b', mode=1, previous_mode=2, time=3.0)) + bytes(2)
+    assert other.replace(b'b', b'a') in known
+    assert other not in known
+    assert data[:-2] not in known
+
+
+def test_what_may_be_unknown_is_decoded_where_it_is():
+    known, (good, some) = SimilarMessages(JointReactions), (
+        serialize(JointReactions(joints=['a'], force_x=[x], force_y=[1.0], moment=[0.0]))
+        for x in (2.0, np.nan)
+    )  # fmt: skip
+    known.add(check_message(good, JointReactions), good)
+    assert good in known
+    assert some not in known
+    assert is_good(some, JointReactions)
 
 
 def test_few_are_remembered():

@@ -512,9 +512,13 @@ def test_a_bag_of_ours_is_played_by_ros(ros, tmp_path):
          '--qos-reliability', 'reliable', '--qos-history', 'keep_all'],
         env={**ros, 'PYTHONUNBUFFERED': '1'}, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
-    code, text = ros2(ros, 'bag', 'play', str(bag), '--delay', '4', '--disable-keyboard-controls')
-    assert code == 0, text
-    listener.send_signal(signal.SIGINT)
-    heard, _ = listener.communicate(timeout=TIMEOUT)
+    try:
+        played = 'bag', 'play', str(bag), '--delay', '4', '--disable-keyboard-controls'
+        code, text = ros2(ros, *played)
+        assert code == 0, text
+        listener.send_signal(signal.SIGINT)
+        heard, _ = listener.communicate(timeout=TIMEOUT)
+    finally:
+        listener.kill()
     indices = [int(line) for line in heard.splitlines() if line.isdecimal()]
     assert indices == list(range(outcome['impacts']))
