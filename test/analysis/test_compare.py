@@ -174,6 +174,7 @@ def test_charts_have_the_lines_of_both_runs():
     assert any(key.endswith('-1') for key in both)  # of contacts, which the ideal one has not
 
 
+@pytest.mark.slow
 def test_runs_are_named_by_what_differs_in_their_scenes(tmp_path):
     values = '0.1 mm', '0.2 mm', '0.4 mm'
     changes = [f'{PLAY}.radial={value}' for value in values]

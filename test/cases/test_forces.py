@@ -583,6 +583,7 @@ def test_a_snapshot_holds_states() -> None:
     assert digest.hexdigest() == whole.digest()
 
 
+@pytest.mark.slow
 @pytest.mark.network
 @pytest.mark.usefixtures('network')
 @pytest.mark.parametrize('scene', ['hydraulic', pytest.param('servo', marks=pytest.mark.slow)])

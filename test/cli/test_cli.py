@@ -229,7 +229,9 @@ def test_a_bag_is_never_overwritten_without_being_told(tmp_path):
     assert refused.returncode == 2
     assert '--overwrite' in refused.stderr
     assert bag.read_bytes() == b'precious'
-    done = run('run', 'four_bar_nominal', '--record', str(bag), '--overwrite')
+    done = run(
+        'run', 'four_bar_nominal', '--duration', '0.02', '--record', str(bag), '--overwrite'
+    )
     assert done.returncode == 0, done.stderr
     assert bag.stat().st_size > 1000
 

@@ -539,6 +539,7 @@ def test_a_cam_on_a_block_slides_and_lifts_on_both_sides_of_where_it_is_drawn():
     assert lift.max() == pytest.approx(0.028, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_pin_wears_beside_the_run_that_is_drawn():
     """Figures of the worn machine are those of the scene with that clearance; the text stays."""
     page = Page('four_bar_nominal')

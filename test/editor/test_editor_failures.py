@@ -241,6 +241,7 @@ def test_a_slow_picture_holds_nobody_up_and_a_killed_server_loses_nothing(tmp_pa
     assert (tmp_path / 'mine.yaml').read_text() == 'title: newest\n'
 
 
+@pytest.mark.slow
 def test_a_picture_that_takes_too_long_is_given_up(tmp_path, monkeypatch):
     """Its text stays. The process is stopped while it draws: no machine draws faster than that."""
     monkeypatch.chdir(tmp_path)

@@ -153,7 +153,13 @@ def test_an_impact_at_the_end_of_a_motion_is_not_yet_in_its_samples():
     assert first.energy_loss > 1e-6
 
 
-@pytest.mark.parametrize('name', ['pulled open', 'law and load', 'with friction', 'impacts'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        pytest.param('pulled open', marks=pytest.mark.slow),
+        'law and load', 'with friction', 'impacts',
+    ],
+)  # fmt: skip
 def test_a_bag_says_the_same(name, tmp_path):
     """To the last bit, by a machine made anew; but for sums of the drive's work at impacts."""
     machine, solution = solved(name)

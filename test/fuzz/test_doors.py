@@ -28,13 +28,13 @@ SAMPLE = settings(max_examples=EXAMPLES, deadline=None, derandomize=EXAMPLES < 1
 
 @pytest.fixture(scope='module')
 def edited(tmp_path_factory):
-    return edit(tmp_path_factory.mktemp('doors') / 'editor', 30, 3, hang=60.0)
+    return edit(tmp_path_factory.mktemp('doors') / 'editor', 16, 3, hang=60.0)
 
 
-@pytest.mark.parametrize('count', [30, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('count', [16, pytest.param(1000, marks=pytest.mark.slow)])
 def test_no_message_of_a_page_ends_the_editor(count, edited, tmp_path):
     """On a small disk that is full now and then: nothing lost, nothing outside is touched."""
-    found = edited if count == 30 else edit(tmp_path / 'editor', count, 3, hang=60.0)
+    found = edited if count == 16 else edit(tmp_path / 'editor', count, 3, hang=60.0)
     assert found.wrong == []
     assert found.counts['state'] > 0.3 * count
 

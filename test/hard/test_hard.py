@@ -60,6 +60,7 @@ def test_the_command(tmp_path):
         assert said in done.stderr
 
 
+@pytest.mark.slow
 def test_the_program_without_pytest(pytestconfig):
     """`python -m test.hard` finds all its modules without the paths that pytest adds."""
     environment = {k: v for k, v in os.environ.items() if k != 'PYTHONPATH'}

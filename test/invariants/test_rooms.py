@@ -68,36 +68,30 @@ def loaded_by(lines, folder):
 
 
 @pytest.fixture(scope='module')
-def alone(tmp_path_factory):
-    """What commands of a scene load."""
-    return loaded_by(ALONE, tmp_path_factory.mktemp('alone'))
-
-
-@pytest.fixture(scope='module')
-def of_bags(tmp_path_factory):
-    """What commands of a recorded run load."""
+def loaded(tmp_path_factory):
+    """What commands of a scene and then of a recorded run load."""
     folder = tmp_path_factory.mktemp('rooms')
     file = folder / 'run.mcap'
     write_bag(file, simulated('four_bar_clearance', duration=0.02))
-    return loaded_by(OF_BAGS, folder)
+    return loaded_by(ALONE + OF_BAGS, folder)
 
 
-def needs_no_network(loaded):
-    assert 'mechanism_sim.cli.entry' in loaded
-    roots = {module.partition('.')[0] for module in loaded}
+def needs_no_network(modules):
+    assert 'mechanism_sim.cli.entry' in modules
+    roots = {module.partition('.')[0] for module in modules}
     return not roots & {'zenoh', 'zenoh_rclpy', 'rclpy'}
 
 
 @pytest.mark.parametrize('command', ALONE, ids=lambda words: words[0])
-def test_opening_no_editor_loads_none_of_it_nor_a_network(alone, command):
-    assert 'mechanism_sim.joints.kinds' in alone[command]
-    assert not any(module.startswith('mechanism_sim.editor') for module in alone[command])
-    assert needs_no_network(alone[command])
+def test_opening_no_editor_loads_none_of_it_nor_a_network(loaded, command):
+    assert 'mechanism_sim.joints.kinds' in loaded[command]
+    assert not any(module.startswith('mechanism_sim.editor') for module in loaded[command])
+    assert needs_no_network(loaded[command])
 
 
 @pytest.mark.parametrize('command', OF_BAGS, ids=lambda words: words[0])
-def test_a_run_is_analysed_reported_and_drawn_without_a_network(of_bags, command):
-    assert needs_no_network(of_bags[command])
+def test_a_run_is_analysed_reported_and_drawn_without_a_network(loaded, command):
+    assert needs_no_network(loaded[command])
 
 
 def test_tests_mirror_the_package_and_import_no_test():

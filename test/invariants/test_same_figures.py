@@ -85,6 +85,7 @@ def test_a_figure_is_the_same_number_at_every_door(name, part, joint, tmp_path):
     assert abs(largest) == pytest.approx(value['largest(drive_torque)'], **SAME)
 
 
+@pytest.mark.slow
 def test_means_over_revolutions_are_the_mean_over_the_whole():
     machine = loose(0.5, 'seated')
     texts = ['mean(reaction.coupler_rocker)', 'mean(drive_torque)', 'integral(drive_power)']

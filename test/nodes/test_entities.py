@@ -233,6 +233,7 @@ def test_a_managed_node_begins_when_it_is_activated_and_waits_when_it_is_not(tmp
     assert analyze(bag).digest == alone['digest']
 
 
+@pytest.mark.slow
 def test_wrenches_of_joints_are_their_reactions_in_frames_of_their_own(tmp_path):
     bag, rates = tmp_path / 'run.mcap', ('outputs.wrenches=100 Hz', 'outputs.transforms=100 Hz')
     sets = [part for text in rates for part in ('--set', text)]

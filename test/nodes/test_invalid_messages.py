@@ -320,6 +320,7 @@ def test_numbers_of_a_machine_may_be_large(value):
     assert checks.impossible_number(Impact(time=100.0 * value)) == ('time' if value else None)
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_a_partner_of_another_version_ends_the_run_in_a_sentence(tmp_path):
     """Two installations, one of them with another Motion."""

@@ -104,6 +104,7 @@ def damage(dice, file):
     return kind
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize('seed', [
     0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 200))
 ])  # fmt: skip

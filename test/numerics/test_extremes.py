@@ -39,7 +39,7 @@ SCENES = {
 """The samples of ten scenes take 20 s of CPU time together: they are what the proof costs."""
 
 
-QUICK = {'four_bar_nominal', 'four_bar_clearance'}
+QUICK = {'four_bar_clearance'}
 
 
 @pytest.mark.parametrize(

@@ -297,6 +297,7 @@ def test_a_joint_under_the_pointer_lights_its_curves(opened):
     assert set(opened.evaluate(shades).values()) <= {'', None}
 
 
+@pytest.mark.slow
 def test_an_interval_that_is_brushed_is_played_over_and_over(opened, record):
     place = chart_over(opened, 'time')
     box = place.bounding_box()
@@ -447,6 +448,7 @@ def test_each_of_several_bearings_has_its_lens(tab, tmp_path):
     assert tab.complaints == []
 
 
+@pytest.mark.slow
 def test_teeth_and_cams_have_lenses_with_a_line_to_where_they_are(tab, tmp_path):
     run = show(tab, tmp_path, 'whole_machine', duration=0.1)
     for k, play in enumerate(run.stage.to_json()['plays']):

@@ -479,6 +479,7 @@ def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(a
     assert run.tab.complaints == []
 
 
+@pytest.mark.slow
 def test_space_pauses_whatever_was_clicked_before(acted):
     run = acted(SCENE, 0.05)
     run.tell(playing=False)
@@ -521,6 +522,7 @@ def test_every_play_has_its_lens_in_the_live_view(acted):
     assert run.tab.complaints == []
 
 
+@pytest.mark.slow
 def test_the_wheel_enlarges_where_it_points_and_the_scale_stays_true(acted):
     run = acted(SCENE, 0.1)
     stage, told = run.page.locator('#stage'), run.live.stage.to_json()

@@ -112,6 +112,7 @@ def test_confidence_intervals_cover_a_much_longer_run():
     assert all(inside)
 
 
+@pytest.mark.slow
 def test_criteria_stand_beside_the_losses_that_happen():
     (joint,) = losses(loose(0.5, 'seated'), 2.25)
     assert joint.turns[0] == pytest.approx(1.035819, abs=1e-6)

@@ -137,6 +137,7 @@ def test_every_row_has_the_labels_of_its_run(reference, tmp_path):
     assert {row[RADIAL] for row in rows} == {2.54e-5, 1.016e-4, 1.778e-4, 2.54e-4}
 
 
+@pytest.mark.slow
 def test_runs_that_differ_in_their_sensors_share_a_motion_but_no_noise(reference):
     rows = rows_of(reference)
     quiet, loud = (np.array([r['signal'] for r in rows if r['run'] == k]) for k in (6, 7))
@@ -174,6 +175,7 @@ def test_frames_that_differ_are_heard_on_one_motion(tmp_path):
     assert not np.array_equal(*signals)
 
 
+@pytest.mark.slow
 def test_the_schema_says_units_and_a_reader_of_files_finds_all_of_them(reference):
     table = pq.read_table(folder_of(reference))
     assert table.num_rows == RUNS * EACH

@@ -462,6 +462,7 @@ def test_a_machine_that_is_compared_with_no_other_has_no_alpha(found):
     assert keys[-3:] == ['figure_8_03', 'figure_8_11', 'figure_8_12']
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_figures_and_prints_tables(bags, tmp_path, monkeypatch):
     """All figures are drawn by other tests; here a command is to write them."""
     panel = Panel(Axis('x'), Axis('y'), ())

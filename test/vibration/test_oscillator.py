@@ -480,6 +480,7 @@ def test_a_filter_behind_a_frame_hears_its_acceleration():
     assert np.abs(samples[:100] - wanted.y[0]).max() < 1e-7 * np.abs(wanted.y[0]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.network
 def test_as_a_node_the_frame_moves_as_in_the_library(tmp_path):
     bag = tmp_path / 'run.mcap'

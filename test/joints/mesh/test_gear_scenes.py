@@ -188,6 +188,7 @@ def off(points, outline):
     return np.hypot(*(foot - points[:, None]).transpose(2, 0, 1)).min(axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(1)
 @pytest.mark.parametrize(
     'name',

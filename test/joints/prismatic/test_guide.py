@@ -109,6 +109,7 @@ def turned(angle, at):
     })  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_guide_may_lie_anywhere():
     """And the block's frame may be turned in it."""
     angle, t = 2.2, np.linspace(0.0, 0.02, 21)

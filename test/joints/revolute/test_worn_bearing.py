@@ -273,6 +273,7 @@ def test_a_four_bar_moves_in_an_elliptic_bushing_as_by_scipy():
     assert motion.loss == pytest.approx(sum(i.energy_loss for i in solution.impacts), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_spinning_pin_slides_in_an_elliptic_bushing_as_by_scipy():
     """Along the curve parallel to the ellipse, with friction where the pin's surface touches."""
     mass, inertia, mu, g, c = 1.5, 4e-4, 0.15, 9.81, 1e-3
