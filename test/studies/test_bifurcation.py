@@ -195,3 +195,20 @@ def test_a_direction_of_many_values_shares_its_turns():
         shared = study.paced(plan, count, asked)
         turns.append((shared.transient, shared.keep))
     assert turns == [(60, 60), (60, 20), (8, 16), (30, 16)]
+
+
+def test_responses_ten_thousand_turns_away_are_those_of_the_start():
+    """So many turns of the crank are part of its angle only."""
+    scene, found = ms.load_scene(ball(1.3)), []
+    first = scene.drive.start[0]
+    for turns in (0, 10_000):
+        away = ms.load_scene(scene, {'drive.start_angle': first + 2.0 * math.pi * turns})
+        found.append(
+            ms.bifurcation(
+                away, {'drive.speed': (speed(1.28), speed(1.3), 2)}, at_impacts='flight_lower',
+                transient=200, keep=40,
+            )
+        )  # fmt: skip
+    for near, far in zip(*(x.responses for x in found), strict=True):
+        assert near.period == far.period == 1
+        assert far.points == pytest.approx(near.points, rel=1e-9)

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import scipy
-from impact_oscillator import OSCILLATOR, WALL, discriminant, forced, strikes
+from impact_oscillator import (
+    DAMPING,
+    MASS,
+    OSCILLATOR,
+    STIFFNESS,
+    WALL,
+    discriminant,
+    forced,
+    strikes,
+)
 from running import run_json
 
 import mechanism_sim as ms
@@ -93,3 +104,24 @@ def test_the_command_draws_branches(tmp_path):
     assert [b['period'] for b in found['branches']] == [1]
     assert all(p['stable'] for p in found['branches'][0]['points'])
     assert 'stable' in picture.read_text(encoding='utf-8')
+
+
+def test_a_load_a_thousandth_of_a_turn_wide_is_in_each_section():
+    """A kick once a turn beside the table's motion, far from the wall: linear, in closed form."""
+    force, width = 20.0, math.pi * 1e-3
+    pushes = f'{force} if cos(crank - 1) > {math.cos(width)!r} else 0'
+    kick = f'loads: {{kick: {{at: block, force: [0, "{pushes}"]}}}}'
+    of = ['position.block', 'velocity.block']
+    found = ms.bifurcation(
+        OSCILLATOR + kick, {'drive.speed': (20.0, 20.5, 2)}, of=of, transient=400, keep=4
+    )
+    A = np.array([[0.0, 1.0], [-STIFFNESS / MASS, -DAMPING / MASS]])
+    for response in found.responses:
+        w, X = response.value, forced(response.value)
+        angles = 2.0 * width, 2.0 * np.pi - 1.0 - width, 2.0 * np.pi
+        over, after, turn = (scipy.linalg.expm(A * x / w) for x in angles)
+        pushed = (over - np.eye(2)) @ np.linalg.solve(A, [0.0, force / MASS])
+        kicked = np.linalg.solve(np.eye(2) - turn, after @ pushed)
+        assert response.period == 1
+        assert np.abs(kicked).max() > 1e-3
+        assert response.points == pytest.approx(np.add(kicked, [[X.imag, w * X.real]]), abs=1e-7)
