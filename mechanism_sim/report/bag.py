@@ -31,7 +31,7 @@ def render(summary: Summary) -> str:
 
 
 def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[str, Any]]:
-    """What is known of the channels of a file of signals, by name, in their units."""
+    """Figures of the channels of a file of signals, by name, in their units."""
     return {
         name: {
             'unit': c.unit, 'samples': len(c.times), 'rate': c.rate,
@@ -44,7 +44,7 @@ def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[st
 
 
 def render_channels(figures: Mapping[str, Mapping[str, Any]]) -> str:
-    """The same for people."""
+    """Table of the figures of channels."""
     head = next(iter(figures.values()))
     rows = [
         [name, *('uneven' if x is None else x for x in own.values())]
