@@ -147,7 +147,7 @@ def _analyze(options: argparse.Namespace) -> int:
 
 
 def _wanted(options: argparse.Namespace) -> Wanted:
-    """What is asked for beyond the summary."""
+    """Request beyond the summary."""
     from mechanism_sim.analysis.details import Wanted  # noqa: PLC0415
 
     skip = skipped_turns(options)
