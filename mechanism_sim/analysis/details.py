@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.deviation import Alpha, Deviation, alpha, deviation
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.analysis.roses import (
@@ -20,7 +19,7 @@ from mechanism_sim.analysis.roses import (
     wear_maps,
 )
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.sensing.spectra import (
     LineSpectrum,
     TurnSegments,
@@ -29,6 +28,7 @@ from mechanism_sim.sensing.spectra import (
     power,
     shock_band,
 )
+from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40
@@ -190,14 +190,9 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     skip = wanted.skip
     begin = record.begin(skip)
 
-    def signal(name: str) -> Signal:
+    def signal(name: str) -> _Samples:
         found = record.signal(name).since(begin)
-        if len(found.longest) < _FEWEST:
-            raise InputError(
-                f'the longest run of samples of {name} has {len(found.longest)} of them: a '
-                f'spectrum needs at least {_FEWEST}'
-            )
-        return found
+        return _Samples.of(name, found.runs, found.rate, found.unit)
 
     return Details(
         record.machine.plan.main,
@@ -218,7 +213,57 @@ def find_details(record: Record, wanted: Wanted, against: Record | None = None) 
     )
 
 
-def _spectrum(signal: Signal) -> SignalSpectrum:
+def channel_details(channels: Mapping[str, ChannelSamples], wanted: Wanted) -> Details:
+    """Results of a request to a file of signals, which knows no machine."""
+    of_runs = {
+        'orders': wanted.orders, 'average': wanted.averages, 'impacts-on': wanted.impacts,
+        'wear': wanted.wear, 'deviation': wanted.deviations,
+    }  # fmt: skip
+    if asked := next((name for name, given in of_runs.items() if given), None):
+        raise InputError(
+            f'--{asked} needs a run: a file of signals has --spectrum, --envelope and --plots'
+        )
+
+    def signal(name: str) -> _Samples:
+        check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
+        channel = channels[name]
+        if channel.rate is None:
+            raise InputError(f"channel '{name}' is sampled unevenly: it has no spectrum")
+        return _Samples.of(name, (channel.values,), channel.rate, channel.unit or '1')
+
+    return Details(
+        '', None, {name: _spectrum(signal(name)) for name in wanted.spectra},
+        envelopes={name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Samples of one signal without a gap in each of the runs, at a rate [Hz]."""
+
+    name: str
+    runs: Sequence[Array]
+    rate: float
+    unit: str
+
+    @classmethod
+    def of(cls, name: str, runs: Sequence[Array], rate: float, unit: str) -> _Samples:
+        """Enough for a spectrum; InputError if they are too few."""
+        found = cls(name, runs, rate, unit)
+        if len(found.longest) < _FEWEST:
+            raise InputError(
+                f'the longest run of samples of {name} has {len(found.longest)} of them: a '
+                f'spectrum needs at least {_FEWEST}'
+            )
+        return found
+
+    @property
+    def longest(self) -> Array:
+        """The run with the most samples."""
+        return max(self.runs, key=len)
+
+
+def _spectrum(signal: _Samples) -> SignalSpectrum:
     return SignalSpectrum(power(signal.runs, signal.rate), f'({signal.unit})^2/Hz')
 
 
@@ -228,11 +273,11 @@ def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
     )
 
 
-def _envelope(signal: Signal, band: tuple[float, float] | None) -> SignalSpectrum:
+def _envelope(signal: _Samples, band: tuple[float, float] | None) -> SignalSpectrum:
     if band and not 0.0 <= band[0] < band[1] <= 0.5 * signal.rate:
         raise InputError(
             f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '
-            f'sampling rate of {signal.sensor}, {0.5 * signal.rate:g} Hz'
+            f'sampling rate of {signal.name}, {0.5 * signal.rate:g} Hz'
         )
     band = band or shock_band(signal.longest, signal.rate)
     found = envelope_spectrum(signal.longest, signal.rate, band)

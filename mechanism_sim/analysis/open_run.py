@@ -24,7 +24,7 @@ from mechanism_sim.analysis.series import (
     recorded,
 )
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording.inventory import scene_text
@@ -32,6 +32,7 @@ from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece
+from mechanism_sim.signal_files import read_signals
 from mechanism_sim.tables import Table
 from ros_interfaces.definitions import MessageError, field_descriptions
 
@@ -262,6 +263,30 @@ class Asked:
             if topic in self._bag.topics:
                 return MessagePath(name, topic, path.steps)
         return None
+
+
+class AskedSignals:
+    """Answers about a file of measured signals, as `Asked` gives them about a run."""
+
+    def __init__(self, path: Path | str, full_scale: str = '') -> None:
+        self._path, self._channels = path, read_signals(path, full_scale)
+
+    def series(
+        self, names: Sequence[str], start: float | None = None, end: float | None = None
+    ) -> list[Series]:
+        """Series of these channels, in their order, from `start` to `end` [s]."""
+        found = []
+        for name in names:
+            check_known(name, self._channels, f"{self._path} has no channel '{name}'", 'it has:')
+            c = self._channels[name]
+            found.append(Series(name, c.unit, c.times, c.values).within(start, end))
+        if not any(len(s.t) for s in found):
+            raise InputError(f'there are no values of {", ".join(names)} between these times')
+        return found
+
+    def names(self) -> Iterator[Name]:
+        """All channels."""
+        return (Name(name, c.unit) for name, c in self._channels.items())
 
 
 def _signal(record: Record, sensor: str) -> Series:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mechanism_sim.cli.options import (
@@ -25,6 +26,7 @@ from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
+    from mechanism_sim.analysis.details import Wanted
     from mechanism_sim.analysis.record import Record
 
 
@@ -46,7 +48,11 @@ def add(command: Command) -> None:
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')
     sub = command('analyze', _analyze, 'summarise a recorded run, or identify a bearing from it')
     sub.add_argument(
-        'bags', nargs='+', metavar='BAG', help='a .mcap or .db3 file, or a folder of ros2 bag'
+        'bags',
+        nargs='+',
+        metavar='BAG',
+        help='a .mcap or .db3 file, or a folder of ros2 bag; or a .csv, .wav, .uff or .tdms file '
+        'of measured signals',
     )
     namespace_option(sub)
     _detail_options(sub)
@@ -104,26 +110,22 @@ def _analyze(options: argparse.Namespace) -> int:
     if options.fit is not None:
         refuse_options(options, _DETAILS, 'does not apply to --fit')
         return _fit(options)
+    from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
+
+    if len(options.bags) == 1 and is_signal_file(options.bags[0]):
+        return _analyze_signals(options)
     refuse_options(options, _FIT, 'needs --fit')
     if len(options.bags) > 1:
         raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
     (options.bag,) = options.bags
-    from mechanism_sim.analysis.details import Details, Wanted  # noqa: PLC0415
+    from mechanism_sim.analysis.details import Details  # noqa: PLC0415
     from mechanism_sim.analysis.summary import analyze  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import figures, progress  # noqa: PLC0415
     from mechanism_sim.report.bag import render, render_details  # noqa: PLC0415
 
-    skip = skipped_turns(options)
-    for name, owner in (('band', 'envelope'), ('pin-radius', 'wear')):
-        if not getattr(options, owner) and not options.plots:
-            refuse_options(options, [name], f'needs --{owner}')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
-    wanted = Wanted(
-        options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
-        options.wear, options.deviation, _band(options.band), skip,
-        quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
-    )  # fmt: skip
+    wanted = _wanted(options)
     if not (wanted or plots or options.against):
         what = 'a detail such as --average, or --plots: the summary covers the whole run'
         refuse_options(options, ['skip'], f'needs {what}')
@@ -142,6 +144,53 @@ def _analyze(options: argparse.Namespace) -> int:
         summary = analyze(read_bag(options.bag, read), namespace=options.namespace)
     more = {'details': details.to_json()} if details and options.json else {}
     return print_result(options, summary, lambda found: found.to_json() | more, render, echo)
+
+
+def _wanted(options: argparse.Namespace) -> Wanted:
+    """Request beyond the summary."""
+    from mechanism_sim.analysis.details import Wanted  # noqa: PLC0415
+
+    skip = skipped_turns(options)
+    for name, owner in (('band', 'envelope'), ('pin-radius', 'wear')):
+        if not getattr(options, owner) and not options.plots:
+            refuse_options(options, [name], f'needs --{owner}')
+    return Wanted(
+        options.spectrum, options.orders, options.envelope, options.average, options.impacts_on,
+        options.wear, options.deviation, _band(options.band), skip,
+        quantity('--pin-radius', options.pin_radius, 'm')[0] if options.pin_radius else None,
+    )  # fmt: skip
+
+
+def _analyze_signals(options: argparse.Namespace) -> int:
+    """A file of signals, of which no machine is known."""
+    from mechanism_sim.analysis.details import channel_details  # noqa: PLC0415
+    from mechanism_sim.report import figures  # noqa: PLC0415
+    from mechanism_sim.report.bag import (  # noqa: PLC0415
+        channel_figures,
+        render_channels,
+        render_details,
+    )
+    from mechanism_sim.report.condition import charts  # noqa: PLC0415
+    from mechanism_sim.signal_files import read_signals  # noqa: PLC0415
+
+    (file,) = options.bags
+    refuse_options(options, [x for x in _FIT if x != 'full-scale'], 'needs --fit')
+    others = 'skip', 'against', 'namespace', 'pin-radius'
+    refuse_options(options, others, 'does not apply to a file of signals')
+    plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
+    wanted = _wanted(options)
+    channels = read_signals(file, options.full_scale or '')
+    even = [name for name, c in channels.items() if c.rate]
+    drawn = wanted if wanted or not plots else replace(wanted, spectra=even, envelopes=even)
+    details = channel_details(channels, drawn)
+    if plots:
+        figures.save_all(charts(details), plots)
+    if wanted and not options.json:
+        echo(render_details(details))
+        return 0
+    more = {'details': details.to_json()} if drawn else {}
+    found = channel_figures(channels)
+    return print_result(options, found, lambda x: {'channels': x} | more, render_channels)
 
 
 def _fit(options: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ import sys
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output
 from mechanism_sim.cli.options import (
@@ -33,8 +33,11 @@ from mechanism_sim.cli.source import (
 from mechanism_sim.errors import InputError, check_known
 
 if TYPE_CHECKING:
-    from mechanism_sim.analysis.open_run import Asked
+    from mechanism_sim.analysis.open_run import Asked, AskedSignals
+    from mechanism_sim.analysis.series import Series
+    from mechanism_sim.planar.mechanism import Mechanism
     from mechanism_sim.recording.reader import Bag
+    from mechanism_sim.report.charts.lines import Abscissa
     from mechanism_sim.scene import Machine
 
 
@@ -71,8 +74,8 @@ def add(command: Command) -> None:
     source_options(sub)
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
-        help='TOPIC.FIELD of a bag, or a quantity such as normal_force.JOINT; without any, all '
-        'there are',
+        help='TOPIC.FIELD of a bag, a quantity such as normal_force.JOINT, or a channel of a '
+        '.csv, .wav, .uff or .tdms file; without any, all there are',
     )  # fmt: skip
     several(
         sub, '-o --output', 'FILE',
@@ -85,6 +88,7 @@ def add(command: Command) -> None:
         'vector makes a polar chart', 'time',
     )  # fmt: skip
     flag(sub, '--ideal', 'also draw the same machine with ideal joints')
+    option(sub, '--full-scale', 'Q', "largest number of a .wav, as '50 m/s^2'")
     flag(sub, '--charts', 'WHAT are charts of the report, as forces or impacts; without any, all: '
          'to a folder, a .pdf, or files as FILE_CHART.svg')  # fmt: skip
 
@@ -157,24 +161,20 @@ def _sound(options: argparse.Namespace) -> int:
 def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
-    from mechanism_sim.report import figures, progress, tables  # noqa: PLC0415
-    from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import OVER_TIME, against  # noqa: PLC0415
+    from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
 
+    if is_signal_file(options.scene):
+        return _plot_signals(options)
+    refuse_options(options, ['full-scale'], 'applies to a .wav file')
     if options.charts:
         refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
         return _charts(options)
     if not options.what:
         reason = 'needs the name of a quantity; without one all that can be plotted is listed'
         refuse_options(options, ['output', 'against', 'ideal'], reason)
-    files = options.output or [f'{Path(options.scene).stem}_plot.svg']
-    numbers = [file for file in files if Path(file).suffix in ENDINGS]
-    for file in numbers:
-        tables.check_output(file)
-    pictures = [
-        figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
-    ]
-    if not pictures:
-        refuse_options(options, ['against'], 'applies to a picture: give one to --output, too')
+    _check_files(options)
     if options.ideal and options.against not in ('time', 'angle'):
         raise InputError('--ideal is drawn over time or --against angle: the ideal machine has '
                          f'its own {options.against}')  # fmt: skip
@@ -200,6 +200,57 @@ def _plot(options: argparse.Namespace) -> int:
             series = [*(replace(s, ideal=True) for s in below), *series]
     if not options.what:
         return _list(options, asked, bag)
+    title = Path(options.scene).name if bag else asked.record.machine.scene.title
+    over = OVER_TIME
+    if options.against != 'time':
+        over = against(asked.record.piece, options.against)
+    return _write(options, series, (title, over), asked.marks(start, end))
+
+
+def _plot_signals(options: argparse.Namespace) -> int:
+    from mechanism_sim.analysis.open_run import AskedSignals  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import OVER_TIME  # noqa: PLC0415
+
+    others = 'charts', 'ideal', 'against', 'duration', 'revolutions', 'skip', 'namespace', 'set'
+    refuse_options(options, others, 'does not apply to a file of signals')
+    if not options.what:
+        refuse_options(options, ['output'], 'needs the name of a channel')
+    else:
+        _check_files(options)
+    asked = AskedSignals(options.scene, options.full_scale or '')
+    if not options.what:
+        return _list(options, asked, None)
+    series = asked.series(options.what, options.start, options.end)
+    return _write(options, series, (Path(options.scene).name, OVER_TIME), (None, []))
+
+
+def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:
+    """All files to be written, those of numbers and pictures; refused where none can be."""
+    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
+
+    files = options.output or [f'{Path(options.scene).stem}_plot.svg']
+    numbers = [file for file in files if Path(file).suffix in ENDINGS]
+    for file in numbers:
+        tables.check_output(file)
+    pictures = [
+        figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
+    ]
+    if not pictures:
+        refuse_options(options, ['against'], 'applies to a picture: give one to --output, too')
+    return files, numbers, pictures
+
+
+def _write(
+    options: argparse.Namespace,
+    series: list[Series],
+    titled: tuple[str, Abscissa],
+    marks: tuple[Mechanism | None, list[float]],
+) -> int:
+    """Write series as numbers and pictures, with a title, over an abscissa, impacts marked."""
+    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+
+    files, numbers, pictures = _check_files(options)
     if numbers:
         from mechanism_sim.analysis.series import joined  # noqa: PLC0415
 
@@ -208,14 +259,11 @@ def _plot(options: argparse.Namespace) -> int:
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
-        from mechanism_sim.report.charts.lines import OVER_TIME, against, chart  # noqa: PLC0415
+        from mechanism_sim.report.charts.lines import chart  # noqa: PLC0415
 
-        over = OVER_TIME if options.against == 'time' else against(
-            asked.record.piece, options.against)  # fmt: skip
-        title = Path(options.scene).name if bag else asked.record.machine.scene.title
-        mechanism, struck = asked.marks(start, end)
+        mechanism, struck = marks
         own = palette.numbers(mechanism) if mechanism else {}
-        drawn = lines.draw(chart(series, title, over, own, struck))
+        drawn = lines.draw(chart(series, *titled, own, struck))
         for picture in pictures:
             figures.save(drawn, picture)
     if options.json:
@@ -262,7 +310,7 @@ def _charts(options: argparse.Namespace) -> int:
     return 0
 
 
-def _list(options: argparse.Namespace, asked: Asked, bag: Bag | None) -> int:
+def _list(options: argparse.Namespace, asked: Asked | AskedSignals, bag: Bag | None) -> int:
     """All that can be plotted."""
     names = list(asked.names())
     if bag and not names:

@@ -124,7 +124,7 @@ def _is_number(x: Any) -> bool:
 
 
 def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[float, str]:
-    """A coordinate or a rate at the start that the scene does not give: as it starts."""
+    """A coordinate, a rate or a drive at the start that the scene does not give: as it starts."""
     begin, _, coordinate = path.rpartition('.')
     which = {'initial.position': 0, 'initial.velocity': 1}.get(begin)
     free = machine.equations.system.free if machine.level.dynamic else ()
@@ -133,6 +133,13 @@ def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[f
         straight = coordinate in machine.mechanism.displacements
         unit = ('m' if straight else 'rad') + ('/s' if which else '')
         return (state.q, state.v)[which][i], unit
+    plan = machine.plan
+    driven = plan.main if begin == 'drive' else begin.removeprefix('drives.')
+    straight = driven in plan.ideal.displacements
+    place = 'start_position' if straight else 'start_angle'
+    if begin.startswith('drive') and coordinate == place and driven in plan.held:
+        turned = 2.0 * math.pi * plan.turned.get(driven, 0)
+        return plan.held[driven][0] + turned, 'm' if straight else 'rad'
     if own := next((x for x in leaves if x.startswith(f'{path}.')), None):
         raise InputError(
             f"{machine.name}: '{path}' holds several values: give the path of a number, as '{own}'"

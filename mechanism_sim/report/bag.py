@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
 
 from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
@@ -13,7 +16,8 @@ from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
-from mechanism_sim.text_table import Cell
+from mechanism_sim.signal_files import ChannelSamples
+from mechanism_sim.text_table import Cell, lines
 
 _ROWS = 12  # of a table of revolutions, before its middle is left out
 _LINES = 10
@@ -24,6 +28,30 @@ _SECTORS = 6
 def render(summary: Summary) -> str:
     """Return the text that the command line shows."""
     return text(sections(summary))
+
+
+def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[str, Any]]:
+    """Figures of the channels of a file of signals, by name, in their units."""
+    return {
+        name: {
+            'unit': c.unit, 'samples': len(c.times), 'rate': c.rate,
+            'start': float(c.times[0]), 'end': float(c.times[-1]),
+            'smallest': float(c.values.min()), 'largest': float(c.values.max()),
+            'mean': float(c.values.mean()), 'rms': float(np.sqrt((c.values**2).mean())),
+        }
+        for name, c in channels.items()
+    }  # fmt: skip
+
+
+def render_channels(figures: Mapping[str, Mapping[str, Any]]) -> str:
+    """Table of the figures of channels."""
+    head = next(iter(figures.values()))
+    rows = [
+        [name, *('uneven' if x is None else x for x in own.values())]
+        for name, own in figures.items()
+    ]
+    units = {'rate': 'rate [Hz]', 'start': 'start [s]', 'end': 'end [s]'}
+    return '\n'.join(lines([['channel', *(units.get(key, key) for key in head)], *rows], 2))
 
 
 def render_details(details: Details) -> str:

@@ -164,6 +164,16 @@ def test_numbers_of_lists_have_derivatives() -> None:
     assert slope == pytest.approx(wanted, rel=1e-3)
 
 
+def test_a_start_angle_that_no_scene_gives_is_a_key() -> None:
+    """Of an ideal machine at a constant speed it is as good as a time: ``dx/da = v/w``."""
+    path, t = 'drive.start_angle', np.linspace(0.0, 0.01, 5)
+    run = ms.simulate('slider_crank', duration=0.01, derivatives=[path])
+    slope = run.derivatives[path].sample(t, 'position.piston')['position.piston']
+    v = run.sample(t, 'velocity.piston', 'velocity.crank')
+    wanted = v['velocity.piston'] / v['velocity.crank']
+    assert np.abs(slope - wanted).max() < 1e-9 * np.abs(wanted).max()
+
+
 def test_a_push_on_a_closed_contact_ends_in_a_chatter_as_short_as_it_is_small() -> None:
     """Its derivative is that of a plastic blow, whatever the restitution."""
     path = 'initial.velocity.rocker'

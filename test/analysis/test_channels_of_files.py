@@ -1,0 +1,80 @@
+"""Files of measured signals without a machine: `analyze` and `plot`."""
+
+from __future__ import annotations
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from running import run, run_json
+from scipy.io import wavfile
+
+RATE, TONE, SIZE, COUNT = 2000.0, 125.0, 3.0, 4096
+TIMES = np.arange(COUNT) / RATE
+WAVE = SIZE * np.sin(2.0 * math.pi * TONE * TIMES)
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """A tone, and a way that is sampled with it."""
+    file = tmp_path / 'rig.csv'
+    rows = (
+        f'{t!r},{y!r},{2.0 + t!r}\n' for t, y in zip(TIMES.tolist(), WAVE.tolist(), strict=True)
+    )
+    file.write_text('t [s],acc [m/s^2],way [mm]\n' + ''.join(rows))
+    return file
+
+
+def test_a_tone_has_its_size_and_its_line(rig):
+    found = run_json('analyze', str(rig), '--spectrum', 'acc')
+    acc = found['channels']['acc']
+    assert (acc['unit'], acc['samples']) == ('m/s^2', COUNT)
+    assert acc['rate'] == pytest.approx(RATE)
+    assert acc['rms'] == pytest.approx(SIZE / math.sqrt(2.0), rel=1e-12)
+    spectrum = found['details']['spectra']['acc']['spectrum']
+    values = np.array(spectrum['values'])
+    assert spectrum['frequency'][int(values.argmax())] == pytest.approx(TONE)
+    step = spectrum['frequency'][1] - spectrum['frequency'][0]
+    assert values.sum() * step == pytest.approx(SIZE**2 / 2.0, rel=1e-3)
+
+
+def test_whole_numbers_of_a_wav_are_parts_of_its_full_scale(tmp_path):
+    file = tmp_path / 'rig.wav'
+    wavfile.write(file, int(RATE), np.round(WAVE / 5.0 * 2**15).astype(np.int16))
+    found = run_json('analyze', str(file), '--full-scale', '5 m/s^2')['channels']['1']
+    assert found['largest'] == pytest.approx(SIZE, abs=5.0 / 2**15)
+    assert found['unit'] == 'm/s^2'
+
+
+def test_channels_are_listed_and_plotted_as_they_are(rig, tmp_path):
+    assert run_json('plot', str(rig)) == [
+        {'name': 'acc', 'unit': 'm/s^2'}, {'name': 'way', 'unit': 'mm'},
+    ]  # fmt: skip
+    numbers, picture = tmp_path / 'out.csv', tmp_path / 'out.svg'
+    run('plot', str(rig), 'acc', '--from', '0.5 s', '-o', str(numbers), '-o', str(picture))
+    assert picture.stat().st_size
+    rows = list(csv.reader(numbers.open()))[1:]
+    kept = TIMES >= 0.5
+    t, y = np.array(rows, dtype=float).T
+    assert np.allclose(t, TIMES[kept])
+    assert np.allclose(y, WAVE[kept], rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('command', 'words'),
+    [
+        (['analyze', '--orders', 'acc'], '--orders needs a run: a file of signals has'),
+        (['analyze', '--spectrum', 'ac'], "no channel 'ac'; did you mean 'acc'?"),
+        (['analyze', '--full-scale', '5 m/s^2'], 'has units of its own'),
+        (['analyze', '--skip', '2'], '--skip does not apply to a file of signals'),
+        (['plot', '--against', 'angle'], '--against does not apply to a file of signals'),
+        (['plot', 'ac'], "no channel 'ac'"),
+        (['plot', 'acc', '--from', '9 s'], 'no values of acc between these times'),
+    ],
+)
+def test_what_files_do_not_have_is_refused(rig, command, words):
+    name, *options = command
+    done = run(name, str(rig), *options)
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    assert words in done.stderr
