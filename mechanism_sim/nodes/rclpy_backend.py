@@ -78,7 +78,7 @@ from ros_interfaces.similarity import SimilarMessages
 try:
     from mechanism_sim.nodes.rclpy_executor import SingleThreadedExecutor
 except ImportError:  # a rclpy of another make
-    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.executors import SingleThreadedExecutor  # type: ignore[no-redef]
 
 __all__ = [
     'ActionClient',
