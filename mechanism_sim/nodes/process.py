@@ -216,6 +216,4 @@ def add_node_options(parser: argparse.ArgumentParser) -> None:
 def parameters_of(options: argparse.Namespace) -> list[Parameter]:
     """Parameters for what was given on the command line."""
     given = {k: x for k, x in vars(options).items() if x is not None and x is not False}
-    if 'overrides' in given:
-        given['overrides'] = '\n'.join(given['overrides'])
     return [Parameter(key, value=value) for key, value in given.items()]

@@ -72,9 +72,13 @@ from rclpy.utilities import remove_ros_args
 from mechanism_sim import ending
 from mechanism_sim.messages import MessageError, objection
 from mechanism_sim.nodes.blocked_writes import BlockedWrites
-from mechanism_sim.nodes.rclpy_executor import SingleThreadedExecutor
 from ros_interfaces.refusals import Refusals, check_message
 from ros_interfaces.similarity import SimilarMessages
+
+try:
+    from mechanism_sim.nodes.rclpy_executor import SingleThreadedExecutor
+except ImportError:  # a rclpy of another make
+    from rclpy.executors import SingleThreadedExecutor  # type: ignore[no-redef]
 
 __all__ = [
     'ActionClient',

@@ -2,8 +2,9 @@
 
 For each turn of callbacks rclpy makes a wait set of all entities, which the middleware attaches
 one by one, and for each callback a task that wakes the executor twice more. That costs more than
-most callbacks. Subscriptions and timers with plain callbacks, which are nearly all that happens in
-a run, are served here; all else is left to rclpy.
+most callbacks. Subscriptions and timers with plain callbacks, nearly all that happens in a run,
+are served here; all else is left to rclpy. Importing this raises ImportError where rclpy lacks the
+parts that it needs and that are not promised; rclpy's own executor does the same.
 """
 
 from __future__ import annotations
@@ -19,6 +20,10 @@ from rclpy.event_handler import EventHandler
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
+
+_PARTS = {'_context', '_guard', '_is_shutdown', '_sigint_gc', '_tasks'}
+if not {*rclpy.executors.Executor.__init__.__code__.co_names} >= _PARTS:
+    raise ImportError('this rclpy has an executor of another kind')
 
 ABANDONED = rclpy_implementation.InvalidHandle
 POLL, LOOK = 0.005, 0.5

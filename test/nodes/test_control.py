@@ -342,7 +342,7 @@ def get(owner, name):
     client = node.create_client(kind, f'{owner}/get_parameters')
     assert client.wait_for_service(300)
     (value,) = wait(client.call_async(kind.Request(names=[name]))).values
-    return value.string_value or value.double_value
+    return value.string_value or '\\n'.join(value.string_array_value) or value.double_value
 def reset():
     answer = call('ResetSimulation', 'reset_simulation', scope=0).result
     return [answer.result, answer.error_message]
