@@ -16,12 +16,13 @@ from mechanism_sim.engine.events import Impact, Mode
 from mechanism_sim.engine.observer import Observer
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.engine.system import System
-from mechanism_sim.numerics.polynomials import Nodes, chebyshev_coefficients, chebyshev_nodes
+from mechanism_sim.numerics.polynomials import chebyshev_coefficients, chebyshev_nodes
 from mechanism_sim.numerics.quadrature import Assumptions, integrate, parts_of
 from mechanism_sim.tolerances import TOLERANCES
 
 _COUNT = 16  # nodes in a segment, whose terms fall by a factor of ten and more
-_NODES = Nodes(tuple(chebyshev_nodes(_COUNT).tolist()))
+_NODES = chebyshev_nodes(_COUNT)
+_TO_SERIES = chebyshev_coefficients(np.eye(_COUNT))
 # integrals over [0, 1] of the Chebyshev polynomials: Fejer's quadrature
 _WEIGHTS = np.array([0.0 if k % 2 else 1.0 / (1.0 - k * k) for k in range(_COUNT)])
 
@@ -129,12 +130,14 @@ class Touches:
 
     def _shares(self, gap: int, motion: Motion, segments: NDArray[np.intp]) -> Array:
         """Impulses [N s], loss [J] and largest force [N] in segments: (4, N)."""
-        seen = self._physics.touch(motion, segments, _NODES)
+        durations = motion.curve.duration[segments]
+        places = np.outer(durations, _NODES).ravel()
+        seen = self._physics.touch(motion, np.repeat(segments, _COUNT), places)
         force, friction, loss = (
             x[gap].reshape(-1, _COUNT) for x in (seen.normal_force, seen.friction_force, seen.loss)
         )
-        series = chebyshev_coefficients(np.array([force, friction, loss]))
-        p, q, lost = motion.curve.duration[segments] * (series @ _WEIGHTS)
+        series = _summed(np.array([force, friction, loss]), _TO_SERIES)
+        p, q, lost = durations * _summed(series, _WEIGHTS[:, None])[..., 0]
         recovers = np.flatnonzero(motion.modes[segments, gap] == Mode.RECOVERING)
         if len(recovers):
             parts, powers = some(parts_of(motion.curve), segments[recovers]), recovers >= 0
@@ -147,13 +150,19 @@ class Touches:
         return np.array([p, q, lost, _peaks(series[0])])
 
 
+def _summed(values: Array, weights: Array) -> Array:
+    """Values (..., n) times weights (n, m), summed in order: products round by how many rows."""
+    return np.asarray(sum(values[..., k, None] * row for k, row in enumerate(weights)))
+
+
 def _peaks(series: Array) -> Array:
     """Largest values on [-1, 1] of Chebyshev series (N, d + 1): at an end, or at a level point."""
     orders = np.arange(series.shape[1])
-    ends = np.array([series @ (-1.0) ** orders, series.sum(axis=1)])
-    slopes = np.array([series @ ((-1.0) ** (orders + 1) * orders**2), series @ orders**2.0])
-    peaks = np.asarray(ends.max(axis=0))
-    for k in np.flatnonzero((slopes[0] > 0.0) & (slopes[1] < 0.0)):
+    signs, squares = (-1.0) ** orders, orders**2.0
+    weights = np.array([signs, np.ones(len(orders)), -signs * squares, squares]).T
+    *ends, begins, falls = _summed(series, weights).T
+    peaks = np.maximum(*ends)
+    for k in np.flatnonzero((begins > 0.0) & (falls < 0.0)):
         roots = chebroots(chebder(series[k]))
         level = roots.real[
             (np.abs(roots.imag) < TOLERANCES.contacts.real_root) & (np.abs(roots.real) <= 1.0)
