@@ -265,6 +265,10 @@ MESSAGES = sorted((ROOT / 'msg').glob('*.msg'))
 # --- with ROS ---------------------------------------------------------------------------------
 
 
+MORTAL = 'setpriv', '--pdeathsig', 'KILL'
+"""Before a command that is to end with the process of the tests, however that ends."""
+
+
 def ros2(env: dict[str, str], *args: str, timeout: float = TIMEOUT) -> tuple[int, str]:
     """Exit code and output of a command ``ros2``."""
     done = subprocess.run(
@@ -440,7 +444,7 @@ def test_a_machine_that_is_included_fails_alone_or_ends_the_launch(ros, tmp_path
     machine = str(share() / 'launch' / 'machine.launch.py')
     file.write_text(CELLS.format(file=machine, reaction=reaction, length=length))
     launch = subprocess.Popen(
-        ['ros2', 'launch', str(file)], env={**ros, 'PYTHONUNBUFFERED': '1'},
+        [*MORTAL, 'ros2', 'launch', str(file)], env={**ros, 'PYTHONUNBUFFERED': '1'},
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
     )  # fmt: skip
     said: list[str] = []
@@ -484,7 +488,7 @@ def test_a_machine_that_is_included_fails_alone_or_ends_the_launch(ros, tmp_path
 @needs_ros
 def test_nodes_that_are_launched_end_cleanly_at_a_signal(ros):
     launch = subprocess.Popen(
-        ['ros2', 'launch', 'mechanism_sim', 'machine.launch.py', 'duration:=3600',
+        [*MORTAL, 'ros2', 'launch', 'mechanism_sim', 'machine.launch.py', 'duration:=3600',
          'realtime_factor:=1'],
         env={**ros, 'PYTHONUNBUFFERED': '1'}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         text=True, start_new_session=True,
@@ -508,8 +512,8 @@ def test_a_bag_of_ours_is_played_by_ros(ros, tmp_path):
     outcome = run_json('run', 'four_bar_clearance', '--record', str(bag), env=ros)
     assert outcome['middleware'] == 'rclpy'
     listener = subprocess.Popen(
-        ['ros2', 'topic', 'echo', '/impacts', 'mechanism_sim/msg/Impact', '--field', 'index',
-         '--qos-reliability', 'reliable', '--qos-history', 'keep_all'],
+        [*MORTAL, 'ros2', 'topic', 'echo', '/impacts', 'mechanism_sim/msg/Impact', '--field',
+         'index', '--qos-reliability', 'reliable', '--qos-history', 'keep_all'],
         env={**ros, 'PYTHONUNBUFFERED': '1'}, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
