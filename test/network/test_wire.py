@@ -163,7 +163,7 @@ def test_both_back_ends_offer_the_same_names():
         tree = ast.parse(Path(place).read_text())
         imported = {
             alias.asname or alias.name
-            for statement in tree.body
+            for statement in ast.walk(tree)
             if isinstance(statement, ast.ImportFrom)
             for alias in statement.names
         }
