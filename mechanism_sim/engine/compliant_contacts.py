@@ -161,7 +161,7 @@ def _peaks(series: Array) -> Array:
     signs, squares = (-1.0) ** orders, orders**2.0
     weights = np.array([signs, np.ones(len(orders)), -signs * squares, squares]).T
     *ends, begins, falls = _summed(series, weights).T
-    peaks = np.maximum(*ends)
+    peaks: Array = np.maximum(*ends)
     for k in np.flatnonzero((begins > 0.0) & (falls < 0.0)):
         roots = chebroots(chebder(series[k]))
         level = roots.real[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -39,7 +39,13 @@ _BOUNDS = {
 }
 
 
-class PartMaker(type(BaseModel)):  # type: ignore[misc] - the class has no public name
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:  # it has no public name
+    ModelMetaclass = type(BaseModel)
+
+
+class PartMaker(ModelMetaclass):
     """Makes parts of a scene in Python: what is wrong is said as of a file.
 
     Raises
@@ -48,12 +54,14 @@ class PartMaker(type(BaseModel)):  # type: ignore[misc] - the class has no publi
         From the call of a class of this kind.
     """
 
-    def __call__(cls, *args: Any, **keys: Any) -> Any:
+    def __call__(self, *args: Any, **keys: Any) -> Any:
         """A part of these keys."""
         try:
             return super().__call__(*args, **keys)
         except ValidationError as error:
-            raise InputError(f'{cls.__name__}: {sentence(error.errors(), cls, keys)}') from error
+            kind = cast('type[BaseModel]', self)
+            said = sentence(error.errors(), kind, keys)
+            raise InputError(f'{kind.__name__}: {said}') from error
 
 
 def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any) -> str:
@@ -85,7 +93,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
         return f'{shown}: {few}'
     if kind == 'model_type' and len(problems) == 1:
-        known = [key for m in _at(model, path) for key in m.keys_for({})]
+        models = [m for m in _at(model, path) if issubclass(m, Part)]
+        known = [key for m in models for key in m.keys_for({})]
         return f'{shown}: it must be a list of keys with values; allowed here: {", ".join(known)}'
     # of a value that may be one of several types, each has a problem of its own
     ways = [_must_be(p, model, path) for p in problems if _place(p, data) == path]
