@@ -190,10 +190,10 @@ def caught(mutant: Mutant, folder: Path, number: int) -> tuple[bool, str]:
     os.utime(file, (time.time() + number + 0.5, time.time() + number + 0.5))
     if done.returncode < 0:
         return True, f'took more than {LONGEST} s of CPU'
-    if done.returncode not in (0, 1):
+    if done.returncode not in (0, 1, 2):  # 2: its tests cannot even be collected
         raise SystemExit(f'{mutant.tests}: {done.stdout[-500:]}{done.stderr[-500:]}')
     failed = [line for line in done.stdout.splitlines() if line.startswith(('FAILED', 'ERROR'))]
-    return done.returncode == 1, (failed or done.stdout.splitlines()[-1:])[0]
+    return done.returncode > 0, (failed or done.stdout.splitlines()[-1:])[0]
 
 
 def main() -> None:
