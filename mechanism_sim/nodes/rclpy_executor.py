@@ -57,7 +57,7 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
         self._due.clear()  # what is due will be found again
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Run one callback; wait for one for at most ``timeout_sec`` [s], for ever if None."""
+        """Run one callback, or none if none is due within ``timeout_sec`` or `LOOK` [s]."""
         if not self._due and not self._is_shutdown:
             waiting = any(not task.done() for task, *_ in self._tasks)
             left = LOOK if timeout_sec is None or timeout_sec < 0.0 else timeout_sec
