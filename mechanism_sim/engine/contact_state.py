@@ -8,6 +8,7 @@ from functools import cached_property
 from time import perf_counter
 from typing import Any, cast
 
+import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,12 +29,12 @@ from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.engine.present_state import PresentState, rate_of
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.complementarity import Indices
-from mechanism_sim.numerics.kernels import charge
+from mechanism_sim.numerics.kernels import Kernel, charge, foreign_code
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
-RESPOND = respond.respond
+RESPOND, RESOLVE = respond.respond, respond.resolve
 
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
@@ -41,20 +42,24 @@ SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 
 
 class _Response:
-    """Calls of `respond` with arrays that stay where they are, but for the logs, which grow."""
+    """Calls of `respond` or `resolve` with arrays that stay where they are, but for the logs."""
 
-    def __init__(self, known: tuple[Any, ...], counters: Indices) -> None:
-        self._known = known
-        self.counters: memoryview[int] = memoryview(cast(Any, counters))
+    def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
+        self._kernel, self._known = kernel, known
         self._bound: tuple[object, object, object] = (None, None, None)
         self._call: Callable[[], int]
 
+    @property
+    def compiled(self) -> bool:
+        """True once it is machine code."""
+        return self._kernel.run is not self._kernel.function
+
     def __call__(self, impacts: Array, changes: Array) -> int:
         way, rows, more = self._bound
-        if way is not RESPOND.run or rows is not impacts or more is not changes:
-            self._bound = RESPOND.run, impacts, changes
-            self._call = RESPOND.bind(*self._known, impacts, changes)
-        if way is not RESPOND.function:
+        if way is not self._kernel.run or rows is not impacts or more is not changes:
+            self._bound = self._kernel.run, impacts, changes
+            self._call = self._kernel.bind(*self._known, impacts, changes)
+        if self.compiled:
             return self._call()
         began = perf_counter()
         after = self._call()
@@ -78,7 +83,7 @@ class ContactState:
     run : the arrays of all that follows, by which `contact.respond` resolves events
     problem, arrays : as of the last `refresh`, except for what is closed
     impacts, changes : the events so far
-    taken, fallen : the last stage of an event, and the guard that it is about
+    fallen : the guard that the last stage of an event is about
     floors : of every guard, what it may be below zero by rounding
     """
 
@@ -92,7 +97,12 @@ class ContactState:
         self.impacts, self.changes = ImpactLog(names), ModeLog(names)
         self.limits = _limits(present, rule, rtol, speed)
         known, self.run = self._arrays()
-        self._response = _Response(known, self.run.counters)
+        self._counters: memoryview[int] = memoryview(cast(Any, self.run.counters))
+        self._response = _Response(RESPOND, known)
+        self._addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
+        self._codes: list[Any] = []  # hold what the addresses are of
+        state = present.integrator.state[: system.width]
+        self._resolution = _Response(RESOLVE, (state, present.now, self._addresses, *known))
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
@@ -114,7 +124,7 @@ class ContactState:
         self.modes: tuple[int, ...] = ()
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
-        self.taken = self.fallen = respond.DONE
+        self.fallen = respond.DONE
         self._holding = [*system.set_valued.holding]
         self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
@@ -162,25 +172,45 @@ class ContactState:
     def begin_event(self, t: float) -> None:
         """Tell the arrays when an event happens [s], and how fast the drives are then."""
         self._reals[respond.TIME] = t
-        self._response.counters[respond.ROUNDS] = 0
+        self._counters[respond.ROUNDS] = 0
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)
 
     def go_on(self, stage: int, guard: int) -> int:
         """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
-        counters, impacts, changes = self._response.counters, self.impacts, self.changes
+        after = self._go(self._response, stage, guard)
+        self._counters[respond.TAKEN] = stage
+        return after
+
+    def resolve(self, stage: int, guard: int) -> int:
+        """Take stages, for a guard or in a gap, as far as the state's functions go; the next one.
+
+        What is missing for the first of them is evaluated.
+        """
+        if self._resolution.compiled:
+            self.present.set_time()
+            after = self._go(self._resolution, stage, guard)
+            if after != stage:
+                return after
+            guard = self.fallen
+        if not (stage == respond.STRIKES and self._counters[respond.TAKEN] == respond.FELL):
+            self.see(stage)  # else of the same state
+        return self.go_on(stage, guard)
+
+    def _go(self, call: _Response, stage: int, guard: int) -> int:
+        """Call a kernel with room in the logs, and take over what it entered there."""
+        counters, impacts, changes = self._counters, self.impacts, self.changes
         impacts.reserve(len(self.modes))
         changes.reserve(2 * len(self.modes))
         counters[respond.STAGE], counters[respond.GUARD] = stage, guard
         counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
-        after = self._response(impacts.rows, changes.rows)
+        after = call(impacts.rows, changes.rows)
         self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
         count = counters[respond.CHANGES]
         if count > changes.count:
             changes.count = count
             self.adopt_modes()
-        self.taken = stage
         return after
 
     @property
@@ -269,6 +299,17 @@ class ContactState:
         function = getattr(present.system.functions, name)
         out = self.run.terms if stage < respond.PROJECTED else self.run.seen[: function.nouts]
         present.evaluate(function, out=out)
+        if self._resolution.compiled and not self._addresses[stage]:
+            self._find_code(name, function)
+
+    def _find_code(self, name: str, function: hy.cfunc_dbl) -> None:
+        """Let `resolve` call the machine code of a function itself, where that can be."""
+        code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
+        if code:
+            self._codes.append(code)
+            for stage, needed in enumerate(respond.NEEDS):
+                if needed == name:
+                    self._addresses[stage] = code.addresses[0]
 
     def terms(self) -> ContactProblem:
         """The contact problem at the present state, until asked again."""

@@ -181,7 +181,6 @@ class Contacts:
     def _go_on(self, stage: int, guard: int) -> None:
         """Let an event of a gap be resolved from a stage on."""
         state, jams = self.state, _CONTACTS.jams
-        rubs = bool(self._system.dynamics.rubs)
         while stage != DONE:
             if stage == JAMMED:
                 stage, jams = unjam(state, jams), jams - 1
@@ -193,14 +192,14 @@ class Contacts:
             elif stage == UNSOLVED:
                 raise ArithmeticError('no impulses satisfy all contacts of this instant')
             else:
-                if not (stage == STRIKES and state.taken == FELL):  # of the same state
-                    state.see(stage)
-                stage = self._beside_joints(stage, guard) if rubs else state.go_on(stage, guard)
+                rubs = bool(self._system.dynamics.rubs)
+                stage = (self._beside_joints if rubs else state.resolve)(stage, guard)
                 guard = state.fallen
 
     def _beside_joints(self, stage: int, guard: int) -> int:
         """`ContactState.go_on` where ideal joints rub by the forces of the contacts."""
         state, log, switching = self.state, self.state.impacts, self.switching
+        state.see(stage)
         if stage == STRIKES:
             first, lost = log.count, add_joint_friction(state, switching, guard)
             stage = state.go_on(stage, guard)

@@ -140,7 +140,8 @@ class Status(NamedTuple):
     acting: tuple[int, ...] = ()  #: rows of the switches of rates, then of sides
 
 
-_BLOCK = 256  # steps
+BLOCK = 256
+"""Steps of a block of memory."""
 _KEPT = 2**24  # [B] of blocks that are left to later runs
 
 
@@ -200,7 +201,7 @@ class DenseOutput:
         block, slots = self._spare.pop() if self._spare else (np.zeros(0), [])
         if block.shape[1:] != self._shape:
             self._spare.clear()
-            block = np.zeros((_BLOCK, *self._shape))
+            block = np.zeros((BLOCK, *self._shape))
             row, flat = block[0].size, floats(block)
             slots = [flat[i : i + row] for i in range(0, block.size, row)]
         self._blocks.append(block)
@@ -210,13 +211,21 @@ class DenseOutput:
         """Leave memory to the next run: where runs are short, it costs as much as their steps."""
         for k, block in enumerate(self._blocks):
             if len(self._spare) * block.nbytes < _KEPT:
-                self._spare.append((block, self.slots[k * _BLOCK : (k + 1) * _BLOCK]))
+                self._spare.append((block, self.slots[k * BLOCK : (k + 1) * BLOCK]))
 
     def enter(self, tau: float, h: float) -> None:
         """Enter the step that is in its slot."""
         self.taus.append(tau)
         self.lengths.append(h)
-        if len(self.lengths) == len(self.slots) - 1:
+        self.provide()
+
+    def block(self, number: int) -> Array:
+        """A block of slots (`BLOCK`, width (order + 1)), which follow each other."""
+        return self._blocks[number].reshape(BLOCK, -1)
+
+    def provide(self) -> None:
+        """Provide room for two more steps."""
+        if len(self.lengths) >= len(self.slots) - 1:
             self.grow()
 
     def mark(self, base: Base, status: Status) -> None:
@@ -262,14 +271,14 @@ class DenseOutput:
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         states = np.zeros((count if system.states else 0, len(system.states), order))
         orders = np.arange(1.0, order + 1.0)
-        for first, block in zip(range(0, count, _BLOCK), self._blocks, strict=False):
-            raw, into = block[: count - first], coefficients[first : first + _BLOCK]
+        for first, block in zip(range(0, count, BLOCK), self._blocks, strict=False):
+            raw, into = block[: count - first], coefficients[first : first + BLOCK]
             for i, name in enumerate(system.free):
                 c = system.coordinates.index(name)
                 into[:, c, 0] = raw[:, i, 0]
                 np.divide(raw[:, f + i], orders, out=into[:, c, 1:])
             for k, known in enumerate(system.states):
-                states[first : first + _BLOCK, k] = raw[:, 2 * f + k] * known.scale
+                states[first : first + BLOCK, k] = raw[:, 2 * f + k] * known.scale
         tau, of = np.array(self.taus), np.repeat(np.array(marked, dtype=np.intp), each)
         for p, name in enumerate(system.prescribed):
             law = np.zeros((len(self._bases), system.degree + 1))

@@ -190,7 +190,7 @@ class EventLoop:
         while len(lengths) < last:
             step = self._pending
             if step is None:
-                tau, h = self._steps.follow(tau, limit, last)
+                tau, h = self._steps.follow(tau, limit, last, self._respond)
                 if h is None:
                     continue
                 step = self._steps.locate(tau, h)
@@ -234,18 +234,19 @@ class EventLoop:
         """Make a step part of the solution, and handle the event that ends it; return its end."""
         output, end = self._output, step.tau + step.h
         if step.h > 0.0:
-            output.taus.append(step.tau)
-            output.lengths.append(step.h)
+            output.enter(step.tau, step.h)
             self._laws.since += 1
-            if len(output.lengths) == len(output.slots) - 1:
-                output.grow()
         if step.guard is not None:
-            self._ta.time = end
-            self._contacts.handle(step.guard, self._count_event(end))
-            self._ta.reset_cooldowns()
-            if self._gaps.status is not self._marked:
-                self._mark()
+            self._respond(step.guard, end)
         return end
+
+    def _respond(self, guard: int, tau: float) -> None:
+        """Handle the event at which a guard fell, at the end of the last step."""
+        self._ta.time = tau
+        self._contacts.handle(guard, self._count_event(tau))
+        self._ta.reset_cooldowns()
+        if self._gaps.status is not self._marked:
+            self._mark()
 
     def preview(self, until: float) -> Motion | None:
         """How the solution goes on up to `until` [s], of what `advance` to there held back.

@@ -25,6 +25,7 @@ class PresentState:
     x : free coordinates and their rates (2f,), a view of the integrator's
     state : the same, and the states of first order, read and written as plain floats
     parameters : runtime parameters, a view of the integrator's; `pars` likewise as floats
+    now : the argument of functions of the system: state, runtime parameters and time
     rows : of the switches, set by `Switching`
     rounding : [m] two roundings of a position of the mechanism
     """
@@ -42,8 +43,8 @@ class PresentState:
         watched = len(system.guards) + 2 * len(system.gaps) + len(system.switches)
         #: numbers that functions give, of those that events ask for
         self.seen = max(watched, 2 * self.free + len(system.equations.relation_jets))
-        self._now = np.empty(system.width + len(self.pars) + 1)
-        now = floats(self._now)
+        self.now = np.empty(system.width + len(self.pars) + 1)
+        now = self._now = floats(self.now)
         self._now_state, self._now_pars = now[: system.width], now[system.width : -1]
 
     @property
@@ -88,9 +89,13 @@ class PresentState:
         self._now_state[:], self._now_pars[:] = self.state, self.pars
         self._now[-1] = self.integrator.time + ahead
         if ahead:
-            self._now[: self.free] += ahead * self._now[self.free : 2 * self.free]
-        values: Array = function(self._now, outputs=out)
+            self.now[: self.free] += ahead * self.now[self.free : 2 * self.free]
+        values: Array = function(self.now, outputs=out)
         return values
+
+    def set_time(self) -> None:
+        """Set the time in `now`, for functions that are called elsewhere."""
+        self._now[-1] = self.integrator.time
 
     def project(self) -> None:
         """Bring loops and closed contacts to zero in value and rate."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from mechanism_sim.engine.drive_laws import DriveLaws
 from mechanism_sim.engine.short_steps import ShortSteps
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.step_check import StepCheck
+from mechanism_sim.engine.step_rows import StepRows
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.protocols import Directed
@@ -86,57 +88,73 @@ class TaylorSteps:
         self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
         self._step = self._ta.step
+        self._rows = StepRows(system, self._ta, output, max_step, quickest)
         self._stabilisation = system.parameters.stabilisation
 
-    def follow(self, tau: float, limit: float, last: int) -> tuple[float, float | None]:
-        """Take steps from `tau` on, as long as they just follow each other: at most a row.
+    def follow(
+        self, tau: float, limit: float, last: int, respond: Callable[[int, float], None]
+    ) -> tuple[float, float | None]:
+        """Take steps from `tau` on, at most a row, and call `respond` for guards that fall.
 
-        Returns where it came to, and the length of a further step that something happened in, if
-        any.
+        Returns where it came to, and the length of a further step if there is more to it.
         """
         gaps, output, ta, step = self._gaps, self._output, self._ta, self._step
         if self._laws.since >= _STEPS.row:
             self._laws.turn(tau)
-        longest, horizon = self.longest, gaps.horizon
-        if not self._quick or self._laws.coming or horizon < longest:
-            h = self._taken(tau, min(longest, horizon))
+        longest = self.longest
+        if not self._quick or self._laws.coming or self._goes_short():
+            h = self._taken(tau, min(longest, gaps.horizon))
             return tau, h if self._check is None else self._checked(tau, h, self._check)
+        slots, lengths, since = output.slots, output.lengths, self._laws.since
         coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
-        slots, lengths, lone, timed = (
-            output.slots,
-            output.lengths,
-            self._system.lone,
-            self._system.timed,
-        )
-        enter_tau, enter_length = output.taus.append, lengths.append
+        lone, timed = self._system.lone, self._system.timed
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
-        stabilisation, quickest = self._stabilisation, self._quickest
         singular = near is not _UNWATCHED
-        count, stop = len(lengths), min(limit, self._laws.next_base)
-        row = min(count + _STEPS.row - self._laws.since, last, len(slots) - 1)
-        for slot in slots[count:row]:
+        begun, stop = len(lengths), min(limit, self._laws.next_base)
+        row = min(begun + _STEPS.row - since, last)
+        alone, ended = 0, None
+        while (count := len(lengths)) < row and not self._goes_short():
+            reach = min(longest, gaps.horizon)
+            if reach == longest:  # else an event is near
+                tau = self._rows.take(tau, stop, row - count, stride)
+                count = len(lengths)
+                if count == row:
+                    break
             if timed:
                 ta.time = tau
-            h = step(longest, True)[1]
-            end = tau + h
-            if pars[fired] or not tau < end <= stop:
+            h = step(reach, True)[1]
+            end, guard = tau + h, pars[fired]
+            if (
+                not tau < end <= stop
+                or (watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT and not
+                    (guard and self._is_plain(int(guard) - 1)))
+                or (singular and near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0)
+            ):  # fmt: skip
+                ended = h
                 break
-            if watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT:
-                break
-            if singular and near[1] + _SINGULAR.ahead * max(h, stride) * near[2] < 0.0:
-                break
-            slot[:] = coefficients
-            enter_tau(tau)
-            enter_length(h)
-            tau = end
-            pars[stabilisation] = min(1.0 / h, quickest)
-        else:
-            self._laws.since += row - count
-            if row == len(slots) - 1:
-                output.grow()
-            return tau, None
-        self._laws.since += len(lengths) - count
-        return tau, h
+            slots[count][:] = coefficients
+            output.enter(tau, h)
+            tau, alone = end, alone + 1
+            gaps.horizon = math.inf
+            self._laws.since = since + len(lengths) - begun
+            if guard:
+                pars[fired] = 0.0
+                respond(int(guard) - 1, end)
+            elif h < reach or reach == longest:
+                pars[self._stabilisation] = min(1.0 / h, self._quickest)
+        self._laws.since = since + len(lengths) - begun
+        self._rows.count(alone)
+        return tau, ended
+
+    def _is_plain(self, guard: int) -> bool:
+        """True of an event in a step from near a root if it is the only one."""
+        if self._system.lone:
+            return self._guard_values[0] >= 0.0 or self._gaps.flying
+        return self._missed(guard) is None
+
+    def _goes_short(self) -> bool:
+        """True if the next step is to be of a low order."""
+        return self.short is not None and self._gaps.horizon < self.longest
 
     def locate(self, tau: float, h: float) -> PendingStep:
         """The pending step for one from `tau` of length `h` [s] that was just taken."""

@@ -1,7 +1,8 @@
 """LLVM's text of kernels: Python of a small part, with the types of what it is called with.
 
 There are numbers, arrays of one or two axes whose rows are contiguous, and (named) tuples of them;
-functions that are kernels themselves, each written once for every kind of arguments; variables
+functions that are kernels themselves, each written once for every kind of arguments; other machine
+code by its address (`call_code`); variables
 that keep their kind; loops over ranges, vectors and tuples. Everything else of Python is refused
 by a `KeyError` or `TypeError`. Operations are those of double precision, one by one: nothing may
 be reordered or fused. Indices are not checked, and a division by zero is that of IEEE 754.
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import ctypes
 import inspect
 import math
 import struct
@@ -25,6 +27,8 @@ from types import CodeType, FunctionType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+
+from mechanism_sim.arrays import Array
 
 _LLVM = {'f': 'double', 'i': 'i64', 'b': 'i1'}
 _STORED = {'f': 'double', 'i': 'i64', 'b': 'i8'}
@@ -811,7 +815,19 @@ def _joined(body: _Body, parts: Several) -> ArrayView:
     return found
 
 
+def call_code(address: int, *arrays: Array) -> None:
+    """Call machine code at an address with those of arrays, which it may change."""
+    at = [x.ctypes.data for x in arrays]
+    ctypes.CFUNCTYPE(None, *(ctypes.c_void_p for _ in at))(address)(*at)
+
+
+def _call_code(body: _Body, address: Number, *arrays: ArrayView) -> None:
+    code = body.new(f'inttoptr i64 {address.text} to ptr')
+    body.do(f'call void {code}({", ".join(f"ptr {x.at}" for x in arrays)})')
+
+
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    call_code: _call_code,
     len: lambda _, x: Number('i', x.shape[0] if isinstance(x, ArrayView) else str(len(x.items))),
     abs: _size,
     max: _extreme(ast.Gt),

@@ -17,10 +17,13 @@ from contextlib import suppress
 from functools import cache, partial, update_wrapper
 from pathlib import Path
 from types import FunctionType
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from mechanism_sim import packages, tolerances
 from mechanism_sim.numerics import code_cache
+
+if TYPE_CHECKING:
+    from mechanism_sim.numerics.machine_code import Foreign
 
 F = TypeVar('F', bound=Callable[..., Any])
 
@@ -144,3 +147,14 @@ def _leave_compiled(error: Exception) -> None:
     packages.without('llvmlite', error, _INSTEAD)
     for k in _KERNELS:
         k.run = k.function
+
+
+def foreign_code(code: bytes, *names: str) -> Foreign | None:
+    """Functions that heyoka compiled, for kernels to call; None where they cannot be had."""
+    try:
+        from mechanism_sim.numerics.machine_code import foreign  # noqa: PLC0415 - few runs need it
+
+        return foreign(code, 'libheyoka', *names)
+    except Exception as error:
+        _leave_compiled(error)
+        return None

@@ -6,9 +6,10 @@ import ctypes
 import hashlib
 import math
 import pickle
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -156,6 +157,56 @@ def _host() -> tuple[str, str, str]:
     return import_module('llvmlite').__version__, llvm.get_host_cpu_name(), features
 
 
+class Foreign(NamedTuple):
+    """Machine code that others made."""
+
+    addresses: tuple[int, ...]  #: of its functions
+    engine: Any  #: holds it
+
+
+@lru_cache(maxsize=64)
+def foreign(code: bytes, library: str, *names: str) -> Foreign | None:
+    """Functions of an object file (ELF) by their names; None where something is not found.
+
+    Parameters
+    ----------
+    library : part of the name of a loaded library in which other symbols are
+    """
+    llvm, machine = _machine()
+    with suppress(OSError, StopIteration):
+        with open('/proc/self/maps', encoding='utf-8') as maps:
+            path = next(x.split()[-1] for x in maps if library in x)
+        llvm.load_library_permanently(path)
+        # LLVM ends the process where it misses a symbol
+        if all(llvm.address_of_symbol(x) for x in _missing(code)):
+            engine = _engine(llvm, machine, code)
+            return Foreign(tuple(map(engine.get_function_address, names)), engine)
+    return None
+
+
+def _missing(code: bytes) -> list[str]:
+    """Symbols that an object file (ELF, 64 bits, little-endian) takes from elsewhere."""
+    if code[:6] != b'\x7fELF\x02\x01':
+        raise OSError('code is not ELF of 64 bits')
+    (at,), (size, count) = struct.unpack_from('<Q', code, 40), struct.unpack_from('<HH', code, 58)
+    # of each section: name, type, flags, address, offset, size, linked section
+    sections = [struct.unpack_from('<IIQQQQI', code, at + k * size) for k in range(count)]
+    found = []
+    for _, kind, _, _, first, length, linked in sections:
+        if kind != _SYMBOLS:
+            continue
+        names = sections[linked][4]
+        for k in range(first, first + length, 24):
+            name, _, _, section = struct.unpack_from('<IBBH', code, k)
+            if name and not section:
+                begin = names + name
+                found.append(code[begin : code.index(b'\0', begin)].decode())
+    return found
+
+
+_SYMBOLS = 2  # type of a section
+
+
 def _object(text: str) -> bytes:
     """Machine code of a module."""
     llvm, machine = _machine()
@@ -173,10 +224,15 @@ def _object(text: str) -> bytes:
 def _loaded(content: bytes) -> Code:
     """Code from what is kept of it: the type of the result and an object file."""
     result, code = pickle.loads(content)  # noqa: S301 - from a folder that is nobody else's
-    llvm, machine = _machine()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), machine)
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
+    engine = _engine(*_machine(), code)
     _engines.append(engine)
     release = ctypes.PYFUNCTYPE(None)(engine.get_function_address('release'))
     return Code(_ENTER(engine.get_function_address('enter')), release, result)
+
+
+def _engine(llvm: Any, machine: Any, code: bytes) -> Any:
+    """What holds the code of an object file, linked."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine

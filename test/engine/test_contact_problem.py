@@ -368,7 +368,7 @@ def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch,
     assert len(plain.impacts) > 150
     compiled_kernels()
     assert ms.simulate(scene, revolutions=5.0).digest() == plain.digest()
-    assert respond.respond.codes
+    assert respond.resolve.codes
 
 
 @pytest.mark.slow

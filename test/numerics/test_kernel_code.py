@@ -6,11 +6,13 @@ import math
 from types import FunctionType
 from typing import Any, NamedTuple
 
+import heyoka as hy
 import numpy as np
 import pytest
 
 from mechanism_sim.numerics import machine_code
-from mechanism_sim.numerics.kernels import _function_of, kernel
+from mechanism_sim.numerics.kernel_code import call_code
+from mechanism_sim.numerics.kernels import _function_of, foreign_code, kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 
@@ -156,3 +158,33 @@ def test_arrays_of_other_kinds_are_refused():
     for x in (np.eye(2).T[:1].T, np.zeros(2, dtype=np.int32), np.zeros(2, dtype=np.float32)):
         with pytest.raises(TypeError):
             machine_code.types_of((x,))
+
+
+def called(address, out, given):
+    call_code(address, out, given, given, given)
+    return out[0] + out[1]
+
+
+def test_code_of_heyoka_is_called_by_its_address():
+    x, y = hy.make_vars('x', 'y')
+    function = hy.cfunc([hy.sin(x) * y, hy.atan2(x, y)], vars=[x, y])
+    code, given = function.llvm_states[0].object_code, np.array([0.3, -0.7])
+    found = foreign_code(code, 'cfunc')
+    assert found is not None
+    wanted = function(given)
+    for call in (called, lambda *args: compiled(called, *args)):
+        out = np.zeros(2)
+        assert call(found.addresses[0], out, given) == wanted.sum()
+        np.testing.assert_array_equal(out, wanted)
+
+
+def test_code_that_cannot_be_called_is_not():
+    """LLVM would end the process where a symbol is missing."""
+    head, f = 'declare void @nobody_has_this()\n', 'define void @f() {{\n {}\n ret void\n}}'
+    code = machine_code._object(head + f.format('call void @nobody_has_this()'))
+    assert machine_code._missing(code) == ['nobody_has_this']
+    assert machine_code.foreign(code, 'libheyoka', 'f') is None
+    whole = machine_code._object(f.format(''))
+    assert machine_code.foreign(whole, 'libheyoka', 'f') is not None
+    assert machine_code.foreign(whole, 'no library has this name', 'f') is None
+    assert machine_code.foreign(b'MZ' + whole[2:], 'libheyoka', 'f') is None

@@ -1,7 +1,8 @@
 """Response of contacts to an event, on arrays: impact, rest, release, slip and stick.
 
 `respond` takes a stage, goes on until it needs functions of the state at another place, and
-returns the stage that follows once they are evaluated; `NEEDS` says which. All that is kept of a
+returns the stage that follows once they are evaluated; `NEEDS` says which. `resolve` calls their
+machine code itself, so that an event is one call. All that is kept of a
 machine are `EventArrays`: it may be one of many lanes.
 """
 
@@ -39,6 +40,7 @@ from mechanism_sim.engine.contact.problem import (
     slip_of,
 )
 from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.kernel_code import call_code
 from mechanism_sim.numerics.kernels import entry, kernel
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -59,14 +61,14 @@ slide is to be stopped by an impact without collision. The last two go on with `
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, *('watch',) * 2)
 """By stage, the function of the state that is evaluated before."""
 
-(STAGE, GUARD, IMPACTS, CHANGES, TRIES, HELD, DRAWS, BEGINS, ROUNDS, WATCHED, GUARDS, SMOOTH,
- RELATIONS, SIZE, LAYOUT) = range(15)  # fmt: skip
+(STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, WATCHED, GUARDS,
+ SMOOTH, RELATIONS, SIZE, LAYOUT) = range(16)  # fmt: skip
 COUNTERS = LAYOUT + len(Layout._fields)
 """Columns of the counters of a run: the stage to go on from; the guard or gap of it; rows in the
-logs of impacts and of changes; how often gaps were moved apart; the gap whose slip ends, plus 1;
-whether others are drawn shut, or slides begin, after this stage; guards looked at so far, whether
-it is done here; guards, whether nothing rubs or is known by its rate only, whether loops close;
-numbers of the terms, then their layout."""
+logs of impacts and of changes; the last stage taken; how often gaps were moved apart; the gap
+whose slip ends, plus 1; whether others are drawn shut, or slides begin, after this stage; guards
+looked at so far, whether it is done here; guards, whether nothing rubs or is known by its rate
+only, whether loops close; numbers of the terms, then their layout."""
 
 TIME, HORIZON, FLOOR, MARGIN, LIMITS, DRIVES = 0, 1, 2, 3, 4, 10
 """Columns of the reals: time [s], longest next step [s], what guards of friction may be below
@@ -487,3 +489,39 @@ def respond(*arrays: Any) -> int:
     if stage == MISSED:
         return missed(run)
     return look(run) if stage == SEEN else projected(run)
+
+
+_ENDLESS = 2**62
+
+
+@entry
+def resolve(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
+    """Take stages from that of the counters on; the first that is not taken, `DONE` at the end.
+
+    None is taken whose function is not known, or for which the logs have no room.
+
+    Parameters
+    ----------
+    state : (w,) of the integrator
+    now : (w + parameters + 1,) the argument of functions, of which the time is set
+    addresses : by stage, of the machine code of `NEEDS`, 0 if it is not known
+    arrays : those of `run_of`
+    """
+    run = run_of(*arrays)
+    n, m, width = run.counters, run.gaps.shape[1], len(state)
+    for _ in range(_ENDLESS):
+        stage = n[STAGE]
+        if stage <= DONE or addresses[stage] == 0:
+            break
+        if n[IMPACTS] + m > len(run.impacts) or n[CHANGES] + 2 * m > len(run.changes):
+            break
+        if not (stage == STRIKES and n[TAKEN] == FELL):  # of the same state
+            now[:width] = state
+            now[width : width + len(run.parameters)] = run.parameters
+            if stage < PROJECTED:
+                call_code(addresses[stage], run.terms, now, now, now)
+            else:
+                call_code(addresses[stage], run.seen, now, now, now)
+        after = respond(*arrays)
+        n[STAGE], n[TAKEN] = after, stage
+    return int(n[STAGE])

@@ -1,0 +1,105 @@
+"""Rows of steps in machine code: the bits of steps one by one, and no event is passed over."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import mechanism_sim as ms
+from mechanism_sim.engine import contact_state, step_rows
+from mechanism_sim.engine.contact import respond
+from mechanism_sim.engine.step_rows import end_of, stays
+from mechanism_sim.numerics import kernels
+
+SLOW = pytest.mark.slow
+
+
+@pytest.fixture
+def plain(monkeypatch):
+    """Kernels run as they are until somebody compiles them."""
+    monkeypatch.setattr(kernels, '_spent', -math.inf)
+    for k in kernels._KERNELS:
+        monkeypatch.setattr(k, 'run', k.function)
+
+
+def test_no_root_of_a_polynomial_is_passed_over():
+    """By the roots that NumPy finds; most of those without any are known to have none."""
+    rng = np.random.default_rng(3)
+    kept = free = 0
+    for _ in range(4000):
+        p = rng.normal(size=rng.integers(3, 9)) * 0.7 ** np.arange(8)[: rng.integers(3, 9)].size
+        p[0] = abs(p[0])
+        h = rng.uniform(0.1, 1.5)
+        roots = np.polynomial.polynomial.polyroots(p)
+        real = roots[abs(roots.imag) < 1e-9].real
+        some = ((real > 0.0) & (real <= h)).any()
+        end = end_of(p, h, False, np.empty(len(p)))
+        if end >= 0.0:
+            assert not some
+            assert end == pytest.approx(
+                np.polynomial.polynomial.polyval(h, p), rel=1e-9, abs=1e-12
+            )
+        free += not some
+        kept += end >= 0.0
+    assert 0.9 * free < kept < 4000
+
+
+def test_a_guard_that_begins_below_zero_may_only_rise_where_its_gap_is_open():
+    rising, scaled = np.array([-1e-17, 2.0, 0.3, -0.1]), np.empty(4)
+    assert end_of(rising, 0.5, True, scaled) == pytest.approx(1.0625)
+    assert end_of(rising, 0.5, False, scaled) == -1.0
+    assert end_of(np.array([-1e-9, 2.0, 0.3, -0.1]), 0.5, True, scaled) == -1.0
+    assert end_of(np.array([-1e-17, -2.0, 9.0, 0.0]), 0.5, True, scaled) == -1.0
+    assert end_of(np.array([1.0, math.nan, 0.0, 0.0]), 0.5, True, scaled) == -1.0
+
+
+def test_what_begins_near_a_root_must_not_end_near_one():
+    jets, shut, scaled = (
+        np.array([[1e-15, 1.0, -1.0], [1.0, 0.0, 0.0]]),
+        np.array([0, -1]),
+        np.empty(3),
+    )
+    assert stays(jets, 0, shut, np.zeros(1), 0.5, scaled)
+    assert not stays(jets, 0, shut, np.zeros(1), 1.0 - 1e-14, scaled)  # and falls just behind
+    jets[0, 0] = 1e-3
+    assert stays(jets, 0, shut, np.zeros(1), 1.0, scaled)
+
+
+@pytest.mark.usefixtures('plain')
+@pytest.mark.parametrize(
+    'scene', ['four_bar_governed', 'gear_four_bar', pytest.param('watched_compressor', marks=SLOW)]
+)
+def test_rows_have_the_bits_of_steps_one_by_one(scene, compiled_kernels, monkeypatch):
+    """Loads in time, several gaps, friction; and where heyoka's code cannot be called."""
+    machine = ms.load_scene(scene)
+    long = {'duration': 0.1}
+    one_by_one = ms.simulate(machine, **long)
+    compiled_kernels()
+    taken, take = [], step_rows.StepRows.take
+
+    def noted(rows, tau, *others):
+        end = take(rows, tau, *others)
+        taken.append(end > tau)
+        return end
+
+    monkeypatch.setattr(step_rows.StepRows, 'take', noted)
+    assert ms.simulate(machine, **long).digest() == one_by_one.digest()
+    assert any(taken)
+    for room in (step_rows.kernels, contact_state):
+        monkeypatch.setattr(room, 'foreign_code', lambda *_: None)
+    assert ms.simulate(machine, **long).digest() == one_by_one.digest()
+
+
+@pytest.mark.usefixtures('plain')
+def test_an_event_is_one_call(compiled_kernels, monkeypatch):
+    """Once the functions of the state are known, Python evaluates none of them."""
+    scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
+    compiled_kernels()
+    seen, see = [], contact_state.ContactState.see
+    monkeypatch.setattr(contact_state.ContactState, 'see', lambda *x: seen.append(x[1]) or see(*x))
+    found = ms.simulate(scene, revolutions=3.0)
+    assert len(found.impacts) > 50
+    assert len(seen) < 0.1 * len(found.impacts)
+    assert respond.resolve.codes
