@@ -34,7 +34,7 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
-RESPOND, RESOLVE = respond.respond, respond.resolve
+RESPOND, RESOLVE, LOOK = respond.respond, respond.resolve, respond.look
 
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
@@ -42,7 +42,7 @@ SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 
 
 class _Response:
-    """Calls of `respond` or `resolve` with arrays that stay where they are, but for the logs."""
+    """Calls of a kernel of `contact.respond`: arrays stay where they are, but for the logs."""
 
     def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
         self._kernel, self._known = kernel, known
@@ -98,7 +98,7 @@ class ContactState:
         self.limits = _limits(present, rule, rtol, speed)
         known, self.run = self._arrays()
         self._counters: memoryview[int] = memoryview(cast(Any, self.run.counters))
-        self._response = _Response(RESPOND, known)
+        self._response, self._look = _Response(RESPOND, known), _Response(LOOK, known)
         self._addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
         self._codes: list[Any] = []  # hold what the addresses are of
         state = present.integrator.state[: system.width]
@@ -184,11 +184,10 @@ class ContactState:
         return after
 
     def resolve(self, stage: int, guard: int) -> int:
-        """Take stages, for a guard or in a gap, as far as the state's functions go; the next one.
-
-        What is missing for the first of them is evaluated.
-        """
+        """Take stages, for a guard or in a gap, as far as functions are known; the next one."""
         if self._resolution.compiled:
+            if not self._addresses[stage]:
+                self.see(stage)
             self.present.set_time()
             after = self._go(self._resolution, stage, guard)
             if after != stage:
@@ -197,6 +196,12 @@ class ContactState:
         if not (stage == respond.STRIKES and self._counters[respond.TAKEN] == respond.FELL):
             self.see(stage)  # else of the same state
         return self.go_on(stage, guard)
+
+    def past_zero(self, fell: int | None) -> int | None:
+        """A guard that is past zero at the present state, beside one that `fell`."""
+        self.see(respond.MISSED)
+        guard = self._go(self._look, respond.MISSED, -1 if fell is None else fell)
+        return guard if guard >= 0 else None
 
     def _go(self, call: _Response, stage: int, guard: int) -> int:
         """Call a kernel with room in the logs, and take over what it entered there."""

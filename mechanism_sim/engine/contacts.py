@@ -21,7 +21,6 @@ from mechanism_sim.engine.contact.respond import (
     GIVEN,
     JAMMED,
     RESTS,
-    SEEN,
     SHOCK,
     SLIPS,
     STRIKES,
@@ -256,9 +255,7 @@ class Contacts:
         """
         state, system = self.state, self._system
         if self._resolves_all:
-            state.see(SEEN)
-            guard = state.go_on(SEEN, -1 if seen_now is None else seen_now)
-            return guard if guard >= 0 else None
+            return state.past_zero(seen_now)
         seen = self.present.evaluate(system.functions.watch).tolist()
         modes, floors, limits = state.modes, state.floors, state.limits
         count = len(floors)

@@ -166,7 +166,7 @@ class StepRows:
         self._system, self._integrator, self._output = system, integrator, output
         self._reals = np.zeros(LARGEST + 1)
         self._reals[LONGEST], self._reals[QUICKEST] = longest, quickest
-        self._calls: list[Callable[[], int]] = []
+        self._calls: dict[int, Callable[[], int]] = {}
         self._known: RowArrays | None = None
         # the tape of compact code is heyoka's own
         self._served = not integrator.compact_mode and bool(integrator.with_events)
@@ -182,8 +182,8 @@ class StepRows:
             return tau
         output, reals, whole = self._output, self._now, self._whole
         block, first = divmod(len(output.lengths), BLOCK)
-        if block == len(self._calls):
-            self._calls.append(take_row.bind(self._known._replace(rows=output.block(block))))
+        if block not in self._calls:
+            self._calls[block] = take_row.bind(self._known._replace(rows=output.block(block)))
         reals[TAU], reals[LIMIT], reals[STRIDE] = tau, limit, stride
         whole[FIRST], whole[MOST] = first, min(most, BLOCK - first)
         if count := self._calls[block]():

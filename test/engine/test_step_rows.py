@@ -10,6 +10,7 @@ import pytest
 import mechanism_sim as ms
 from mechanism_sim.engine import contact_state, step_rows
 from mechanism_sim.engine.contact import respond
+from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.step_rows import end_of, stays
 from mechanism_sim.numerics import kernels
 
@@ -103,3 +104,21 @@ def test_an_event_is_one_call(compiled_kernels, monkeypatch):
     assert len(found.impacts) > 50
     assert len(seen) < 0.1 * len(found.impacts)
     assert respond.resolve.codes
+
+
+@pytest.mark.usefixtures('plain')
+def test_a_run_may_go_on_in_machine_code_anywhere(compiled_kernels):
+    """Steps that Python took fill several blocks of memory before the first row."""
+    machine = ms.load_scene('four_bar_clearance', {'start': 'centred'})
+    digests = []
+    for compiles in (False, True):
+        engine, digest = machine.start(), MotionDigest()
+        engine.advance(9.0, most=700)
+        if compiles:
+            compiled_kernels()
+        engine.advance(0.5)
+        motion, impacts, _ = engine.drain()
+        assert len(motion) > 900
+        digest.add(motion, impacts)
+        digests.append(digest.hexdigest())
+    assert digests[0] == digests[1]

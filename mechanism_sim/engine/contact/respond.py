@@ -49,16 +49,15 @@ _GUARDS = TOLERANCES.guards
 _IMPACTS = TOLERANCES.impacts
 _ROUNDING = TOLERANCES.rounding
 
-DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED, SEEN = range(10)
+DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED = range(9)
 """Stages: nothing is left; a guard of a gap fell, or one of friction; a gap strikes; contacts
-rest; gaps part; the state was projected, once or again; guards are looked at that are past zero.
-The last is none: it gives the guard that is past zero beside that of the counters, or -1."""
+rest; gaps part; the state was projected, once or again; what is past zero is looked for."""
 
 UNSOLVED, JAMMED, SHOCK = -1, -2, -3
 """Instead of a stage: no impulses satisfy all contacts; no forces keep those at rest; the guard's
 slide is to be stopped by an impact without collision. The last two go on with `RESTS`."""
 
-NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, *('watch',) * 2)
+NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
 """By stage, the function of the state that is evaluated before."""
 
 (STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, WATCHED, GUARDS,
@@ -460,9 +459,15 @@ def _past_zero(run: EventArrays, fell: int) -> int:
     return -1
 
 
-@kernel
-def look(run: EventArrays) -> int:
-    """A guard that is past zero beside that which fell."""
+@entry
+def look(*arrays: Any) -> int:
+    """The guard that is past zero beside that of the counters, by what ``watch`` gave, or -1.
+
+    Parameters
+    ----------
+    arrays : those of `run_of`
+    """
+    run = run_of(*arrays)
     return _past_zero(run, run.counters[GUARD])
 
 
@@ -488,7 +493,7 @@ def respond(*arrays: Any) -> int:
         return part(run)
     if stage == MISSED:
         return missed(run)
-    return look(run) if stage == SEEN else projected(run)
+    return projected(run)
 
 
 _ENDLESS = 2**62
