@@ -44,11 +44,10 @@ _FIRST, _LONGER = 1.0 / 32.0, 2.0
 _LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the root of the last
 _ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
 _STEP = 0.1  # of a standard deviation: step of differences
-_BROAD, _DRAWS = 0.3, 8
+_BROAD, _DRAWS = 0.3, 16
 """Of a range: hardly known; places that are tried around what a window says."""
 _FEWEST = 16  # samples of a first window, for each parameter
-_STARTS, _TRIED = 16, 3  # values that are tried, and from how many of them steps begin
-_IMPACTS = 32  # at most, in the first window that has any: they say much, and runs part soon
+_STARTS, _TRIED = 32, 3  # values that are tried, and from how many of them steps begin
 _BLOCKS = 32  # of the residuals of a window
 _SIGMAS = 6.0  # by which a mean square of noise is hardly ever off
 _RANGE = 12.0  # information of a uniform distribution of width 1
@@ -126,8 +125,7 @@ class LeastSquares:
         self.low = np.array([p.to_scale(p.low) for p in parameters])
         self.width = np.array([p.to_scale(p.high) for p in parameters]) - self.low
         self.runs = self.failed = self.differences = 0
-        self._seed = seed
-        self._impacts: list[float] = []  # [s] of the last run
+        self._seed, self._struck = seed, False
         for p in parameters:
             if p.choices:
                 raise InputError(f'{p.name} has values of a list, by which there is no derivative')
@@ -178,10 +176,10 @@ class LeastSquares:
         """The fit of the longest window whose residuals are like those of the ones before."""
         longer = _LONGER
         while fit.part < 1.0 and longer > _LEAST_LONGER:
-            if self._impacts and fit.widths().max() < _ENOUGH:
+            if self._struck and fit.widths().max() < _ENOUGH:
                 break
             sizes = self._sizes(fit, [m.noise for m in self.measurements])
-            part = self._longer(fit, min(1.0, longer * fit.part))
+            part = min(1.0, longer * fit.part)
             steps = np.minimum(1e-3, _STEP * np.sqrt(fit.covariance().diagonal()))
             found: list[WindowFit] = []
             for place in self._continuations(fit, part, sizes):
@@ -199,16 +197,6 @@ class LeastSquares:
             else:
                 longer = math.sqrt(longer)
         return fit
-
-    def _longer(self, fit: WindowFit, part: float) -> float:
-        """A longer window, or a part of it with few impacts if it has the first ones."""
-        if not self._impacts:
-            self._residuals(fit.place, part)
-            if len(self._impacts) > _IMPACTS:
-                t = self.measurements[0].times
-                end = (self._impacts[_IMPACTS] - t[0]) / (t[-1] - t[0])
-                return min(part, max(float(end), _LEAST_LONGER * fit.part))
-        return part
 
     def _settled(self, fit: WindowFit) -> WindowFit:
         """The minimum itself, by the derivatives that are known."""
@@ -378,7 +366,7 @@ class LeastSquares:
                 raise
             self.failed += 1
             return None
-        self._impacts = [impact.t for impact in run.impacts]
+        self._struck = bool(run.impacts)
         return run
 
     def _cost(self, fit: WindowFit) -> float:
