@@ -130,8 +130,8 @@ def fit_text(found: Result) -> str:
     lines.append(misfit)
     if not found.plausible:
         lines.append(
-            'no simulation reproduces this signal: the machine, its chain or its noise differs '
-            'from the scene, and the values above are not reliable'
+            'no simulation reproduces this signal, or too little of it: the machine, its chain or '
+            'its noise may differ from the scene, and the values above are not reliable'
         )
     return '\n'.join(lines)
 

@@ -103,7 +103,10 @@ class Result:
 
     @property
     def plausible(self) -> bool:
-        """False if hardly any simulation is as far from what is expected as the signal is."""
+        """False if hardly any simulation is as far from what is expected as the signal is.
+
+        Or if runs follow so little of it that a value stays open: others may be wrong then.
+        """
         return self.likeness >= _UNLIKE
 
 
@@ -158,7 +161,7 @@ def identify(
         else:
             if method or found.plausible or len(sensors) < len(measurements):
                 return found
-            reason = f'no run follows the first {found.window:.3g} s of the signal'
+            reason = f'no run follows the signal far enough, but {found.window:.3g} s'
     for m in sensors:
         m.admit_features()
     return replace(
@@ -206,9 +209,11 @@ def _by_least_squares(
     correlation[np.ix_(index, index)] = covariance / np.outer(spread, spread)
     whole = max(float(m.times[-1] - m.times[0]) for m in measurements)
     window = fit.part * whole
+    # a short window that leaves a value open may be that of another minimum
+    sure = search.explains(fit) and (fit.part >= 1.0 or all(e.identified for e in estimates))
     return Result(
         tuple(estimates), correlation, search.runs, search.failed,
-        math.sqrt(sum(known) / len(known)), float(search.explains(fit)), GAUSS_NEWTON,
+        math.sqrt(sum(known) / len(known)), float(sure), GAUSS_NEWTON,
         _reason(fit.part, window, whole), window,
     )  # fmt: skip
 
