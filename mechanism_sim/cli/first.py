@@ -40,7 +40,9 @@ def add(command: Command) -> None:
 def _import(options: argparse.Namespace) -> int:
     from mechanism_sim.imports import import_machine  # noqa: PLC0415
 
-    file = options.output and output.check_path('--output', options.output, '.yaml', '.yml')
+    file = options.output and output.check_path(
+        '--output', options.output, '.yaml', '.yml', new=True
+    )
     found = import_machine(
         options.file, options.unit, options.overrides, options.thickness, options.density
     )

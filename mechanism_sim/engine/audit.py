@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.dense_output import Motion, instants
 from mechanism_sim.engine.events import Impact, Mode, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.errors import RunError
@@ -325,15 +325,20 @@ def work_in(
         found = physics.account(motion, k, dt)
         if look and isinstance(dt, Nodes):
             look(found, k, dt)
-        rows = found.drive_power, found.friction_power, found.load_power
+        rows = [found.drive_power, found.friction_power, found.load_power]
+        if not in_order:  # works far below the energy of a motion are its rounding
+            whole = np.repeat(motion.curve.duration[k], instants(dt))
+            moved = np.where(np.isfinite(found.kinetic_energy), found.kinetic_energy, 0.0)
+            rows.append(moved / np.maximum(whole, _ROUNDING.least))
         return np.stack([x for x in rows if x is not None])
 
     flags, known = recovers(motion, parts.segment), np.zeros(3) if largest is None else largest
     takes, steep = physics.takes_power, physics.steep
     count = 3 if takes and not steep else 2
     kind = Assumptions(in_order, alike=True, foretold=not steep, corners=physics.corners)
-    own = integrate(powers, parts, flags, known[:count], assumed=kind)
-    value, error, largest = own.value, own.error, own.largest
+    begun = known[:count] if in_order else np.zeros(count + 1)
+    own = integrate(powers, parts, flags, begun, assumed=kind)
+    value, error, largest = own.value[:count], own.error[:count], own.largest[:count]
     if takes and steep:
         load = integrate(
             lambda k, dt: physics.load_power(motion, k, dt)[None],

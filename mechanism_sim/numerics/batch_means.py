@@ -18,7 +18,6 @@ def batches(n: int) -> tuple[int, int]:
     """How many batches n values are put into, and how many values into each.
 
     Up to 20 each is a batch; of more, 10 to 20 batches of equal size take in as many as they can.
-    The first values are left out, if any.
     """
     if n <= BATCHES:
         return n, 1
@@ -29,8 +28,9 @@ def batches(n: int) -> tuple[int, int]:
 def ratio(x: Array, per: Array, confidence: float = 0.95) -> tuple[float, float]:
     """``sum(x) / sum(per)`` and half the width of its confidence interval.
 
-    The intervals are put together into `batches` of equal number; the spread of these about the
-    ratio gives the width (the ratio estimator of regenerative simulation).
+    The intervals are put together into `batches` of equal number, but for the first ones if some
+    are left; the spread of these about their ratio gives the width (the ratio estimator of
+    regenerative simulation).
 
     Parameters
     ----------
@@ -44,10 +44,10 @@ def ratio(x: Array, per: Array, confidence: float = 0.95) -> tuple[float, float]
     X, D = (v[len(v) - size * count :].reshape(count, size).sum(axis=1) for v in (x, per))
     if not D.sum():
         return math.nan, math.nan
-    R = X.sum() / D.sum()
+    R, own = x.sum() / per.sum(), X.sum() / D.sum()
     if count == 1:
         return float(R), math.nan
-    spread = np.sqrt(((X - R * D) ** 2).sum() / (count - 1) / count)
+    spread = np.sqrt(((X - own * D) ** 2).sum() / (count - 1) / count)
     half = scipy.special.stdtrit(count - 1, 0.5 + 0.5 * confidence) * spread / D.mean()
     return float(R), float(half)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.numerics.batch_means import batches, ratio
+from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.measure_text import Bound
@@ -134,7 +134,7 @@ class Mean:
     unit: str
     mean: float
     half_width: float
-    revolutions: int = 0  #: of which it is, the last ones
+    revolutions: int = 0  #: of which it is
 
     def shown(self, scale: float = 1.0) -> str:
         """Both for people, times a scale; the mean alone where the width is not known."""
@@ -150,7 +150,7 @@ def impact_means(count: Array, impulse: Array) -> tuple[Mean, Mean, Mean]:
     ----------
     count, impulse : (n,) impacts and sums of their normal impulses [N s] in n whole revolutions
     """
-    x, one, used = np.asarray(count, float), np.ones(len(count)), math.prod(batches(len(count)))
+    x, one, used = np.asarray(count, float), np.ones(len(count)), len(count)
     return (
         Mean('impacts', '', *ratio(x, one), used),
         Mean('impulse', 'N s', *ratio(impulse, one), used),
