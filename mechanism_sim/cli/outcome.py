@@ -37,8 +37,8 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
         sys.exit(_report_failure(error, 1, given))
     except MemoryError as error:
         much = f': {error}' if str(error) else ''
-        refused = InputError(f'this needs more memory than there is{much}; ask for less of it')
-        sys.exit(_report_failure(refused, 2, given))
+        needed = InputError(f'this needs more memory than there is{much}; ask for less of it')
+        sys.exit(_report_failure(needed, 2, given))
     except KeyboardInterrupt:
         sys.exit(ending.report_signal())
     except BrokenPipeError:
