@@ -14,14 +14,6 @@ from mechanism_sim import output
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.export.outline_files import to_dxf, to_svg
-from mechanism_sim.export.outlines import (
-    Outline,
-    cam_outline,
-    gear_and_rack_outline,
-    gear_outline,
-    pair_outline,
-    rack_outline,
-)
 from mechanism_sim.joints.bevel.constraint import BevelPair, SpatialPair
 from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
@@ -35,10 +27,18 @@ from mechanism_sim.joints.cam.profiles import (
     greatest,
     smallest_base_radius,
 )
+from mechanism_sim.joints.cam.sheet import cam_outline
 from mechanism_sim.joints.mesh.constraint import GearMesh
 from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
 from mechanism_sim.joints.mesh.involute import Gear, least_teeth
 from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.mesh.sheet import (
+    gear_and_rack_outline,
+    gear_outline,
+    pair_outline,
+    rack_outline,
+)
+from mechanism_sim.joints.sheets import Outline
 from mechanism_sim.joints.worm.constraint import WormDrive, WormPair
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.scene.machine import Machine

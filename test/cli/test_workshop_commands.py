@@ -15,9 +15,9 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.export.outlines import gear_and_rack_outline, pair_outline
 from mechanism_sim.joints.mesh.involute import Gear
 from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.mesh.sheet import gear_and_rack_outline, pair_outline
 from mechanism_sim.joints.mesh.teeth import FEWEST, just_outside
 from mechanism_sim.report.profile import profile
 

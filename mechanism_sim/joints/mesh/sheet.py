@@ -1,110 +1,18 @@
-"""Outlines of cams and gears for a workshop, and the lines that go with them."""
+"""Outlines of gears and racks for a workshop."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
-from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
 from mechanism_sim.joints.mesh.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
 from mechanism_sim.joints.mesh.pair import Pair
-
-#: points nearer than this are one [m]; both limits at a break of a law are drawn
-SAME = 1e-9
+from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 
 #: points of a flank, and within an arc at a tip or root: for a module of 2 mm to 0.03 um
 FLANK, ARC = 160, 32
-
-
-@dataclass(frozen=True)
-class Polygon:
-    """A polygon.
-
-    Parameters
-    ----------
-    name : what it is; its layer
-    points : (2, n) [m]
-    closed : the last point is joined to the first
-    """
-
-    name: str
-    points: Array
-    closed: bool = True
-
-
-@dataclass(frozen=True)
-class Circle:
-    """A circle.
-
-    Parameters
-    ----------
-    name : what it is; its layer
-    radius : [m]
-    centre : [m]
-    """
-
-    name: str
-    radius: float
-    centre: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Outline:
-    """Parts seen along their shafts.
-
-    Parameters
-    ----------
-    edges : what is cut
-    guides : lines of thought: pitch curves, base circles
-    shafts : [m]
-    """
-
-    edges: tuple[Polygon, ...]
-    guides: tuple[Polygon | Circle, ...]
-    shafts: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
-
-    @property
-    def box(self) -> Array:
-        """Lower left and upper right corner, the shafts being inside, (2, 2) [m]."""
-        corners = [np.array(self.shafts).T]
-        for part in (*self.edges, *self.guides):
-            if isinstance(part, Circle):
-                around = part.radius * np.array([[-1.0, 1.0], [-1.0, 1.0]])
-                corners.append(np.array(part.centre)[:, None] + around)
-            else:
-                corners.append(part.points)
-        everything = np.concatenate(corners, axis=1)
-        return np.array([everything.min(axis=1), everything.max(axis=1)])
-
-
-def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
-    """The profile of a cam at angle 0, with the pitch curve of its roller and the base circle.
-
-    `profiles.find_flaws` and `interference.find_cut_away` say whether it can be cut.
-
-    Parameters
-    ----------
-    clearance : of the roller in a groove [m], which then has both walls; None: no groove
-    """
-    # steps between points which keep a radius of 100 mm to 0.05 um
-    at = drawing_angles(cam.law, extent(cam.law) / 3600)
-    touch, closed = cam.at(at), not cam.law.reciprocating
-    walls = {'profile': touch.profile}
-    if clearance is not None:
-        walls = dict(zip(('inner', 'outer'), cam.groove(at, clearance), strict=True))
-    guides: list[Polygon | Circle] = []
-    if getattr(cam.follower, 'roller', 0.0) > 0.0:
-        guides.append(Polygon('pitch', _distinct(touch.pitch, closed), closed))
-    if closed:
-        guides.append(Circle('base', cam.base_radius))
-    else:
-        line = np.array([(cam.base_radius, cam.base_radius), (at[0], at[-1])])
-        guides.append(Polygon('base', line, closed=False))
-    edges = [Polygon(name, _distinct(wall, closed), closed) for name, wall in walls.items()]
-    return Outline(tuple(edges), tuple(guides))
 
 
 def gear_outline(gear: Gear, angle: float = 0.0) -> Outline:
@@ -196,10 +104,3 @@ def _shifted(outline: Outline, x: float) -> Outline:
 
 def _together(one: Outline, two: Outline) -> Outline:
     return Outline(one.edges + two.edges, one.guides + two.guides, one.shafts + two.shafts)
-
-
-def _distinct(points: Array, closed: bool) -> Array:
-    """Points without those that repeat the one before."""
-    moved = np.hypot(*np.diff(points, prepend=points[:, -1:])) > SAME
-    moved[0] |= not closed
-    return points[:, moved]
