@@ -13,6 +13,7 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Friction, Play
+from mechanism_sim.joints.sheets import JointParts
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Part
 from mechanism_sim.keys.registry import Registry
@@ -48,6 +49,8 @@ class JointKeys(Part):
     rubs_loose: ClassVar[bool] = False
     #: where the contacts of `touches` are given, and the key of their law of force
     touches_by: ClassVar[tuple[str, str]] = '.stops', 'contact'
+    #: what touches in it, if that has figures and an outline
+    parts: ClassVar[type[JointParts] | None] = None
     #: lets the axis of a link give way, see `rotor_of`
     gives_way: ClassVar[bool] = False
 

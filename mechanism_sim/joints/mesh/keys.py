@@ -18,6 +18,7 @@ from mechanism_sim.joints.mesh.gear_keys import GearPart, Placed, Wheel, place, 
 from mechanism_sim.joints.mesh.involute import rounded_up
 from mechanism_sim.joints.mesh.pair import Pair, sliding_arm
 from mechanism_sim.joints.mesh.placement import Harmonic, Teeth
+from mechanism_sim.joints.mesh.sheet import MeshParts
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
@@ -93,6 +94,7 @@ class MeshKeys(JointKeys):
     """Transmission error along the line of action, zero at the start."""
 
     firm = "the clearance of teeth is their 'backlash'"
+    parts = MeshParts
     rubs_by = (), False
     rubs_loose = last = True
 
