@@ -9,8 +9,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
+import numpy as np
 from pydantic import Field
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Friction, Play
 from mechanism_sim.joints.sheets import JointParts
@@ -25,6 +27,8 @@ from mechanism_sim.planar.rotor import Rotor
 
 Joints: TypeAlias = tuple[Joint, ...]
 Contacts: TypeAlias = tuple[Sequence[Gap], Sequence[ForceElement]]
+Place: TypeAlias = Mapping[str, float] | None
+"""Coordinates, where they are known already."""
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -123,6 +127,14 @@ class JointKeys(Part):
             play.hypothesis, play.law(), play.pin_radius,
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
+
+    def seat(self, play: Play, joint: Any, m: Mechanism, force: Array, place: Place) -> Array:
+        """Offset (r,) [m] along the rows of its closure at which it rests, loose, at the start.
+
+        Under a force (2,) [N] of the first on the second link, the links being at a place.
+        """
+        law = play.law()
+        return np.array([-(law.resting_depth(float(np.hypot(*force))) if law else 0.0)])
 
     def describe(self, joint: Any) -> str:
         """These contacts in words."""
