@@ -13,9 +13,9 @@ from mechanism_sim.joints.bevel.constraint import BevelPair, pitch_angles
 from mechanism_sim.joints.bevel.sheet import BevelParts
 from mechanism_sim.joints.contact_keys import Friction
 from mechanism_sim.joints.joint_keys import KINDS, Reference
-from mechanism_sim.joints.mesh.gear_keys import MOST_TEETH
 from mechanism_sim.joints.mesh.pair import Path, sliding_arm
 from mechanism_sim.joints.transmission.keys import CarrierKeys, carrier_of
+from mechanism_sim.keys.gear_keys import MOST_TEETH
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, Displacement, Length, Position
 from mechanism_sim.planar.joint_friction import FlankFriction

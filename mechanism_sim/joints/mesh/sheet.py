@@ -10,7 +10,6 @@ from typing import ClassVar
 import numpy as np
 
 from mechanism_sim.errors import check_known
-from mechanism_sim.joints.mesh.gear_keys import Wheel, read_wheel
 from mechanism_sim.joints.mesh.involute import (
     FULL_DEPTH,
     Gear,
@@ -19,6 +18,7 @@ from mechanism_sim.joints.mesh.involute import (
     rack_teeth,
 )
 from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.joints.mesh.wheels import Wheel, read_wheel
 from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure, Polygon, Sheet
 from mechanism_sim.planar.points import Vector2
 
