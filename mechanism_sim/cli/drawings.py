@@ -192,15 +192,12 @@ def _profile(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     if options.table:
         tables.write(options.table, profile.table(machine, options.profile))
-    sheet, outline = profile.profile(machine, options.profile, options.gear, options.friction)
+    sheet = profile.profile(machine, options.profile, options.gear, options.friction)
     if file:
-        profile.write(outline, file)
-    if options.json:
-        where = {'file': str(file)} if file else {}
-        print_json({'scene': machine.name, 'joint': options.profile, **sheet.to_json(), **where})
-    else:
-        print(sheet.render())
-    return 0
+        profile.write(sheet.outline, file)
+    head = {'scene': machine.name, 'joint': options.profile}
+    data = head | profile.to_json(sheet) | ({'file': str(file)} if file else {})
+    return print_result(options, sheet, lambda _: data, profile.render)
 
 
 def _format(options: argparse.Namespace) -> str:

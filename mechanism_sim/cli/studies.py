@@ -303,9 +303,9 @@ def _teeth_options(sub: argparse.ArgumentParser) -> None:
 
 
 def _teeth(options: argparse.Namespace) -> int:
-    from mechanism_sim.joints.mesh.teeth import choose, just_outside, limits, ratio_of  # noqa: PLC0415
     from mechanism_sim.ranges import read_range  # noqa: PLC0415
     from mechanism_sim.report import teeth  # noqa: PLC0415
+    from mechanism_sim.studies.teeth import TrainSearch, ratio_of  # noqa: PLC0415
 
     fewest, most = read_range('--teeth-range', options.teeth_range, '18:120').values
     if not (fewest.isdecimal() and most.isdecimal()):
@@ -318,15 +318,8 @@ def _teeth(options: argparse.Namespace) -> int:
     )
     listed = options.modules.split(',') if options.modules else ()
     modules = [quantity('--modules', m, 'm')[0] for m in listed]
-    ratio, stages, tolerance = ratio_of(options.teeth), options.stages, options.tolerance
-    found = choose(
-        ratio, stages=stages, tolerance=tolerance, teeth=count, centre_distance=distance,
-        modules=modules,
-    )  # fmt: skip
-    search = teeth.Search(
-        found,
-        limits(count, stages, tolerance, distance, modules),
-        just_outside(ratio, tolerance, count, distance, modules) if stages == 1 else None,
+    search = TrainSearch(
+        ratio_of(options.teeth), options.stages, options.tolerance, count, distance, modules
     )
     return print_result(options, search, teeth.to_json, teeth.render)
 

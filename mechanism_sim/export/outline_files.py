@@ -6,7 +6,7 @@ import re
 from io import StringIO
 from xml.etree import ElementTree
 
-from mechanism_sim.export.outlines import Circle, Outline, Polygon
+from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
 
 #: half the length of a line of the mark at the shaft [mm]

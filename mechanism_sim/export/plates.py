@@ -8,10 +8,10 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.outline_files import to_dxf
-from mechanism_sim.export.outlines import Circle, Outline, Polygon
 from mechanism_sim.export.shapes import PIN
 from mechanism_sim.export.skeleton import Skeleton, skeleton_of
 from mechanism_sim.export.triangles import triangles
+from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.scene.machine import Machine
 

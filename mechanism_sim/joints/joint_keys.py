@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
+import numpy as np
 from pydantic import Field
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Friction, Play
+from mechanism_sim.joints.sheets import JointParts
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Part
 from mechanism_sim.keys.registry import Registry
@@ -24,6 +27,8 @@ from mechanism_sim.planar.rotor import Rotor
 
 Joints: TypeAlias = tuple[Joint, ...]
 Contacts: TypeAlias = tuple[Sequence[Gap], Sequence[ForceElement]]
+Place: TypeAlias = Mapping[str, float] | None
+"""Coordinates, where they are known already."""
 
 Reference = Annotated[list[str], Field(min_length=2, max_length=2)]
 """Two points, ``LINK.POINT``, or names of what a joint connects."""
@@ -48,6 +53,8 @@ class JointKeys(Part):
     rubs_loose: ClassVar[bool] = False
     #: where the contacts of `touches` are given, and the key of their law of force
     touches_by: ClassVar[tuple[str, str]] = '.stops', 'contact'
+    #: what touches in it, if that has figures and an outline
+    parts: ClassVar[type[JointParts] | None] = None
     #: lets the axis of a link give way, see `rotor_of`
     gives_way: ClassVar[bool] = False
 
@@ -120,6 +127,14 @@ class JointKeys(Part):
             play.hypothesis, play.law(), play.pin_radius,
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
+
+    def seat(self, play: Play, joint: Any, m: Mechanism, force: Array, place: Place) -> Array:
+        """Offset (r,) [m] along the rows of its closure at which it rests, loose, at the start.
+
+        Under a force (2,) [N] of the first on the second link, the links being at a place.
+        """
+        law = play.law()
+        return np.array([-(law.resting_depth(float(np.hypot(*force))) if law else 0.0)])
 
     def describe(self, joint: Any) -> str:
         """These contacts in words."""

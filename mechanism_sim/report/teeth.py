@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 from mechanism_sim import text_table
-from mechanism_sim.joints.mesh.teeth import Choice, ToothStage
+from mechanism_sim.studies.teeth import TrainSearch
 
 #: rows for people; JSON has all
 SHOWN = 20
 
 
-class Search(NamedTuple):
-    """Gear train that was found, its limits, and the pair just outside, if one stage has."""
-
-    found: Sequence[Choice]
-    limits: str
-    outside: ToothStage | None
-
-
-def render(search: Search) -> str:
+def render(search: TrainSearch) -> str:
     """The best ones as a table, how many there are, and what was searched."""
     found = search.found
     rows = [('teeth', 'ratio', '', 'error', 'in all')]
@@ -37,7 +26,7 @@ def render(search: Search) -> str:
     return '\n'.join([*text_table.lines(rows, 3, ''), trains, searched, *beside])
 
 
-def to_json(search: Search) -> dict[str, object]:
+def to_json(search: TrainSearch) -> dict[str, object]:
     """All of them; modules in metres."""
     found, outside = search.found, search.outside
     return {

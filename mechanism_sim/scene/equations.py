@@ -12,7 +12,6 @@ from mechanism_sim.engine.dynamics import AppliedForces
 from mechanism_sim.engine.observer import Observer
 from mechanism_sim.engine.system import System
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
-from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.planar.closures import closures, independent
 from mechanism_sim.planar.configuration import converted
@@ -157,5 +156,5 @@ class EquationsOfMotion:
         many = len(system.free) + rows >= _COMPACT_FROM
         flexible = any(x.flexible for x in self.plan.loose.extensions.values())
         more = system.elements or system.lent or system.dynamics.rubs or flexible
-        worn = any(isinstance(gap, WornBearing) for gap in system.gaps)
+        worn = any(getattr(c, 'profile', None) for c in self.plan.clearances.values())
         return bool(more) or tabulated or many or worn

@@ -11,8 +11,8 @@ from pydantic_core import PydanticCustomError
 from mechanism_sim.errors import nearest, quoted
 from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.joints.kinds import KINDS
-from mechanism_sim.joints.mesh.gear_keys import GearPart
 from mechanism_sim.keys.elastic_keys import ElasticPart
+from mechanism_sim.keys.gear_keys import GearPart
 from mechanism_sim.keys.quantities import (
     POSITIVE,
     Acceleration,

@@ -25,10 +25,6 @@ from mechanism_sim.engine.clock import take_off_turns
 from mechanism_sim.engine.observer import Instants
 from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.revolute.bearing import BearingClearance
-from mechanism_sim.joints.revolute.bearing_ends import AxialStop, BearingEnd, seat
-from mechanism_sim.joints.revolute.keys import leaning
-from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import Constraints, converted, poses
@@ -36,8 +32,7 @@ from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.planar.points import rotate
-from mechanism_sim.planar.protocols import Gap, MotionBound
+from mechanism_sim.planar.protocols import EndGap, Gap, MotionBound
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly, closed_near, nearest_rates, opening
 from mechanism_sim.scene.equations import EquationsOfMotion
@@ -107,16 +102,17 @@ class Start:
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
-        play = self.plan.clearances[gap.joint]
-        if not isinstance(gap, BearingClearance) or play.film:
+        play, pin = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
+        end = gap if isinstance(gap, EndGap) else None
+        if not isinstance(pin, Revolute) or play.film or (end and end.thrust):
             return play.radial == 0.0
         near = max(1e-9 * play.radial, 1e-14 * self._loose.size)
-        return not isinstance(gap, BearingEnd) or float(gap.distance(value)[0]) <= near
+        return not end or float(gap.distance(value)[0]) <= near
 
     def _check_inside(self, gap: Gap, value: Array, seated: bool) -> None:
         """Refuse a start at which a pin is in its bushing's wall."""
         radial = self.plan.clearances[gap.joint].radial
-        clearance = gap.play if isinstance(gap, AxialStop) else radial
+        clearance = getattr(gap, 'play', radial)  # of stops along an axis their own
         distance = float(gap.distance(value)[0])
         rounding = _ROUNDING * self._loose.size
         if distance >= -max(1e-6 * clearance, rounding) or (seated and gap.law):
@@ -124,12 +120,12 @@ class Start:
         into, place = f'{-distance:.6g} m into', 'initial.position puts'
         if not isinstance(self._loose.joint(gap.joint), Revolute):
             raise InputError(f'{place} {gap.joint} {into} its wall')
-        if isinstance(gap, AxialStop):
+        if isinstance(gap, EndGap) and gap.thrust:
             raise InputError(
                 f'at the start the links of {gap.joint} are {into} each other at {gap.name}: give '
                 "more axial play, or another 'initial.position'"
             )
-        if isinstance(gap, BearingEnd):
+        if isinstance(gap, EndGap):
             raise InputError(
                 f'{place} the pin of {gap.joint} {into} its bushing, at the end {gap.name}'
             )
@@ -181,21 +177,26 @@ class Start:
         every = Kinematics(loose, closures(loose, loose.cut), fixed)
         targets = np.zeros(len(every.rows))
 
-        def aim(seats: dict[str, Array]) -> None:
-            for name, Q in seats.items():
-                targets[[i for i, row in enumerate(every.rows) if row == name]] = Q
-
         pressed: dict[str, Array] = {}
+
+        def aim(place: Values | None) -> None:
+            for name, force in pressed.items():
+                keys, joint = self.plan.scene.joints[name], loose.joint(name)
+                rigid = {'contact': None} if self.plan.placed_outright else {}
+                play = plays[name].model_copy(update=rigid)
+                rows = [i for i, row in enumerate(every.rows) if row == name]
+                targets[rows] = keys.kind_keys.seat(keys, play, joint, loose, force, place)
+
         if self.plan.scene.start == 'seated' and self.equations.system.gaps:
-            pressed = self._seats(start.q[:, None], start.v[:, None])
-            aim(pressed)
+            pressed = self._pressing(start.q[:, None], start.v[:, None])
+            aim(None)
         if not given and not targets.any():
             return guess  # the loops of the ideal mechanism are closed
         try:
             closed = closed_near(every, guess, targets)
             for _ in range(_ROUNDS):  # where axes lean, the seat turns with the links
                 before = targets.copy()
-                aim(self._leaning_seats(pressed, closed))
+                aim(dict(zip(names, closed.tolist(), strict=True)))
                 if np.abs(targets - before).max(initial=0.0) <= _SEATED * loose.size:
                     break
                 closed = closed_near(every, closed, targets)
@@ -243,10 +244,8 @@ class Start:
 
     # --- where pins rest ------------------------------------------------------------------------
 
-    def _seats(self, q: Array, v: Array) -> dict[str, Array]:
-        """Places at which the pins rest (2,) [m], from the centres of their bushings, by joint.
-
-        Of a pair that can only lift off, how deep its compliant contact is (1,) [m], negative.
+    def _pressing(self, q: Array, v: Array) -> dict[str, Array]:
+        """Forces (2,) [N] by joint, of its first on its second link, that press it together.
 
         Parameters
         ----------
@@ -267,7 +266,7 @@ class Start:
         except ZeroDivisionError:  # no equation for some of them
             forces = dict.fromkeys(names, np.full(2, np.nan))
         for name, pin in pressed.items():
-            clearance, force = plan.clearances[name], forces[name]
+            force = forces[name]
             if not np.isfinite(force).all():
                 if plan.placed_outright:
                     continue  # at the centre, if it is not said otherwise
@@ -280,39 +279,8 @@ class Start:
                     f'start = seated, but no force presses the pin of {name} on its bushing; '
                     "write 'start: centred'"
                 )
-            size = float(np.hypot(*force))
-            contact = clearance.contact
-            soft = clearance.stiffness if contact and not plan.placed_outright else None
-            leans = leaning(mechanism, name, clearance)
-            alone = leans and any((*leans.pin, *leans.bushing))  # one end of two takes it all
-            soft = 0.5 * soft if soft and alone else soft
-            depth = (size / soft) ** (1.0 / contact.exponent) if contact and soft else 0.0
-            on_bushing = (clearance.radial + depth) * force / size if pin else None
-            found[name] = np.array([-depth]) if on_bushing is None else on_bushing
+            found[name] = force
         return found
-
-    def _leaning_seats(self, found: dict[str, Array], q: Array) -> dict[str, Array]:
-        """Seats where pin and bushing are out of line or worn, at coordinates (n,)."""
-        mechanism = self._loose
-        place = dict(zip(mechanism.coordinates, q.tolist(), strict=True))
-        seated = {}
-        for gap in self.equations.system.gaps:
-            if isinstance(gap, WornBearing) and gap.name in found:
-                links = mechanism.joint(gap.name).links
-                push = found[gap.name] / float(np.hypot(*found[gap.name]))
-                deep = float(np.hypot(*found[gap.name])) - gap.clearance  # of a soft contact
-                seated[gap.name] = (
-                    gap.shape.seat(push, [mechanism.angle(x, place) for x in links]) + deep * push
-                )
-        for name, centred in found.items():
-            if leans := leaning(mechanism, name, self.plan.clearances[name]):
-                joint, axes = mechanism.joint(name), (leans.pin, leans.bushing)
-                angles = (mechanism.angle(link, place) for link in (joint.first, joint.second))
-                first, second = (np.array(rotate(x, a)) for x, a in zip(axes, angles, strict=True))
-                off = 0.5 * leans.length * (first - second)
-                room = float(np.hypot(*centred))
-                seated[name] = seat(room, centred / room, off) if off.any() else centred
-        return seated
 
     def joint_forces(self, q: Array, v: Array) -> Array:
         """Forces in the joints of the ideal mechanism (j, 2) [N], first- on second-named link.

@@ -11,12 +11,12 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.physics import outside
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.cam.constraint import CamPair, GroovePair
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.frames import Frames, Parameters
 from mechanism_sim.planar.inverse_dynamics import Observation
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
 
@@ -52,9 +52,9 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
     and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene
     are tried from below; the root is found to rounding. `progress` is called with the present cam.
     """
-    pairs = [
-        j for j in machine.plan.joints if isinstance(j, CamPair) and not isinstance(j, GroovePair)
-    ]
+    # a follower on its cam has a wall on one side
+    higher = (j for j in machine.plan.joints if isinstance(j, HigherPair))
+    pairs = [j for j in higher if len(j.sides) == 1]
     if not pairs:
         raise InputError(f'{machine.name}: there is no cam with a follower that can lift off')
     drive = machine.drive
@@ -95,7 +95,7 @@ class _Cycle:
         """The motion without forces, at times (N,) [s] of the scene's speed."""
         return self._physics.observe(self._motion, *self._motion.curve.find(times))
 
-    def force(self, pair: CamPair, factor: float) -> Callable[[Array], Array]:
+    def force(self, pair: HigherPair, factor: float) -> Callable[[Array], Array]:
         """The contact force (N,) at times (N,), the drive being `factor` times as fast."""
         frames = Frames(self.mechanism.coordinates, Parameters())
         unit = pair.closure(self.mechanism).wrench(frames, [hy.expression(1.0)])
@@ -118,7 +118,7 @@ class _Cycle:
 
         return force
 
-    def least(self, pair: CamPair, factor: float) -> tuple[float, float]:
+    def least(self, pair: HigherPair, factor: float) -> tuple[float, float]:
         """The least contact force of a turn [N], and the angle of the drive there [rad]."""
         force, search = self.force(pair, factor), ExtremeSearch(['force'])
         spans = self._motion.curve.spans(0.0, self.period)
@@ -126,7 +126,7 @@ class _Cycle:
         return float(search.least[0]), self.start + self.speed * float(search.least_time[0])
 
 
-def _lift_off(cycle: _Cycle, pair: CamPair) -> LiftOff:
+def _lift_off(cycle: _Cycle, pair: HigherPair) -> LiftOff:
     def force(factor: float) -> float:
         return cycle.least(pair, factor)[0]
 

@@ -15,11 +15,10 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.cli import main
-from mechanism_sim.export.outlines import gear_and_rack_outline, pair_outline
 from mechanism_sim.joints.mesh.involute import Gear
 from mechanism_sim.joints.mesh.pair import Pair
-from mechanism_sim.joints.mesh.teeth import FEWEST, just_outside
-from mechanism_sim.report.profile import profile
+from mechanism_sim.joints.mesh.sheet import gear_and_rack_outline, pair_outline
+from mechanism_sim.report.profile import profile, render, to_json
 
 
 def refusal(capsys, *args):
@@ -60,26 +59,6 @@ def test_teeth_fill_a_centre_distance():
     assert choice['error'] == 0.0
     assert '20:70 (2 mm)' in run('find', '--teeth', '7/2', *options).stdout
     assert found['just_outside'] == {'driver': 16, 'driven': 56, 'module': 2.5e-3}
-
-
-@pytest.mark.parametrize('distance', [None, 0.136])
-def test_the_pair_just_outside_is_the_least_step_away(distance):
-    """Against all pairs of a wide range; [V] 5, problem 6 has 17 teeth, one less than 18."""
-    modules = (4e-3, 2e-3) if distance else ()
-    for ratio, teeth in ((Fraction(3), (18, 120)), (Fraction(7, 2), (20, 69)), (1, (9, 12))):
-        found = just_outside(ratio, 0.0, teeth, distance, modules)
-        steps = {}
-        for a in range(FEWEST, 2 * teeth[1] + 1):
-            b = ratio * a
-            fits = not distance or any(round(2 * distance / m, 6) == a + b for m in modules)
-            if b.denominator == 1 and FEWEST <= b <= 2 * teeth[1] and fits:
-                steps[a, int(b)] = max(teeth[0] - min(a, b), max(a, b) - teeth[1])
-        outside = {pair: step for pair, step in steps.items() if step > 0}
-        assert (found is None) == (not outside)
-        if found:
-            assert outside[found[:2]] == min(outside.values())
-    if distance:
-        assert just_outside(3, 0.0, (18, 120), distance, modules)[:2] == (17, 51)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +124,7 @@ def test_a_cam_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
     _, lines = polygons(file)
     radii = np.hypot(*lines['PROFILE'].T)
     assert (radii.min(), radii.max()) == (pytest.approx(18e-3), pytest.approx(26e-3))
-    shown = profile(ms.load_scene('valve_train'), 'contact')[0].render()
+    shown = render(profile(ms.load_scene('valve_train'), 'contact'))
     assert 'largest sliding velocity      9.80177  m/s    at 90 deg' in shown
 
 
@@ -179,13 +158,13 @@ drive: {coordinate: camshaft, speed: 60 rpm}
 def test_a_groove_for_a_swinging_roller(clearance, tmp_path):
     file = tmp_path / 'groove.yaml'
     file.write_text(GROOVE.replace('CLEARANCE', f'{clearance} mm'), encoding='utf-8')
-    sheet, outline = profile(ms.load_scene(str(file)), 'contact')
+    sheet = profile(ms.load_scene(str(file)), 'contact')
     found = {f.name: f for f in sheet.figures}
     assert found['lift'].value == pytest.approx(math.radians(15))
     assert found['lift'].unit == 'rad'
     assert found['largest_rolling_velocity'].unit == 'm/s'
-    assert {e.name for e in outline.edges} == {'inner', 'outer'}
-    inner, outer = (e.points for e in outline.edges)
+    assert {e.name for e in sheet.outline.edges} == {'inner', 'outer'}
+    inner, outer = (e.points for e in sheet.outline.edges)
     apart = np.hypot(*(outer[:, ::400, None] - inner[:, None])).min(axis=1)
     assert apart == pytest.approx(16e-3 + 1e-3 * clearance, rel=1e-5)
     # that base radius has the limit as its largest pressure angle
@@ -205,7 +184,7 @@ def test_gears_of_a_scene_in_figures_and_as_a_drawing(tmp_path):
     assert found['ratio'] == -2.0
     assert found['wheel.root_radius'] == pytest.approx(37.5e-3)
     assert found['pinion.least_teeth'] == 18
-    halved = profile(ms.load_scene('gear_pair'), 'mesh')[0].to_json()['figures']['efficiency']
+    halved = to_json(profile(ms.load_scene('gear_pair'), 'mesh'))['figures']['efficiency']
     assert 1 - found['efficiency'] == pytest.approx(2 * (1 - halved['value']))
     document, lines = polygons(file)
     assert set(lines) == {'PINION.PROFILE', 'WHEEL.PROFILE'}
@@ -295,11 +274,11 @@ def test_a_gear_is_drawn_between_the_teeth_of_its_rack(distance):
 )
 def test_every_kind_of_mesh_has_a_profile(scene, joint):
     machine = ms.load_scene(scene)
-    sheet, outline = profile(machine, joint)
+    sheet = profile(machine, joint)
     found = {f.name: f.value for f in sheet.figures}
     assert found['contact_ratio'] > 1.0
     assert found['tooth_frequency'] > 0.0
-    assert len(outline.edges) == 2
+    assert len(sheet.outline.edges) == 2
     assert found.get('backlash_of_the_scene', 0.1e-3) == pytest.approx(0.1e-3, rel=0.5)
 
 
@@ -310,13 +289,13 @@ def test_helical_gears_are_larger_in_their_plane_of_rotation():
         'gears.wheel.helix_angle': '-20 deg',
         'links.ground.points.wheel': [f'{60 / slope} mm', '0 mm'],
     }
-    sheet, outline = profile(ms.load_scene('gear_pair', overrides=changes), 'mesh')
+    sheet = profile(ms.load_scene('gear_pair', overrides=changes), 'mesh')
     found = {f.name: f.value for f in sheet.figures}
     assert found['module'] == M
     assert found['transverse_module'] == pytest.approx(M / slope)
     assert found['pinion.tip_radius'] == pytest.approx(20e-3 / slope + M)
     assert math.tan(found['pressure_angle']) == pytest.approx(math.tan(math.radians(20)) / slope)
-    assert np.hypot(*outline.edges[0].points).max() == pytest.approx(20e-3 / slope + M)
+    assert np.hypot(*sheet.outline.edges[0].points).max() == pytest.approx(20e-3 / slope + M)
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def turn(scene, changes=None):
 
 
 def figures(scene, joint, changes=None):
-    sheet, _ = profile(ms.load_scene(scene, changes or {}), joint)
+    sheet = profile(ms.load_scene(scene, changes or {}), joint)
     return {f.name: f.value for f in sheet.figures}
 
 

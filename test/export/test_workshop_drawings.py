@@ -12,12 +12,13 @@ import pytest
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.outline_files import to_dxf, to_svg
-from mechanism_sim.export.outlines import cam_outline, gear_outline, rack_outline
 from mechanism_sim.joints.cam.curves import CYCLOIDAL, HALF_HARMONIC
 from mechanism_sim.joints.cam.followers import FlatFaced, Translating
 from mechanism_sim.joints.cam.laws import Diagram, Segment
 from mechanism_sim.joints.cam.profiles import Cam
+from mechanism_sim.joints.cam.sheet import cam_outline
 from mechanism_sim.joints.mesh.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
+from mechanism_sim.joints.mesh.sheet import gear_outline, rack_outline
 
 SEGMENTS = [Segment(0.0, 1.8, 0.02, CYCLOIDAL), Segment(2.6, 4.7, -0.02, CYCLOIDAL)]
 ROLLER = Cam(Diagram(SEGMENTS), Translating(offset=0.01, roller=0.012), 0.04)

@@ -10,8 +10,8 @@ from mechanism_sim.editor.rounding import exactly
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
 from mechanism_sim.editor.tool import Draw, Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.mesh.keys import MeshKeys
 from mechanism_sim.planar.points import GROUND, rotate
+from mechanism_sim.scene.schema import JointPart
 
 
 def _gears(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
@@ -55,7 +55,7 @@ def _fixed(sketch: Sketch, shaft: Shaft) -> tuple[str, int, float]:
     return '', 0, 0.0
 
 
-def _refit(sketch: Sketch, _name: str, joint: MeshKeys) -> list[Edit]:
+def _refit(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
     """The module that the distance of the centres asks for, unless that is to leave play."""
     scene = sketch.scene
     one, two = (scene.gears.get(gear) for gear in joint.points)

@@ -8,9 +8,8 @@ from mechanism_sim.editor.rounding import degrees, exactly, place
 from mechanism_sim.editor.sketch import Edit, Shaft, Sketch, Spot, point
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.geneva.keys import GenevaKeys
-from mechanism_sim.joints.rack.keys import RackKeys
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.scene.schema import JointPart
 
 
 def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Shaft]:
@@ -24,7 +23,7 @@ def _crank_of(sketch: Sketch, start: Spot, what: str) -> tuple[str, Vector2, Sha
     return pin, at, shaft
 
 
-def _refit_geneva(sketch: Sketch, _name: str, joint: GenevaKeys) -> list[Edit]:
+def _refit_geneva(sketch: Sketch, _name: str, joint: JointPart) -> list[Edit]:
     """The crank's length that the distance of the centres asks for."""
     pin, wheel = joint.points
     crank, _, end = pin.partition('.')
@@ -78,7 +77,7 @@ register(
 )
 
 
-def _refit_stepper(sketch: Sketch, name: str, joint: RackKeys) -> list[Edit]:
+def _refit_stepper(sketch: Sketch, name: str, joint: JointPart) -> list[Edit]:
     """The pitch that the circle of the pin asks for."""
     pin = point(sketch.scene, joint.points[0])
     shaft = sketch.pivot(pin[0]) if pin else None

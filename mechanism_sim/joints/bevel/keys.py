@@ -10,11 +10,12 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import BevelPair, pitch_angles
+from mechanism_sim.joints.bevel.sheet import BevelParts
 from mechanism_sim.joints.contact_keys import Friction
 from mechanism_sim.joints.joint_keys import KINDS, Reference
-from mechanism_sim.joints.mesh.gear_keys import MOST_TEETH
 from mechanism_sim.joints.mesh.pair import Path, sliding_arm
 from mechanism_sim.joints.transmission.keys import CarrierKeys, carrier_of
+from mechanism_sim.keys.gear_keys import MOST_TEETH
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, Displacement, Length, Position
 from mechanism_sim.planar.joint_friction import FlankFriction
@@ -60,6 +61,7 @@ class BevelKeys(SpatialKeys):
     """Angle between the axes of a bevel pair; 90 deg if not given."""
 
     firm = 'the backlash of bevel gears is not modelled'
+    parts = BevelParts
     rubs_by = (), False
 
     def read(self, names: Names, name: str) -> BevelPair:

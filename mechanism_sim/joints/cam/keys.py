@@ -33,6 +33,7 @@ from mechanism_sim.joints.cam.laws import (
 )
 from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
+from mechanism_sim.joints.cam.sheet import CamParts
 from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import PhaseKeys
@@ -295,6 +296,7 @@ class CamKeys(PhaseKeys):
     """A groove holds the roller from both sides."""
 
     firm = "write 'lift_off' or 'groove'"
+    parts = CamParts
     rubs_by = ('radius',), False
 
     def read(self, names: Names, name: str) -> CamPair:

@@ -14,10 +14,12 @@ from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints, Reference
 from mechanism_sim.joints.mesh.compliance import Elasticity, middle, touching
 from mechanism_sim.joints.mesh.constraint import GearMesh
-from mechanism_sim.joints.mesh.gear_keys import GearPart, Placed, Wheel, place, read_wheel
 from mechanism_sim.joints.mesh.involute import rounded_up
 from mechanism_sim.joints.mesh.pair import Pair, sliding_arm
 from mechanism_sim.joints.mesh.placement import Harmonic, Teeth
+from mechanism_sim.joints.mesh.sheet import MeshParts
+from mechanism_sim.joints.mesh.wheels import Placed, Wheel, place, read_wheel
+from mechanism_sim.keys.gear_keys import GearPart
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Displacement, Length, Part, si
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
@@ -93,6 +95,7 @@ class MeshKeys(JointKeys):
     """Transmission error along the line of action, zero at the start."""
 
     firm = "the clearance of teeth is their 'backlash'"
+    parts = MeshParts
     rubs_by = (), False
     rubs_loose = last = True
 

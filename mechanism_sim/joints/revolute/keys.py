@@ -7,8 +7,10 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, NamedTuple
 
+import numpy as np
 from pydantic import Field
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import ShortBearing
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import (
@@ -18,9 +20,9 @@ from mechanism_sim.joints.contact_keys import (
     Misalignment,
     Play,
 )
-from mechanism_sim.joints.joint_keys import KINDS, Contacts, Reference
+from mechanism_sim.joints.joint_keys import KINDS, Contacts, Place, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
-from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends
+from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends, seat
 from mechanism_sim.joints.revolute.worn import LOOKS, WornShape, worn_shape
 from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.joints.stops import StopKeys
@@ -28,7 +30,7 @@ from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
 from mechanism_sim.planar.joint_friction import JournalFriction
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceElement, Gap
 
 _IN_LINE = 1e-5
@@ -132,6 +134,23 @@ class RevoluteKeys(StopKeys):
         if isinstance(play, Clearance) and play.axial:
             gaps += _stops(mechanism, name, play, play.axial)
         return gaps, films
+
+    def seat(self, play: Play, joint: Any, m: Mechanism, force: Array, place: Place) -> Array:
+        """From the bushing's centre to the pin's; if worn or out of line, it turns with them."""
+        leans = leaning(m, joint.name, play)
+        axes = (leans.pin, leans.bushing) if leans else ()
+        law = play.law(0.5 if any(map(any, axes)) else 1.0)  # one end of two takes it all
+        size = float(np.hypot(*force))
+        centred: Array = (play.radial + (law.resting_depth(size) if law else 0.0)) * force / size
+        if place is None:
+            return centred
+        room, turns = float(np.hypot(*centred)), [m.angle(link, place) for link in joint.links]
+        push = centred / room
+        if isinstance(play, Clearance) and (shape := worn_of(play)):
+            return shape.seat(push, turns) + (room - play.radial) * push  # of a soft contact
+        ends = [np.array(rotate(*turned)) for turned in zip(axes, turns, strict=False)]
+        off = 0.5 * leans.length * (ends[0] - ends[1]) if leans else np.zeros(2)
+        return seat(room, push, off) if off.any() else centred
 
     def notes(self, machine: Any, joint: Revolute) -> list[str]:
         """Room of the ends of a bearing, and stops along its axis."""

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Play, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
-from mechanism_sim.joints.mesh.gear_keys import MOST_TEETH
 from mechanism_sim.joints.mesh.keys import BacklashPart
 from mechanism_sim.joints.transmission.constraint import LooseTransmission, Transmission
+from mechanism_sim.keys.gear_keys import MOST_TEETH
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, UnitValue
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic

@@ -12,6 +12,7 @@ from mechanism_sim.joints.contact_keys import Friction
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import carrier_of
 from mechanism_sim.joints.worm.constraint import WormDrive, WormPair
+from mechanism_sim.joints.worm.sheet import WormParts
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, Length
 from mechanism_sim.planar.joint_friction import FlankFriction
@@ -32,6 +33,7 @@ class WormKeys(SpatialKeys):
     """Of a worm, right without it: then its wheel turns the same way, each seen on its axis."""
 
     firm = 'the backlash of a worm is not modelled'
+    parts = WormParts
     rubs_by = (), False
 
     def read(self, names: Names, name: str) -> WormDrive:

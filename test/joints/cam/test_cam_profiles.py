@@ -12,7 +12,6 @@ from textbook import smallest_flat_base_radius
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.outline_files import to_svg
-from mechanism_sim.export.outlines import cam_outline
 from mechanism_sim.joints.cam.curves import (
     CYCLOIDAL,
     FOUR_SPLINE,
@@ -34,6 +33,7 @@ from mechanism_sim.joints.cam.profiles import (
     find_flaws,
     smallest_base_radius,
 )
+from mechanism_sim.joints.cam.sheet import cam_outline
 
 DEG = math.pi / 180
 TURN = np.linspace(0, 2 * math.pi, 721)[:-1] + 1e-3

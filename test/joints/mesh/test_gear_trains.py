@@ -1,10 +1,8 @@
-"""Trains: the formulas of [V] 5.9 and 5.10, rolling in space, moments by gear, brute force."""
+"""Trains: the formulas of [V] 5.9 and 5.10, rolling in space, moments by gear."""
 
 from __future__ import annotations
 
 import math
-from fractions import Fraction
-from itertools import product
 
 import numpy as np
 import pytest
@@ -18,7 +16,6 @@ from book_trains import (
 from willis import Mesh, Train
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.mesh.teeth import choose
 
 RANDOM = np.random.default_rng(51)
 BOX = {'2': 20, '5': 40, '7': 18, '4': 42, '6': 28, '3': 32, '8': 19, '9': 21}
@@ -153,50 +150,6 @@ def test_power_of_any_train_is_conserved():
         )
 
 
-@pytest.mark.parametrize('stages', [1, 2])
-@pytest.mark.parametrize('distance', [None, 40e-3])
-@pytest.mark.parametrize('wanted', [2.0, 1 / 3, 2.718])
-def test_choice_of_teeth_against_brute_force(stages, distance, wanted):
-    tolerance, modules = 0.03, (1.5e-3, 2e-3, 2.5e-3)
-    counts = range(12, 31)
-    pairs = [
-        (a, b, m)
-        for a in counts
-        for b in counts
-        for m in (modules if distance else (None,))
-        if m is None or abs(m * (a + b) / 2 - distance) < 1e-6
-    ]
-    brute = {
-        train
-        for train in product(pairs, repeat=stages)
-        if abs(math.prod(b / a for a, b, _ in train) / wanted - 1) <= tolerance
-    }
-    options = {'stages': stages, 'tolerance': tolerance, 'teeth': (12, 30)}
-    if distance:
-        options |= {'centre_distance': distance, 'modules': modules}
-    if not brute:
-        with pytest.raises(InputError, match='nearest'):
-            choose(wanted, **options)
-        return
-    found = choose(wanted, **options)
-    assert len(found) == len(brute)
-    assert {c.stages for c in found} == brute
-    ranks = [(abs(c.error), c.teeth) for c in found]
-    assert ranks == sorted(ranks)
-    for choice in found:
-        assert choice.ratio == math.prod(
-            (Fraction(b, a) for a, b, _ in choice.stages), start=Fraction(1)
-        )
-
-
-def test_teeth_of_problem_6():
-    """[V] 5, problem 6: module 4 mm, centre distance 136 mm, 3:1."""
-    (choice,) = choose(3.0, teeth=(12, 120), centre_distance=0.136, modules=(4e-3,))
-    assert choice.stages == ((17, 51, 4e-3),)
-    assert choice.error == 0.0
-    assert choose(0.1, teeth=(18, 180))[0].stages == ((180, 18, None),)
-
-
 def test_planets_fit():
     assert planets_fit(24, 21, 66, 3)
     assert not planets_fit(24, 21, 66, 4)
@@ -238,16 +191,6 @@ SIMPLE = planetary(24, 21, 66)
         (lambda: Train({'a': 9, 'b': 9}, (Mesh('a', 'b'),), (), frozenset('b')), 'a carrier'),
         (lambda: Train({'a': 9}, (), (('a', 'a'),)), 'joined to itself'),
         (lambda: gear_box(BOX, 4), 'gears 1, 2 and 3'),
-        (lambda: choose(-1.0), 'a ratio must be positive'),
-        (lambda: choose(9.0), 'the nearest is 6.66667'),
-        (lambda: choose(2.0, centre_distance=0.1), 'belong together'),
-        (lambda: choose(2.0, centre_distance=0.1001, modules=(1e-3,)), 'centre distance'),
-        (lambda: choose(2.0, stages=4), 'too many'),
-        pytest.param(
-            lambda: choose(2.0, stages=2, tolerance=0.4, teeth=(18, 70)),
-            'more than 100000',
-            marks=pytest.mark.slow,
-        ),
     ],
 )
 def test_wrong_trains_are_refused_by_name(make, sentence):

@@ -1,55 +1,19 @@
-"""Gears: what a scene file says of them, where they are on their links, pairs on their carrier."""
+"""Gears of a scene: where they are on their links, and pairs on their carrier."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
-
-from pydantic import Field
+from typing import NamedTuple
 
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.mesh.involute import Gear, ToothSystem, transverse
 from mechanism_sim.joints.mesh.pair import Pair, Path, path_with_rack
+from mechanism_sim.keys.gear_keys import GearPart
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Angle, Length, Part, Position, si
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 
 _FITS = 1e-6  # of a module: how exact a centre distance must be
-
-
-MOST_TEETH = 100_000
-
-
-_Height = Annotated[float, si(''), Field(gt=0.0, le=2.0)]
-_Shift = Annotated[float, si(''), Field(ge=-5.0, le=5.0)]
-
-
-class GearPart(Part):
-    """An involute gear, or a rack, that is fixed to a link; heights in modules."""
-
-    at: str
-    """LINK or LINK.POINT: its centre; a point of a rack's pitch line."""
-    module: Length
-    """In the plane normal to the teeth."""
-    teeth: Annotated[int, Field(ge=3, le=MOST_TEETH)] | None = None
-    """Number of teeth; not for racks."""
-    pressure_angle: Angle = math.radians(20.0)
-    """In the plane normal to the teeth."""
-    addendum: _Height = 1.0
-    """Height of the teeth above the pitch circle, in modules."""
-    dedendum: _Height = 1.25
-    """Depth of the gaps below the pitch circle, in modules."""
-    shift: _Shift = 0.0
-    """Profile shift, in modules."""
-    helix_angle: Angle = 0.0
-    """Of helical gears, equal for both; negative: left-handed, as the first of a pair decides."""
-    along: Position = 0.0
-    """Where it lies along its shaft, from the plane of the machine towards the reader."""
-    internal: bool = False
-    """True if the teeth point inwards."""
-    rack: bool = False
-    """True if it is straight."""
 
 
 class Wheel(NamedTuple):

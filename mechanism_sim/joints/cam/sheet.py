@@ -1,0 +1,150 @@
+"""Figures of a cam, and its outline for a workshop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
+from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
+from mechanism_sim.joints.cam.interference import find_cut_away
+from mechanism_sim.joints.cam.laws import DERIVATIVES, check_smoothness
+from mechanism_sim.joints.cam.profiles import (
+    Cam,
+    drawing_angles,
+    extent,
+    find_flaws,
+    greatest,
+    smallest_base_radius,
+)
+from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure, Polygon, Sheet
+
+#: for which a base radius is proposed [rad]
+PRESSURE_ANGLE = math.radians(30.0)
+#: points nearer than this are one [m]; both limits at a break of a law are drawn
+SAME = 1e-9
+
+
+class CamParts(JointParts):
+    """A cam and its follower."""
+
+    whole: ClassVar[str] = 'a cam, no gears'
+
+    def sheet(self, gear: str | None, friction: float) -> Sheet:
+        """Sizes and limits of the cam, and what is wrong with it."""
+        joint, clearance = self.joint, None
+        if joint.grooved:
+            play = self.machine.plan.clearances.get(joint.name)
+            clearance = 2.0 * (play.radial or 0.0) if play else 0.0
+        sense = 1 if joint.distance.slides else joint.sense
+        cam, law = joint.cam, joint.cam.law
+        remarks = [str(flaw) for flaw in (*find_flaws(cam, clearance), *find_cut_away(cam))]
+        figures = list(_cam_figures(cam, sense * self.speed(joint.first)))
+        if isinstance(cam.follower, Translating | Oscillating) and not law.reciprocating:
+            try:
+                radius = smallest_base_radius(law, cam.follower, PRESSURE_ANGLE)
+                figures.append(PartFigure('base_radius_for_30_deg', radius, 'm'))
+            except InputError as told:
+                remarks.append(f'{told}')
+        return Sheet(
+            f'{self.machine.name}: the cam on {joint.first} that moves {joint.second}',
+            tuple(figures),
+            cam_outline(cam, clearance),
+            (*remarks, *(str(jump) for jump in check_smoothness(law, 3))),
+            'm' if law.reciprocating else 'rad',
+        )
+
+    def table(self) -> dict[str, Array]:
+        """The cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
+
+        Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam,
+        or by metres if it slides; the profile is in the frame of `mechanism_sim.joints.cam.touch`.
+        """
+        law = self.joint.cam.law
+        x = drawing_angles(law, extent(law) / 360)
+        touch = self.joint.cam.at(x)
+        return {
+            'cam': x,
+            **{name: law(x, order) for order, name in enumerate(DERIVATIVES)},
+            'pressure_angle': touch.pressure_angle,
+            'contact.x': touch.profile[0],
+            'contact.y': touch.profile[1],
+            'contact_speed': touch.rate,
+            'sliding_speed': touch.sliding,
+        }
+
+
+def _cam_figures(cam: Cam, speed: float) -> Iterator[PartFigure]:
+    """At a speed [rad/s] or [m/s]; at rest speeds are by radians or metres of the cam."""
+    law, follower = cam.law, cam.follower
+    swings = isinstance(follower, Oscillating | OscillatingFlat)
+    yield PartFigure('base_radius', cam.base_radius, 'm')
+    top, highest = greatest(law, law)
+    lowest = -greatest(law, lambda x: -law(x))[1]
+    yield PartFigure('lift', highest - lowest, 'rad' if swings else 'm', top)
+    at, value = greatest(law, lambda x: np.abs(cam.at(x).pressure_angle))
+    yield PartFigure('largest_pressure_angle', value, 'rad', at)
+    yield from _radii(cam)
+    at, value = greatest(law, lambda x: np.abs(cam.at(x).sliding))
+    by = 'm' if law.reciprocating else 'rad'
+    motion = 'rolling' if getattr(follower, 'roller', 0.0) else 'sliding'
+    if speed:
+        yield PartFigure('cam_speed', speed, f'{by}/s')
+        yield PartFigure(f'largest_{motion}_velocity', value * abs(speed), 'm/s', at)
+        at, value = greatest(law, lambda x: np.abs(cam.at(x).rate))
+        yield PartFigure('largest_contact_velocity', value * abs(speed), 'm/s', at)
+    else:
+        yield PartFigure(f'largest_{motion}', value, f'm/{by}', at)
+
+
+def _radii(cam: Cam) -> Iterator[PartFigure]:
+    """Of curvature: where the profile bulges most, and where it is most hollow."""
+    roller = getattr(cam.follower, 'roller', None)
+    if roller is None:
+        at, least = greatest(cam.law, lambda x: -cam.at(x).curvature_radius)
+        yield PartFigure('smallest_radius_of_curvature', -least, 'm', at)
+        return
+    at, bulge = greatest(cam.law, lambda x: cam.at(x).curvature)
+    if bulge > 0.0:
+        yield PartFigure('smallest_radius_of_curvature', 1.0 / bulge - roller, 'm', at)
+    at, hollow = greatest(cam.law, lambda x: -cam.at(x).curvature)
+    if hollow > 0.0:
+        yield PartFigure('smallest_hollow_radius', 1.0 / hollow + roller, 'm', at)
+
+
+def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
+    """The profile of a cam at angle 0, with the pitch curve of its roller and the base circle.
+
+    `profiles.find_flaws` and `interference.find_cut_away` say whether it can be cut.
+
+    Parameters
+    ----------
+    clearance : of the roller in a groove [m], which then has both walls; None: no groove
+    """
+    # steps between points which keep a radius of 100 mm to 0.05 um
+    at = drawing_angles(cam.law, extent(cam.law) / 3600)
+    touch, closed = cam.at(at), not cam.law.reciprocating
+    walls = {'profile': touch.profile}
+    if clearance is not None:
+        walls = dict(zip(('inner', 'outer'), cam.groove(at, clearance), strict=True))
+    guides: list[Polygon | Circle] = []
+    if getattr(cam.follower, 'roller', 0.0) > 0.0:
+        guides.append(Polygon('pitch', _distinct(touch.pitch, closed), closed))
+    if closed:
+        guides.append(Circle('base', cam.base_radius))
+    else:
+        line = np.array([(cam.base_radius, cam.base_radius), (at[0], at[-1])])
+        guides.append(Polygon('base', line, closed=False))
+    edges = [Polygon(name, _distinct(wall, closed), closed) for name, wall in walls.items()]
+    return Outline(tuple(edges), tuple(guides))
+
+
+def _distinct(points: Array, closed: bool) -> Array:
+    """Points without those that repeat the one before."""
+    moved = np.hypot(*np.diff(points, prepend=points[:, -1:])) > SAME
+    moved[0] |= not closed
+    return points[:, moved]
