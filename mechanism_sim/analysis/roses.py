@@ -234,11 +234,11 @@ def wear_maps(
     """
     loose_bearing(record, joint)
     play = record.machine.plan.clearances[joint_of_gap(record.machine.mechanism, joint).name]
-    radius = play.pin_radius if pin_radius is None else pin_radius
-    if play.friction and radius != play.pin_radius:
+    radius = play.journal if pin_radius is None else pin_radius
+    if play.friction and radius != play.journal:
         raise InputError(
             f'{record.machine.name}: the pin of {joint} has friction and a radius of '
-            f'{play.pin_radius:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
+            f'{play.journal:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
         )
     if sectors < 1 or radius < 0.0:
         raise InputError('a wear map needs a sector or more, and a pin radius of at least 0')

@@ -198,6 +198,16 @@ class Play(Part):
         return self.contact is not None and self.contact.law == 'film'
 
     @property
+    def journal(self) -> float:
+        """Radius of the pin [m], which of a film is that of its contact."""
+        return (self.film and self.contact and self.contact.radius) or self.pin_radius
+
+    @property
+    def reach(self) -> float:
+        """How far from the middle its walls touch [m]."""
+        return self.radial - ((self.contact and self.contact.roughness) or 0.0)
+
+    @property
     def wall(self) -> Literal['rigid', 'soft', '']:
         """Of what kind its contacts are; empty for a film without walls."""
         if self.contact is None:
@@ -295,10 +305,13 @@ class ProfilesPart(Part):
 
 
 class WearPart(Part):
-    """Wear of a bearing, for `life`: volume by force times sliding distance, after Archard."""
+    """Wear of a bearing, for `life`: volume by force times sliding distance, after Archard.
 
-    width: Length
-    """Of the bearing along its axis."""
+    In oil the force is what the walls carry of it.
+    """
+
+    width: Length | None = None
+    """Of the bearing along its axis; required, but for a film, whose `contact.width` it is."""
     bushing: Annotated[float, si('m^3/(N m)'), NOT_NEGATIVE] = 0.0
     """Volume worn off it over normal force times sliding distance, such as 1e-7 mm^3/(N m)."""
     pin: Annotated[float, si('m^3/(N m)'), NOT_NEGATIVE] = 0.0

@@ -273,10 +273,9 @@ def _worn_bearings(machine: Machine, plan: LifePlan) -> dict[str, Clearance]:
             f'{{width: 10 mm, bushing: 1e-7 mm^3/(N m)}}; loose joints: {known}'
         )
     for name, c in found.items():
-        if c.film or c.length:
-            kind = 'a film' if c.film else 'a length'
-            raise InputError(f'joints.{name}.clearance has wear and {kind}: only dry ones wear')
-        if not c.pin_radius:
+        if c.length:
+            raise InputError(f'joints.{name}.clearance has wear and a length: leave it out')
+        if not c.journal:
             raise InputError(f"joints.{name}.clearance.wear needs 'pin_radius'")
         if c.wear and c.wear.law == 'friction_work' and not c.friction:
             raise InputError(f"joints.{name}.clearance.wear.law = friction_work needs 'friction'")
@@ -355,7 +354,7 @@ def wear_in(
     for joint in joints:
         play = machine.plan.clearances[joint]
         assert isinstance(play, Clearance) and play.wear  # noqa: S101, PT018 - it wears
-        sums = wear_sums(machine, solution, joint, PLACES, times, play.pin_radius) / size
+        sums = wear_sums(machine, solution, joint, PLACES, times, play.journal) / size
         degree = play.profile.harmonics if play.profile else 16
         worn = np.array([_depth(s, play, play.wear, k, degree) for k, s in enumerate(sums)])
         row['depths'][joint] = worn.mean(axis=1).tolist()
@@ -377,14 +376,16 @@ def _depth(sums: Array, play: Clearance, wear: WearPart, surface: int, degree: i
     """
     rows = (LOAD_WAY, STRUCK_WAY) if wear.law == 'archard' else (WORK, STRUCK_WORK)
     volume = (wear.bushing, wear.pin)[surface] * (sums[rows[0]] + sums[rows[1]])
-    radius = play.pin_radius + (0.0 if surface else play.radial)
+    radius = play.journal + (0.0 if surface else play.radial)
+    width = wear.width or (play.contact and play.contact.width)
+    assert width  # noqa: S101 - checked
     middles = -math.pi + 2.0 * math.pi / PLACES * (np.arange(PLACES) + 0.5)
     angles, k = 2.0 * math.pi / PLACES * np.arange(PLACES), np.arange(1, degree)
     n = degree + 1
     kernel = (n - k) * np.cos(math.pi * k / n) + np.sin(math.pi * k / n) / math.tan(math.pi / n)
     phases = (angles[:, None] - middles)[..., None] * k
     spread = 1.0 + 2.0 * (np.cos(phases) * kernel / n).sum(axis=-1)  # (180, 180)
-    return np.asarray(volume @ spread.T / (2.0 * math.pi * radius * wear.width))
+    return np.asarray(volume @ spread.T / (2.0 * math.pi * radius * width))
 
 
 def worn_scene(content: dict[str, Any], depths: Mapping[str, Array]) -> dict[str, Any]:
@@ -441,7 +442,7 @@ def _moved(
     """Depths after so many cycles at these rates."""
     moved = {}
     for joint, own in depths.items():
-        new, c = own + cycles * rates[joint], runs.worn[joint].radial
+        new, c = own + cycles * rates[joint], runs.worn[joint].reach
         rooms = [c + float(new[other].mean()) for other in (1, 0)]
         wears = [bool(rate.any()) for rate in rates[joint]]
         moved[joint] = np.array(
@@ -551,7 +552,9 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
         return 0.0, 0.0, 0.0, tuple(stages)
     fastest = _fastest(rates)
     if not fastest.any():
-        raise InputError(f'{runs.machine.name}: nothing wears: no bearing slides under a force')
+        raise InputError(
+            f'{runs.machine.name}: nothing wears: no wall of a bearing slides under a force'
+        )
     step, tries = _FIRST * float((size / np.maximum(fastest, 1e-300)).min()), 0
     while len(stages) < _MOST_STEPS:
         now = stages[-1]

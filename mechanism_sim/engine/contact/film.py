@@ -21,7 +21,7 @@ x > 1, and 1 before, is the share of the suction that the supply holds.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import factorial, pi
+from math import cos, factorial, pi, sin
 from typing import NamedTuple
 
 import heyoka as hy
@@ -33,6 +33,18 @@ _CONTACTS = TOLERANCES.contacts
 
 
 Vector = tuple[hy.expression, hy.expression]
+
+
+class FilmShape(NamedTuple):
+    """Walls that are not round, at even angles from the first axis of the motion on.
+
+    The motion is then seen along axes of a wall.
+    """
+
+    depth: list[hy.expression]  #: [m] worn off both walls
+    slope: list[hy.expression]  #: [m] by the angle, of the bushing's depth less the journal's
+    steepest: hy.expression  #: [m] size of the largest slope, about
+    blur: float  #: [rad] within which the film's rupture is spread
 
 
 class JournalMotion(NamedTuple):
@@ -47,6 +59,7 @@ class JournalMotion(NamedTuple):
     share: hy.expression | float = 1.0
     """The film is as thick as at ``share Q``: of walls that give way, no thinner than where they
     touch. The force still takes power from V, whatever the share."""
+    shape: FilmShape | None = None  #: of walls that are not round
 
     @property
     def squeeze(self) -> Vector:
@@ -95,8 +108,11 @@ class ShortBearing:
         The full circle (Sommerfeld's condition) gives ``pi/s^3`` and along Q
         ``3 pi (Q.V) Q/(c^2 s^5)`` more.
 
-        With a supply the other half pulls, see `_suction`.
+        With a supply the other half pulls, see `_suction`; of worn walls see `_between`.
         """
+        if motion.shape:
+            fx, fy, _, _ = self._between(motion, motion.shape)
+            return fx, fy
         ux, uy = motion.squeeze
         x, y = motion.place
         if self.full:
@@ -128,19 +144,70 @@ class ShortBearing:
         (the first by parts), each takes half of ``-Q x F``, and the film drags with
         ``2 pi eta L R^3 (wj - wb)/(c s)`` (Petroff's, for s = 1). The power of force and moments
         is then ``F.V`` less the drag times ``wj - wb``: never positive.
-        The ruptured half is made to drag like the full one: rather too much.
+        The ruptured half is made to drag like the full one: rather too much. On worn walls the
+        pressure has a moment, half of which the shear passes on.
         """
-        fx, fy = self.force(motion)
-        couple = 0.5 * (motion.x * fy - motion.y * fx)
         petroff = 2.0 * pi * self.viscosity * self.width * self.radius**3 / self.clearance
         slip = motion.spin_journal - motion.spin_bushing
-        drag = petroff * slip / self._thinning(*motion.place)
+        if motion.shape:
+            fx, fy, turning, thin = self._between(motion, motion.shape)
+            drag = petroff * slip * thin - 0.5 * turning
+        else:
+            fx, fy = self.force(motion)
+            drag = petroff * slip / self._thinning(*motion.place)
+        couple = 0.5 * (motion.x * fy - motion.y * fx)
         return -couple - drag, -couple + drag
 
     def across(self, motion: JournalMotion) -> hy.expression:
         """``(Q/c) x V`` [m/s]: to which side of Q the journal moves."""
         ux, uy = motion.squeeze
         return (motion.x * uy - motion.y * ux) / self.clearance
+
+    def _between(
+        self, motion: JournalMotion, shape: FilmShape
+    ) -> tuple[hy.expression, hy.expression, hy.expression, hy.expression]:
+        """Force on the journal (x, y) and moment of the pressure between worn walls, mean of c/h.
+
+        Depths b of the bushing and j of the journal, each turning with its own wall, make the film
+        ``h = c + b + j - Q.n`` thick and add ``-(wj - wb)/2 (b' - j')`` to V.n: what is left, v,
+        is positive where it presses. Then ``F = -eta R L^3 integral of v n/h^3``, and
+
+            M = eta R L^3 integral of v (b' - j')/h^3
+
+        is what the pressure turns both walls by, in opposite directions, so that the power of all
+        is ``-eta R L^3 integral of v^2/h^3`` less that of the drag. The integrals are sums at even
+        angles. The pressure ends over an angle where it ruptures (`FilmShape.blur`), so that F is
+        smooth: it is within 1.5 % of the integral where walls touch, and nearer elsewhere.
+        """
+        ux, uy = motion.squeeze
+        x, y = motion.place
+        half_slip = 0.5 * (motion.spin_journal - motion.spin_bushing)
+        steepest, rest = shape.steepest * half_slip, _CONTACTS.film_rest
+        fastest = ux * ux + uy * uy + steepest * steepest + rest * rest
+        blur = shape.blur**4 * fastest * fastest
+        c, step = self.clearance, 2.0 * pi / len(shape.depth)
+        ratio = 1.5 * self.viscosity * self.width**2 / (c**3 * self.supply) if self.supply else 0.0
+        thins: list[hy.expression] = []
+        sums: tuple[list[hy.expression], ...] = [], [], []
+        for k, (depth, slope) in enumerate(zip(shape.depth, shape.slope, strict=True)):
+            n = cos(k * step), sin(k * step)
+            thin = c / (c + depth - n[0] * x - n[1] * y)
+            v = n[0] * ux + n[1] * uy - half_slip * slope
+            presses = v * thin * thin * thin
+            if not self.full:
+                fourth = v * v * v * v
+                size = hy.sqrt(hy.sqrt(fourth + blur))  # of v, rounded at its zero
+                if ratio:
+                    presses *= _held(0.5 * (size - v) * ratio * thin * thin * thin)
+                else:  # by 3/2 the integral over the rupture is that of its sudden end
+                    sharp = v * (fourth + 1.5 * blur) / (size * (fourth + blur))
+                    presses *= 0.5 + 0.5 * sharp
+            thins.append(thin)
+            for terms, arm in zip(sums, (*n, slope), strict=True):
+                terms.append(arm * presses)
+        scale = step * self.viscosity * self.radius * (self.width / c) ** 3
+        fx, fy, turning = (scale * hy.sum(terms) for terms in sums)
+        return -fx, -fy, turning, hy.sum(thins) / len(thins)
 
     def _thinning(self, x: hy.expression, y: hy.expression) -> hy.expression:
         """``s = sqrt(1 - Q.Q/c^2)``."""

@@ -8,7 +8,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing
+from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing, Vector
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import Mechanism
@@ -116,8 +116,8 @@ class FilmBearing:
     reach: float = 0.0  #: [m] how far off the centre its walls touch; 0: never
     soft: bool = False  #: whether these give way
 
-    def _motion(self, frames: Frames) -> tuple[Jet, Jet, JournalMotion]:
-        """Q in components, and the motion that the film asks for."""
+    def _motion(self, frames: Frames) -> JournalMotion:
+        """The motion that the film asks for, of Q in components."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         joint, p = self.mechanism.joint(self.name), frames.parameters
         spins = []
@@ -131,22 +131,25 @@ class FilmBearing:
             spins.append(dense(add(*shares)))
         motion = JournalMotion(*map(dense, (x.value, y.value, x.rate, y.rate)), *spins)
         if not self.reach:
-            return x, y, motion
+            return motion
         if not (self.film.full or self.film.supply or self.soft):
             # along a rigid wall the half that carries changes sides, where its force has a corner
             frames.switch(f'{self.name}.film', self.film.across(motion))
         if not self.soft:
-            return x, y, motion
+            return motion
         c, closed = self.film.clearance, p.reserve(f'{self.name}.closed')
         square = motion.x * motion.x + motion.y * motion.y + (1.0 - closed) * (c * c)
         share = 1.0 + closed * (self.reach / hy.sqrt(square) - 1.0)
-        return x, y, motion._replace(share=share)
+        return motion._replace(share=share)
+
+    def _acts(self, frames: Frames) -> tuple[Vector, Vector, JournalMotion]:
+        """Force on the journal, moments on journal and bushing, and the motion."""
+        motion = self._motion(frames)
+        return self.film.force(motion), self.film.moments(motion), motion
 
     def loads(self, frames: Frames) -> list[Load]:
         """On journal and bushing, at their centres."""
-        _, _, motion = self._motion(frames)
-        fx, fy = self.film.force(motion)
-        on_journal, on_bushing = self.film.moments(motion)
+        (fx, fy), (on_journal, on_bushing), _ = self._acts(frames)
         joint, name = self.mechanism.joint(self.name), self.name
         return [
             Load(f'{name}.first', joint.first, joint.on_first, (fx, fy), on_journal),
@@ -164,10 +167,8 @@ class FilmBearing:
 
     def power_lost(self, frames: Frames) -> Term:
         """``-(F.Q' + moments.spins)``."""
-        x, y, motion = self._motion(frames)
-        fx, fy = self.film.force(motion)
-        moments = self.film.moments(motion)
+        (fx, fy), moments, motion = self._acts(frames)
         return neg(
-            add(mul(fx, x.rate), mul(fy, y.rate), mul(moments[0], motion.spin_journal),
+            add(mul(fx, motion.vx), mul(fy, motion.vy), mul(moments[0], motion.spin_journal),
                 mul(moments[1], motion.spin_bushing))
         )  # fmt: skip

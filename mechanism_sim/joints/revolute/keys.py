@@ -23,8 +23,8 @@ from mechanism_sim.joints.contact_keys import (
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Place, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.bearing_ends import axial_stops, bearing_ends, seat
-from mechanism_sim.joints.revolute.worn import LOOKS, WornShape, worn_shape
-from mechanism_sim.joints.revolute.worn_bearing import WornBearing
+from mechanism_sim.joints.revolute.worn import LOOKS, FilmProfile, WornShape, worn_shape
+from mechanism_sim.joints.revolute.worn_bearing import WornBearing, WornFilm
 from mechanism_sim.joints.stops import StopKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Position
@@ -86,13 +86,17 @@ class RevoluteKeys(StopKeys):
             )
         if given.axial and given.film:
             return "has a film with axial, which is for solid contacts: leave it out, or 'contact'"
-        if given.profile and (given.film or given.length):
-            return (
-                f'has a clearance with profile and {"a film" if given.film else "length"}: worn '
-                'bearings are dry, and their axes in line'
-            )
+        if given.profile and given.length:
+            return 'has a clearance with profile and length: the axes of worn bearings are in line'
+        worn = next((key for key in ('profile', 'wear') if getattr(given, key)), '')
+        if worn and not given.wall:
+            return f"has {worn} and a film alone: give 'contact.roughness', where its walls touch"
+        if given.wear and bool(given.wear.width) == given.film:
+            film = 'has wear with width: with a film it is contact.width; leave it out'
+            return film if given.film else "has wear without 'width', that of the bearing"
         try:
-            worn_of(given)
+            if given.reach > 0.0 and (shape := worn_of(given)):
+                _film_profile(given, shape)
         except ValueError as error:
             return str(error)
         if not given.misalignment or not given.length:
@@ -112,24 +116,21 @@ class RevoluteKeys(StopKeys):
         """The bushing, or both its ends, an oil film, stops along the axis."""
         gaps: list[Gap] = []
         films: list[ForceElement] = []
-        name, reach, arm = joint.name, play.radial, play.pin_radius
+        name, soft = joint.name, play.wall == 'soft'
         if film := _oil_film(play):
-            arm = film.radius
-            reach -= (play.contact and play.contact.roughness) or 0.0
-            films.append(
-                FilmBearing(
-                    name, mechanism, film, reach if play.wall else 0.0, play.wall == 'soft'
-                )
-            )
+            reach = play.reach if play.wall else 0.0
+            films.append(FilmBearing(name, mechanism, film, reach, soft))
         if play.wall:
             leans = leaning(mechanism, name, play)
             gap = BearingClearance(
-                name, mechanism, reach, play.restitution, play.friction, play.hypothesis, arm,
-                play.law(0.5 if leans else 1.0),
+                name, mechanism, play.reach, play.restitution, play.friction, play.hypothesis,
+                play.journal, play.law(0.5 if leans else 1.0),
             )  # fmt: skip
             if isinstance(play, Clearance) and (shape := worn_of(play)):
                 known = {field.name: getattr(gap, field.name) for field in fields(gap)}
                 gap = WornBearing(**known, shape=shape)
+                if film and (profile := _film_profile(play, shape)):
+                    films = [WornFilm(name, mechanism, film, reach, soft, gap, profile)]
             gaps += bearing_ends(gap, *leans) if leans else [gap]
         if isinstance(play, Clearance) and play.axial:
             gaps += _stops(mechanism, name, play, play.axial)
@@ -203,7 +204,15 @@ def worn_of(given: Clearance) -> WornShape | None:
     if not given.profile:
         return None
     bushing, pin = (depth.tobytes() for depth in given.profile.depths(LOOKS))
-    return worn_shape(given.radial, given.pin_radius, (bushing, pin), given.profile.harmonics)
+    return worn_shape(given.reach, given.journal, (bushing, pin), given.profile.harmonics)
+
+
+def _film_profile(given: Clearance, shape: WornShape) -> FilmProfile | None:
+    """That of the film between worn walls; None of a dry bearing. ValueError: none is left."""
+    if not (given.film and given.profile):
+        return None
+    depths, roughness = given.profile.depths(LOOKS), given.radial - given.reach
+    return FilmProfile.of(shape, depths, given.radial, roughness, given.profile.harmonics)
 
 
 def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:

@@ -22,6 +22,7 @@ these are exact, and of the rest the product of both slopes over the clearance i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -45,6 +46,9 @@ _DIRECTIONS = 512
 _ROUNDS = 30
 _REFINED = 9
 _WINDOW = np.linspace(-1.0, 1.0, 257)
+_THINNEST = 0.5  # of the roughness, that the film must be thick where the walls touch
+_SLIGHT = 1e-3  # of the roughness, that harmonics of the rounder wall left out may be
+_PEAK, _BLUR = 24.0, 0.2  # nodes of a thin film's pressure, and of its width that it ends over
 _FARTHEST = 0.05  # of the mean clearance, that the gap may be off where they touch
 _SOFT = 0.3  # s, of the least way to the locus: within it the powers of w fall off to zero
 
@@ -189,7 +193,7 @@ class WornSurface:
         one = hy.expression(1.0), hy.expression(0.0)
         powers = [one, w]
         while len(powers) < len(self.a):
-            powers.append(_product(powers[-1], w))
+            powers.append(product(powers[-1], w))
         series = []
         for part, numbers in (('a', self.a), ('b', self.b)):
             known = [
@@ -203,14 +207,14 @@ class WornSurface:
         (A, A1, A2), (B, B1, B2) = series
         slope = tuple(f - half * g for f, g in zip(A1, B1, strict=True))  # dy/dw along A and B
         bend = tuple(f - half * g for f, g in zip(A2, B2, strict=True))
-        turned = _product(bend, w_rate)
+        turned = product(bend, w_rate)
         slope_rate = tuple(t - m * sway * g for t, g in zip(turned, B1, strict=True))
         # grad y = (conj(slope) i1 - z (i3 Re(slope z) + Re B m)
         z, z_rate = (x, y), (dense(vx), dense(vy))
-        R = _product(slope, z)[0]
-        R_rate = _product(slope_rate, z)[0] + _product(slope, z_rate)[0]
+        R = product(slope, z)[0]
+        R_rate = product(slope_rate, z)[0] + product(slope, z_rate)[0]
         E = i3 * R + m * B[0]
-        E_rate = i3 * R_rate - 3.0 * (i1 * i1 * i3 * sway) * R + m * _product(B1, w_rate)[0]
+        E_rate = i3 * R_rate - 3.0 * (i1 * i1 * i3 * sway) * R + m * product(B1, w_rate)[0]
         signs = 1.0, -1.0
         return SurfaceTouch(
             A[0] - half * B[0],
@@ -222,7 +226,7 @@ class WornSurface:
         )
 
 
-def _product(f: _Pair, g: _Pair) -> _Pair:
+def product(f: _Pair, g: _Pair) -> _Pair:
     """Of two complex numbers."""
     return f[0] * g[0] - f[1] * g[1], f[0] * g[1] + f[1] * g[0]
 
@@ -309,6 +313,76 @@ class WornShape:
         edge = self._edge(turn, ways)
         values = self.measure((np.linspace(0.0, 0.95, 20)[:, None] * edge).ravel(), ways)[0]
         return float(values.min()), float(values.max())
+
+
+@dataclass(frozen=True, eq=False)
+class FilmProfile:
+    """Depths ``Re sum of c_k exp(i k phi)`` of worn walls with oil between them [m].
+
+    Attributes
+    ----------
+    place : from which link both are seen, 0 the pin's or 1 the bushing's: the less round one
+    own : (n + 1,) c_k of its wall, with the mean depth of both
+    other : (m,) c_1, c_2, ... of the other wall, as far as they matter
+    count : of even angles at which the film is looked at
+    blur : [rad] over which it ruptures
+    """
+
+    place: int
+    own: Complexes
+    other: Complexes
+    count: int
+    blur: float
+
+    @classmethod
+    def of(
+        cls, shape: WornShape, depths: tuple[Array, Array], clearance: float, roughness: float,
+        degree: int,
+    ) -> FilmProfile:  # fmt: skip
+        """Of depths of 4096 places on bushing and pin.
+
+        Raises
+        ------
+        ValueError
+            One sentence: where walls touch no film is left.
+        """
+        bushing, pin = (2.0 / LOOKS * np.fft.rfft(x)[: degree + 1] for x in depths)
+        bushing[0], pin[0] = 0.5 * (bushing[0] + pin[0]), 0.0
+        least, k = np.inf, np.arange(degree + 1)
+        turn = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS))
+        for way in np.exp(1j * np.linspace(0.0, 6.0, 7 if shape.pin else 1)):
+            worn = (turn[:, None] ** k * (bushing + pin * way**-k)).real.sum(axis=1)
+            known = zip((shape.pin, shape.bushing), (way, 1.0), strict=True)
+            edge = shape._edge(turn, [x for surface, x in known if surface is not None])
+            apart = clearance + worn - (edge[:, None] * turn.conj()).real
+            least = min(least, float(apart.min()))
+        if least < _THINNEST * roughness:
+            raise ValueError(
+                f'has a profile and a film, of which {least:.3g} m would be left where the walls '
+                f'touch, needed are {_THINNEST * roughness:.3g} m: more harmonics follow its '
+                'grooves better'
+            )
+        rest = [np.cumsum(np.abs(c[:0:-1]))[::-1] for c in (pin, bushing)]  # sizes from c_k on
+        place = int(rest[0][0] <= rest[1][0])
+        own, other = (pin, bushing)[place], (bushing, pin)[place]
+        own[0] = bushing[0]
+        kept = int((rest[1 - place] > _SLIGHT * roughness).sum())
+        wide = float(np.sqrt(2.0 * roughness / clearance))  # [rad] of the pressure of a thin film
+        count = max(3 * degree, int(np.ceil(_PEAK / wide)))
+        return cls(place, own, other[1 : kept + 1], count, _BLUR * wide)
+
+    def along(self) -> tuple[Array, Array]:
+        """The own wall's depths at these angles (count,), and their slopes."""
+        k, angle = np.arange(len(self.own)), 2.0 * np.pi / self.count * np.arange(self.count)
+        terms = np.exp(1j * angle[:, None] * k) * self.own
+        return terms.real.sum(axis=1), (1j * k * terms).real.sum(axis=1)
+
+    @property
+    def steepest(self) -> float:
+        """About the size of the largest slope [m]: twice the mean of both, by root of squares."""
+        both = self.own[1:], self.other
+        squares = sum(float((np.abs(np.arange(1, len(c) + 1) * c) ** 2).sum()) for c in both)
+        return math.sqrt(2.0 * squares)
 
 
 @lru_cache(maxsize=64)

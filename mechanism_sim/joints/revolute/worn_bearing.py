@@ -1,4 +1,4 @@
-"""The loose revolute joint whose pin or bushing is worn, as the engine sees it."""
+"""The loose revolute joint whose pin or bushing is worn, dry or in oil, as the engine sees it."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.revolute.bearing import BearingClearance
-from mechanism_sim.joints.revolute.worn import WornShape, WornSurface
+from mechanism_sim.engine.contact.film import FilmShape, JournalMotion, Vector
+from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
+from mechanism_sim.joints.revolute.worn import FilmProfile, WornShape, WornSurface, product
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, Parameters
 from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.protocols import Wrench, contact_wrench
@@ -121,3 +122,58 @@ class WornBearing(BearingClearance):
                 for _, (link, at), _ in self._worn]  # fmt: skip
         normal = -self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
         return np.array([normal.real, normal.imag]) / np.abs(normal)
+
+
+@dataclass(frozen=True, eq=False)
+class WornFilm(FilmBearing):
+    """The film of a bearing of which bushing, pin or both are worn, as thick as it is anywhere."""
+
+    wall: WornBearing | None = None
+    profile: FilmProfile | None = None
+
+    def _acts(self, frames: Frames) -> tuple[Vector, Vector, JournalMotion]:
+        profile, motion = self.profile, self._motion(frames)
+        assert profile and self.wall  # noqa: S101, PT018 - given
+        ends = zip(self.mechanism.joint(self.name).points, ('pin', 'bushing'), strict=True)
+        ways = [
+            frames.position(self.mechanism.direction(link, 0.0, at), f'{self.name}.{part}')
+            for (link, at), part in ends
+        ]
+        ux, uy = (dense(u.value) for u in ways[profile.place])
+        ox, oy = (dense(u.value) for u in ways[1 - profile.place])
+        own = motion._replace(
+            x=ux * motion.x + uy * motion.y,
+            y=ux * motion.y - uy * motion.x,
+            vx=ux * motion.vx + uy * motion.vy,
+            vy=ux * motion.vy - uy * motion.vx,
+            shape=self._shape(frames.parameters, profile, (ox * ux + oy * uy, oy * ux - ox * uy)),
+        )
+        if self.soft:  # no nearer than where walls touch, along their normal
+            closed = frames.parameters.reserve(f'{self.name}.closed')
+            depth = self.wall.depth(dense(self.wall.value(frames).value))
+            nx, ny = (dense(n.value) for n in self.wall.normal(frames))
+            along = nx * motion.x + ny * motion.y + (1.0 - closed) * self.film.clearance
+            own = own._replace(share=1.0 - closed * depth / along)
+        fx, fy = self.film.force(own)
+        return (ux * fx - uy * fy, uy * fx + ux * fy), self.film.moments(own), motion
+
+    def _shape(self, p: Parameters, profile: FilmProfile, angle: tuple[Term, Term]) -> FilmShape:
+        """Both walls seen from one, against which the other has turned by an angle (cos, sin)."""
+        sign = 1.0 if profile.place else -1.0
+        own = [
+            [[p.reserve(f'{self.name}.{part}{k}', x)] for k, x in enumerate(values)]
+            for part, values in zip(('depth', 'slope'), profile.along(), strict=True)
+        ]
+        power, back = (hy.expression(1.0), hy.expression(0.0)), (angle[0], -angle[1])
+        for k, c in enumerate(profile.other, 1):
+            power = product(power, back)
+            known = (p.reserve(f'{self.name}.{part}{k}', x)
+                     for part, x in (('x', c.real), ('y', c.imag)))  # fmt: skip
+            a, b = product(tuple(known), power)
+            for j, at in enumerate(2.0 * np.pi * k / profile.count * np.arange(profile.count)):
+                u, v = float(np.cos(at)), float(np.sin(at))
+                own[0][j].append(u * a - v * b)
+                own[1][j].append((v * a + u * b) * k)  # less its slope
+        depth, slope = ([hy.sum(terms) for terms in part] for part in own)
+        steepest = p.reserve(f'{self.name}.steepest', profile.steepest)
+        return FilmShape(depth, [sign * x for x in slope], steepest, profile.blur)
