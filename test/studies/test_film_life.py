@@ -1,6 +1,5 @@
 """Wear of bearings in oil, where their walls carry, by equilibrium of film and wall."""
 
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
