@@ -22,7 +22,7 @@ from mechanism_sim.packages import reason
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.units import to_si
 
-_YES = ('t', 'true', 'yes', '1', 'x')
+_YES, _NO = ('t', 'true', 'yes', 'y', '1', 'x'), ('', 'f', 'false', 'no', 'n', '0', '-')
 _DIGITS = '0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-'
 _UNITS = {'0': 'inch', '1': 'cm', '2': 'm'}  # of PMKS+
 _COLUMNS = {
@@ -146,11 +146,20 @@ def read_table(path: Path, _text: str, unit: str | None) -> Blueprint:
     if any(x.strip(' 0.') for x in words['angle']):
         turn = to_si(f'1 {table.units[place["angle"]] or "deg"}', 'rad')
         angle = (table.numbers(place['angle'])[:, 0] * turn).tolist()
+
+    def marked(key: str, k: int) -> bool:
+        word = words[key][k].strip()
+        if word.lower() not in (*_YES, *_NO):
+            raise InputError(
+                f"{path.name}, line {table.lines[k]}: {place[key]} = '{word}': yes or no"
+            )
+        return word.lower() in _YES
+
     rows = [
         JointRow(
             words['joint'][k].strip(), (x, y), _links(words['links'][k]),
-            words['kind'][k].strip().upper() or 'R', words['ground'][k].strip().lower() in _YES,
-            angle[k], words['input'][k].strip().lower() in _YES,
+            words['kind'][k].strip().upper() or 'R', marked('ground', k), angle[k],
+            marked('input', k),
         )
         for k, (x, y) in enumerate(table.numbers(place['x'], place['y']).tolist())
     ]  # fmt: skip

@@ -148,13 +148,18 @@ def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
         first = f'slider-crank: the {crank} can turn fully, stroke {linkage.stroke:.6g} m'
         if linkage.offset:
             first += f', time ratio {linkage.time_ratio:.6g} at constant speed'
+    elif linkage.turns == 'both':
+        first = (
+            f'slider-crank: the {crank} and the rod can turn fully, through change points where '
+            'both are square to the guide'
+        )
     else:
         low, high = (math.degrees(math.asin(x)) for x in linkage.crank_limits())
         first = (
             f'slider-crank: the {crank} cannot turn fully: the sine of its angle to the guide '
             f'stays between those of {low:.6g} and {high:.6g} deg'
         )
-        if linkage.turns in ('rod', 'both'):
+        if linkage.turns == 'rod':
             first += '; the rod can'
         first = Limit(first)
     return [first, _transmission(*linkage.transmission_range())]

@@ -148,3 +148,10 @@ def test_units_of_columns_and_of_the_option(tmp_path):
     assert import_machine(file, unit='mm').data['links']['a']['points'] == {
         'B': ['1.0 mm', '0.0 mm']
     }
+
+
+def test_a_mark_that_is_neither_yes_nor_no_is_named(tmp_path):
+    file = tmp_path / 'm.csv'
+    file.write_text('Joint,X [m],Y [m],Links,Ground\nA,0,0,a,Y\nB,1,0,a b,no\nC,3,1,b,ja\n')
+    with pytest.raises(InputError, match="line 4: Ground = 'ja': yes or no"):
+        import_machine(file)

@@ -127,6 +127,7 @@ def test_check_says_how_a_slider_crank_moves(tmp_path):
     ]
     # sqrt(250^2 - 20^2) - sqrt(150^2 - 20^2) mm
     assert 'stroke 0.100538 m, time ratio 1.03475' in notes(20, 200)[1]
+    assert 'crank and the rod can turn fully, through change points' in notes(0, 50)[1]
     held = notes(20, 60)
     assert 'crank cannot turn fully: the sine of its angle to the guide stays between' in held[1]
     assert '-53.1301 and 90 deg' in held[1]
