@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from time import perf_counter
 from typing import Any, cast
 
-import heyoka as hy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,46 +23,18 @@ from mechanism_sim.engine.contact.problem import (
     slip_of,
 )
 from mechanism_sim.engine.dense_output import Status, floats
+from mechanism_sim.engine.event_stages import EventStages
 from mechanism_sim.engine.events import ImpactLog, Mode, ModeLog
 from mechanism_sim.engine.present_state import PresentState, rate_of
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics.complementarity import Indices
-from mechanism_sim.numerics.kernels import Kernel, charge, foreign_code
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 _GUARDS = TOLERANCES.guards
-RESPOND, RESOLVE, LOOK = respond.respond, respond.resolve, respond.look
-
 
 SLIDING = {1: Mode.SLIDING_FORWARD, 0: Mode.STICKING, -1: Mode.SLIDING_BACKWARD}
 """Modes of a closed contact with friction by the sign of its slip."""
-
-
-class _Response:
-    """Calls of a kernel of `contact.respond`: arrays stay where they are, but for the logs."""
-
-    def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
-        self._kernel, self._known = kernel, known
-        self._bound: tuple[object, object, object] = (None, None, None)
-        self._call: Callable[[], int]
-
-    @property
-    def compiled(self) -> bool:
-        """True once it is machine code."""
-        return self._kernel.run is not self._kernel.function
-
-    def __call__(self, impacts: Array, changes: Array) -> int:
-        way, rows, more = self._bound
-        if way is not self._kernel.run or rows is not impacts or more is not changes:
-            self._bound = self._kernel.run, impacts, changes
-            self._call = self._kernel.bind(*self._known, impacts, changes)
-        if self.compiled:
-            return self._call()
-        began = perf_counter()
-        after = self._call()
-        charge(perf_counter() - began)
-        return after
 
 
 class ContactState:
@@ -83,7 +53,7 @@ class ContactState:
     run : the arrays of all that follows, by which `contact.respond` resolves events
     problem, arrays : as of the last `refresh`, except for what is closed
     impacts, changes : the events so far
-    fallen : the guard that the last stage of an event is about
+    stages : of events
     floors : of every guard, what it may be below zero by rounding
     """
 
@@ -97,12 +67,7 @@ class ContactState:
         self.impacts, self.changes = ImpactLog(names), ModeLog(names)
         self.limits = _limits(present, rule, rtol, speed)
         known, self.run = self._arrays()
-        self._counters: memoryview[int] = memoryview(cast(Any, self.run.counters))
-        self._response, self._look = _Response(RESPOND, known), _Response(LOOK, known)
-        self._addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
-        self._codes: list[Any] = []  # hold what the addresses are of
-        state = present.integrator.state[: system.width]
-        self._resolution = _Response(RESOLVE, (state, present.now, self._addresses, *known))
+        self.stages = EventStages(present, self.run, known, self.impacts, self.changes)
         reals, whole, marks = self.run.reals, self.run.gaps, self.run.marks
         self._reals = floats(reals)
         laws = reals[respond.DRIVES + len(system.prescribed) :].reshape(2, m)
@@ -124,7 +89,6 @@ class ContactState:
         self.modes: tuple[int, ...] = ()
         self.approach = (1.0,) * len(system.parameters.approach)
         self._status = Status((), ())
-        self.fallen = respond.DONE
         self._holding = [*system.set_valued.holding]
         self._acts = bool(self._holding or system.parameters.sides)
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
@@ -172,51 +136,10 @@ class ContactState:
     def begin_event(self, t: float) -> None:
         """Tell the arrays when an event happens [s], and how fast the drives are then."""
         self._reals[respond.TIME] = t
-        self._counters[respond.ROUNDS] = 0
+        self.stages.counters[respond.ROUNDS] = 0
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)
-
-    def go_on(self, stage: int, guard: int) -> int:
-        """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
-        after = self._go(self._response, stage, guard)
-        self._counters[respond.TAKEN] = stage
-        return after
-
-    def resolve(self, stage: int, guard: int) -> int:
-        """Take stages, for a guard or in a gap, as far as functions are known; the next one."""
-        if self._resolution.compiled:
-            if not self._addresses[stage]:
-                self.see(stage)
-            self.present.set_time()
-            after = self._go(self._resolution, stage, guard)
-            if after != stage:
-                return after
-            guard = self.fallen
-        if not (stage == respond.STRIKES and self._counters[respond.TAKEN] == respond.FELL):
-            self.see(stage)  # else of the same state
-        return self.go_on(stage, guard)
-
-    def past_zero(self, fell: int | None) -> int | None:
-        """A guard that is past zero at the present state, beside one that `fell`."""
-        self.see(respond.MISSED)
-        guard = self._go(self._look, respond.MISSED, -1 if fell is None else fell)
-        return guard if guard >= 0 else None
-
-    def _go(self, call: _Response, stage: int, guard: int) -> int:
-        """Call a kernel with room in the logs, and take over what it entered there."""
-        counters, impacts, changes = self._counters, self.impacts, self.changes
-        impacts.reserve(len(self.modes))
-        changes.reserve(2 * len(self.modes))
-        counters[respond.STAGE], counters[respond.GUARD] = stage, guard
-        counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
-        after = call(impacts.rows, changes.rows)
-        self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
-        count = counters[respond.CHANGES]
-        if count > changes.count:
-            changes.count = count
-            self.adopt_modes()
-        return after
 
     @property
     def flying(self) -> bool:
@@ -297,24 +220,6 @@ class ContactState:
         self.present.evaluate(
             self.present.system.functions.contact_function, out=self.arrays.terms
         )
-
-    def see(self, stage: int) -> None:
-        """Evaluate what a stage of `contact.respond` needs at the present state."""
-        name, present = respond.NEEDS[stage], self.present
-        function = getattr(present.system.functions, name)
-        out = self.run.terms if stage < respond.PROJECTED else self.run.seen[: function.nouts]
-        present.evaluate(function, out=out)
-        if self._resolution.compiled and not self._addresses[stage]:
-            self._find_code(name, function)
-
-    def _find_code(self, name: str, function: hy.cfunc_dbl) -> None:
-        """Let `resolve` call the machine code of a function itself, where that can be."""
-        code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
-        if code:
-            self._codes.append(code)
-            for stage, needed in enumerate(respond.NEEDS):
-                if needed == name:
-                    self._addresses[stage] = code.addresses[0]
 
     def terms(self) -> ContactProblem:
         """The contact problem at the present state, until asked again."""

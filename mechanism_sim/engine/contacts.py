@@ -192,16 +192,18 @@ class Contacts:
                 raise ArithmeticError('no impulses satisfy all contacts of this instant')
             else:
                 rubs = bool(self._system.dynamics.rubs)
-                stage = (self._beside_joints if rubs else state.resolve)(stage, guard)
-                guard = state.fallen
+                stage = (self._beside_joints if rubs else state.stages.resolve)(stage, guard)
+                guard = state.stages.fallen
+                if state.stages.changed:
+                    state.adopt_modes()
 
     def _beside_joints(self, stage: int, guard: int) -> int:
-        """`ContactState.go_on` where ideal joints rub by the forces of the contacts."""
+        """`EventStages.go_on` where ideal joints rub by the forces of the contacts."""
         state, log, switching = self.state, self.state.impacts, self.switching
-        state.see(stage)
+        state.stages.see(stage)
         if stage == STRIKES:
             first, lost = log.count, add_joint_friction(state, switching, guard)
-            stage = state.go_on(stage, guard)
+            stage = state.stages.go_on(stage, guard)
             if lost and log.count > first:
                 log.rows[first, LOSS] += lost
             return stage
@@ -211,7 +213,7 @@ class Contacts:
             set_trial_modes(state, switching, state.mode_array)
             given, state.run.gaps[GIVEN] = state.run.gaps[GIVEN].any(), 0
             return RESTS if given else JAMMED
-        return state.go_on(stage, guard)
+        return state.stages.go_on(stage, guard)
 
     def _turn_over(self, switch: int) -> None:
         """A switch passes to its next row: contacts may be off zero from now on."""
@@ -255,7 +257,7 @@ class Contacts:
         """
         state, system = self.state, self._system
         if self._resolves_all:
-            return state.past_zero(seen_now)
+            return state.stages.past_zero(seen_now)
         seen = self.present.evaluate(system.functions.watch).tolist()
         modes, floors, limits = state.modes, state.floors, state.limits
         count = len(floors)

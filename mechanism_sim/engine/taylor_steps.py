@@ -87,7 +87,6 @@ class TaylorSteps:
         self._coefficients = series[: system.width * width]
         self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
-        self._step = self._ta.step
         self._rows = StepRows(system, self._ta, output, max_step, quickest)
         self._stabilisation = system.parameters.stabilisation
 
@@ -98,7 +97,7 @@ class TaylorSteps:
 
         Returns where it came to, and the length of a further step if there is more to it.
         """
-        gaps, output, ta, step = self._gaps, self._output, self._ta, self._step
+        gaps, output, ta, step = self._gaps, self._output, self._ta, self._ta.step
         if self._laws.since >= _STEPS.row:
             self._laws.turn(tau)
         longest = self.longest
@@ -193,7 +192,7 @@ class TaylorSteps:
         h = self.short.step(tau, most) if self.short and most < self.longest else None
         if h is None:
             self._ta.time = tau
-            h = float(self._step(most, True)[1])
+            h = float(self._ta.step(most, True)[1])
         return h
 
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
@@ -208,7 +207,7 @@ class TaylorSteps:
                 break
             self._system.fired(self._pars)
             self._singular.return_to(tau)
-            h = self._step(h * (sound or _STEPS.shorter * fault), True)[1]
+            h = self._ta.step(h * (sound or _STEPS.shorter * fault), True)[1]
         else:
             if not np.isfinite(self._ta.tc[: self._system.width]).all():
                 return math.nan  # a formula has no value here

@@ -231,7 +231,7 @@ def _loaded(content: bytes) -> Code:
 
 
 def _engine(llvm: Any, machine: Any, code: bytes) -> Any:
-    """What holds the code of an object file, linked."""
+    """Execution engine of an object file, linked; its code lives as long as it does."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), machine)
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()

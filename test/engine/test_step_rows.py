@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.engine import contact_state, step_rows
+from mechanism_sim.engine import event_stages, step_rows
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.step_rows import end_of, stays
@@ -88,7 +88,7 @@ def test_rows_have_the_bits_of_steps_one_by_one(scene, compiled_kernels, monkeyp
     monkeypatch.setattr(step_rows.StepRows, 'take', noted)
     assert ms.simulate(machine, **long).digest() == one_by_one.digest()
     assert any(taken)
-    for room in (step_rows.kernels, contact_state):
+    for room in (step_rows.kernels, event_stages):
         monkeypatch.setattr(room, 'foreign_code', lambda *_: None)
     assert ms.simulate(machine, **long).digest() == one_by_one.digest()
 
@@ -98,8 +98,8 @@ def test_an_event_is_one_call(compiled_kernels, monkeypatch):
     """Once the functions of the state are known, Python evaluates none of them."""
     scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
     compiled_kernels()
-    seen, see = [], contact_state.ContactState.see
-    monkeypatch.setattr(contact_state.ContactState, 'see', lambda *x: seen.append(x[1]) or see(*x))
+    seen, see = [], event_stages.EventStages.see
+    monkeypatch.setattr(event_stages.EventStages, 'see', lambda *x: seen.append(x[1]) or see(*x))
     found = ms.simulate(scene, revolutions=3.0)
     assert len(found.impacts) > 50
     assert len(seen) < 0.1 * len(found.impacts)

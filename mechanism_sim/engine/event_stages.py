@@ -1,0 +1,135 @@
+"""Stages of events: kernels of `contact.respond`, and the functions of the state they need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any, cast
+
+import heyoka as hy
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.contact import respond
+from mechanism_sim.engine.events import ImpactLog, ModeLog
+from mechanism_sim.engine.present_state import PresentState
+from mechanism_sim.numerics.kernels import Kernel, charge, foreign_code
+
+
+class _Response:
+    """Calls of a kernel of `contact.respond`: arrays stay where they are, but for the logs."""
+
+    def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
+        self._kernel, self._known = kernel, known
+        self._bound: tuple[object, object, object] = (None, None, None)
+        self._call: Callable[[], int]
+
+    @property
+    def compiled(self) -> bool:
+        """True once it is machine code."""
+        return self._kernel.run is not self._kernel.function
+
+    def __call__(self, impacts: Array, changes: Array) -> int:
+        way, rows, more = self._bound
+        if way is not self._kernel.run or rows is not impacts or more is not changes:
+            self._bound = self._kernel.run, impacts, changes
+            self._call = self._kernel.bind(*self._known, impacts, changes)
+        if self.compiled:
+            return self._call()
+        began = perf_counter()
+        after = self._call()
+        charge(perf_counter() - began)
+        return after
+
+
+class EventStages:
+    """Takes the stages of events of m gaps, one by one or as many as can be in one call.
+
+    Parameters
+    ----------
+    present : the integrator's state
+    run, known : the arrays of a run, and by what they are handed over, but for the logs
+    impacts, changes : logs
+
+    Attributes
+    ----------
+    counters : those of `run`
+    fallen : the guard that the last stage of an event is about
+    changed : whether the last call changed any mode
+    """
+
+    def __init__(
+        self,
+        present: PresentState,
+        run: respond.EventArrays,
+        known: tuple[Any, ...],
+        impacts: ImpactLog,
+        changes: ModeLog,
+    ) -> None:
+        self._present, self._run = present, run
+        self._impacts, self._changes = impacts, changes
+        self.counters: memoryview[int] = memoryview(cast(Any, run.counters))
+        self.fallen, self.changed = respond.DONE, False
+        self._one, self._look = _Response(respond.respond, known), _Response(respond.look, known)
+        self._addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
+        self._codes: list[Any] = []  # hold what the addresses are of
+        state = present.integrator.state[: present.system.width]
+        self._all = _Response(respond.resolve, (state, present.now, self._addresses, *known))
+
+    def see(self, stage: int) -> None:
+        """Evaluate what a stage needs at the present state."""
+        name, present, run = respond.NEEDS[stage], self._present, self._run
+        function = getattr(present.system.functions, name)
+        out = run.terms if stage < respond.PROJECTED else run.seen[: function.nouts]
+        present.evaluate(function, out=out)
+        if self._all.compiled and not self._addresses[stage]:
+            self._find_code(name, function)
+
+    def go_on(self, stage: int, guard: int) -> int:
+        """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
+        after = self._called(self._one, stage, guard)
+        self.counters[respond.TAKEN] = stage
+        return after
+
+    def resolve(self, stage: int, guard: int) -> int:
+        """Take stages, for a guard or in a gap, as far as functions are known; the next one."""
+        if self._all.compiled:
+            if not self._addresses[stage]:
+                self.see(stage)
+            self._present.set_time()
+            after = self._called(self._all, stage, guard)
+            if after != stage:
+                return after
+            guard = self.fallen
+        if not (stage == respond.STRIKES and self.counters[respond.TAKEN] == respond.FELL):
+            self.see(stage)  # else of the same state
+        return self.go_on(stage, guard)
+
+    def past_zero(self, fell: int | None) -> int | None:
+        """A guard that is past zero at the present state, beside one that `fell`."""
+        self.see(respond.MISSED)
+        guard = self._called(self._look, respond.MISSED, -1 if fell is None else fell)
+        return guard if guard >= 0 else None
+
+    def _called(self, call: _Response, stage: int, guard: int) -> int:
+        """Call a kernel with room in the logs, and take over what it entered there."""
+        counters, impacts, changes = self.counters, self._impacts, self._changes
+        gaps = counters[respond.LAYOUT]
+        impacts.reserve(gaps)
+        changes.reserve(2 * gaps)
+        counters[respond.STAGE], counters[respond.GUARD] = stage, guard
+        counters[respond.IMPACTS], counters[respond.CHANGES] = impacts.count, changes.count
+        after = call(impacts.rows, changes.rows)
+        self.fallen, impacts.count = counters[respond.GUARD], counters[respond.IMPACTS]
+        self.changed = counters[respond.CHANGES] > changes.count
+        changes.count = counters[respond.CHANGES]
+        return after
+
+    def _find_code(self, name: str, function: hy.cfunc_dbl) -> None:
+        """Let `resolve` call the machine code of a function itself, where that can be."""
+        code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
+        if code:
+            self._codes.append(code)
+            for stage, needed in enumerate(respond.NEEDS):
+                if needed == name:
+                    self._addresses[stage] = code.addresses[0]
