@@ -27,6 +27,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.memory import give_back
 from mechanism_sim.numerics.code_cache import compiled
+from mechanism_sim.numerics.machine_code import foreign
 
 # a root that its search gives up on is looked for again by the event loop
 hy.set_logger_level_error()
@@ -61,6 +62,7 @@ def forget() -> None:
     """Let go of all that was compiled, but for what somebody holds."""
     _function.cache_clear()
     _integrator.cache_clear()
+    foreign.cache_clear()
     give_back()
 
 

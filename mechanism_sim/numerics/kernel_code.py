@@ -2,10 +2,10 @@
 
 There are numbers, arrays of one or two axes whose rows are contiguous, and (named) tuples of them;
 functions that are kernels themselves, each written once for every kind of arguments; other machine
-code by its address (`call_code`); variables
-that keep their kind; loops over ranges, vectors and tuples. Everything else of Python is refused
-by a `KeyError` or `TypeError`. Operations are those of double precision, one by one: nothing may
-be reordered or fused. Indices are not checked, and a division by zero is that of IEEE 754.
+code by its address (`call_code`); variables that keep their kind; loops over ranges, vectors and
+tuples. Everything else of Python is refused by a `KeyError` or `TypeError`. Operations are those
+of double precision, one by one: nothing may be reordered or fused. Indices are not checked, and a
+division by zero is that of IEEE 754.
 
 A value is a `Number`, an `ArrayView` or `Several`; the parts of it that LLVM knows are its leaves.
 What arrays take is kept until the entry returns, in a list that starts at ``@kept``.

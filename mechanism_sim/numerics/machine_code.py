@@ -173,9 +173,9 @@ def foreign(code: bytes, library: str, *names: str) -> Foreign | None:
     library : part of the name of a loaded library in which other symbols are
     """
     llvm, machine = _machine()
-    with suppress(OSError, StopIteration):
-        with open('/proc/self/maps', encoding='utf-8') as maps:
-            path = next(x.split()[-1] for x in maps if library in x)
+    with suppress(OSError, StopIteration, RuntimeError):
+        with open('/proc/self/maps', encoding='utf-8') as maps:  # the sixth field is a path
+            path = next(x.split(maxsplit=5)[5].strip() for x in maps if library in x)
         llvm.load_library_permanently(path)
         # LLVM ends the process where it misses a symbol
         if all(llvm.address_of_symbol(x) for x in _missing(code)):

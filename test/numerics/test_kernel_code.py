@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import _ctypes
+import ctypes
 import math
+import shutil
 from types import FunctionType
 from typing import Any, NamedTuple
 
@@ -188,3 +191,14 @@ def test_code_that_cannot_be_called_is_not():
     assert machine_code.foreign(whole, 'libheyoka', 'f') is not None
     assert machine_code.foreign(whole, 'no library has this name', 'f') is None
     assert machine_code.foreign(b'MZ' + whole[2:], 'libheyoka', 'f') is None
+
+
+def test_a_library_may_lie_in_a_folder_with_blanks_in_its_name(tmp_path):
+    folder = tmp_path / 'a folder of Möbius'
+    folder.mkdir()
+    copy = folder / 'libcopied.so'
+    shutil.copy(_ctypes.__file__, copy)
+    held = ctypes.CDLL(str(copy))
+    code = machine_code._object('define void @f() {\n ret void\n}')
+    assert machine_code.foreign(code, 'libcopied', 'f') is not None
+    assert held is not None

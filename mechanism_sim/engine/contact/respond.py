@@ -2,8 +2,8 @@
 
 `respond` takes a stage, goes on until it needs functions of the state at another place, and
 returns the stage that follows once they are evaluated; `NEEDS` says which. `resolve` calls their
-machine code itself, so that an event is one call. All that is kept of a
-machine are `EventArrays`: it may be one of many lanes.
+machine code itself, so that an event is one call. All that is kept of a machine are
+`EventArrays`: it may be one of many lanes.
 """
 
 from __future__ import annotations
