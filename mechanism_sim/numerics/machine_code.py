@@ -115,8 +115,7 @@ def code_of(
     function_of : the function of a kernel, None of what is none
     folder : where code is kept, for one state of all sources
     """
-    _, machine = _machine()
-    host = (repr(types), machine.triple, *_host())
+    host = (repr(types), _llvm().get_default_triple(), *_host())
     name = hashlib.sha256(repr(host).encode()).hexdigest()[:16]
     file = folder / f'{function.__name__}-{name}.o' if folder else None
     with suppress(Exception):  # there is none, or it is damaged
@@ -139,14 +138,18 @@ def _opened(file: Path) -> bytes:
 
 
 @cache
-def _machine() -> tuple[Any, Any]:
-    """LLVM, and the processor as it knows it."""
+def _llvm() -> Any:
     llvm = import_module('llvmlite.binding')
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    target = llvm.Target.from_default_triple()
-    processor, features = _host()[1:]
-    return llvm, target.create_target_machine(cpu=processor, features=features, opt=2, jit=True)
+    return llvm
+
+
+def _processor() -> Any:
+    """The processor as LLVM knows it: anew for each engine, which frees it with itself."""
+    target = _llvm().Target.from_default_triple()
+    name, features = _host()[1:]
+    return target.create_target_machine(cpu=name, features=features, opt=2, jit=True)
 
 
 @cache
@@ -172,14 +175,14 @@ def foreign(code: bytes, library: str, *names: str) -> Foreign | None:
     ----------
     library : part of the name of a loaded library in which other symbols are
     """
-    llvm, machine = _machine()
+    llvm = _llvm()
     with suppress(OSError, StopIteration, RuntimeError):
         with open('/proc/self/maps', encoding='utf-8') as maps:  # the sixth field is a path
             path = next(x.split(maxsplit=5)[5].strip() for x in maps if library in x)
         llvm.load_library_permanently(path)
         # LLVM ends the process where it misses a symbol
         if all(llvm.address_of_symbol(x) for x in _missing(code)):
-            engine = _engine(llvm, machine, code)
+            engine = _engine(code)
             return Foreign(tuple(map(engine.get_function_address, names)), engine)
     return None
 
@@ -209,7 +212,7 @@ _SYMBOLS = 2  # type of a section
 
 def _object(text: str) -> bytes:
     """Machine code of a module."""
-    llvm, machine = _machine()
+    llvm, machine = _llvm(), _processor()
     module = llvm.parse_assembly(text)
     module.verify()
     tuning = llvm.create_pipeline_tuning_options(speed_level=2)
@@ -224,15 +227,16 @@ def _object(text: str) -> bytes:
 def _loaded(content: bytes) -> Code:
     """Code from what is kept of it: the type of the result and an object file."""
     result, code = pickle.loads(content)  # noqa: S301 - from a folder that is nobody else's
-    engine = _engine(*_machine(), code)
+    engine = _engine(code)
     _engines.append(engine)
     release = ctypes.PYFUNCTYPE(None)(engine.get_function_address('release'))
     return Code(_ENTER(engine.get_function_address('enter')), release, result)
 
 
-def _engine(llvm: Any, machine: Any, code: bytes) -> Any:
+def _engine(code: bytes) -> Any:
     """Execution engine of an object file, linked; its code lives as long as it does."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), machine)
+    llvm = _llvm()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), _processor())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine

@@ -6,6 +6,8 @@ import _ctypes
 import ctypes
 import math
 import shutil
+import subprocess
+import sys
 from types import FunctionType
 from typing import Any, NamedTuple
 
@@ -191,6 +193,25 @@ def test_code_that_cannot_be_called_is_not():
     assert machine_code.foreign(whole, 'libheyoka', 'f') is not None
     assert machine_code.foreign(whole, 'no library has this name', 'f') is None
     assert machine_code.foreign(b'MZ' + whole[2:], 'libheyoka', 'f') is None
+
+
+LET_GO = '''
+import gc
+from mechanism_sim.numerics import machine_code
+body = 'define i64 @f() {{\\n %x = add i64 {}, 1\\n ret i64 %x\\n}}'
+for k in range(200):
+    code = machine_code._object(body.format(k))
+    assert machine_code.foreign(code, 'libc', 'f') is not None
+    machine_code.foreign.cache_clear()
+    gc.collect()
+print('still here')
+'''
+
+
+def test_code_that_is_let_go_takes_nothing_with_it():
+    """In a process of its own, which would end where LLVM frees what another engine has."""
+    done = subprocess.run([sys.executable, '-c', LET_GO], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, 'still here\n'), done.stderr
 
 
 def test_a_library_may_lie_in_a_folder_with_blanks_in_its_name(tmp_path):
