@@ -15,7 +15,7 @@ import heyoka as hy
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet
-from mechanism_sim.planar.points import Vector2
+from mechanism_sim.planar.points import Point, Vector2
 from mechanism_sim.planar.view import Draft
 
 
@@ -236,6 +236,18 @@ class EndGap(Gap, Protocol):
         q : (n, N) of the coordinates
         N, T : (N,) normal and friction force [N]
         """
+
+
+@runtime_checkable
+class Bearing(Gap, Protocol):
+    """A pin that is loose in a bushing all around: where they touch, they wear."""
+
+    @property
+    def apart(self) -> Point:
+        """From the bushing's centre to the pin's, Q."""
+
+    def touch(self, q: Array) -> tuple[Array, Array | float]:
+        """Normal (2, N) from bushing to pin, and along it Q (N,) [m], at coordinates q (n, N)."""
 
 
 @dataclass(frozen=True)

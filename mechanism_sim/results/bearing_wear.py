@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.joints.revolute.bearing import BearingClearance
-from mechanism_sim.joints.revolute.worn_bearing import WornBearing
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.planar.protocols import Bearing
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
@@ -107,20 +106,15 @@ def _touch(
 ) -> tuple[tuple[Array, Array], Array]:
     """Where the contact lies on bushing and pin (N,) [rad], and the slip (N,) [m/s].
 
-    The slip is that of `BearingClearance.slip`: ``Q'.t + rp w1 - (rp + c) w2``; of a worn bearing
-    the normal is its own, and ``Q.n`` takes the place of c.
+    The slip is ``n x Q' + rp w1 - (rp + Q.n) w2``, Q from the bushing's centre to the pin's, n the
+    normal.
     """
     pair = joint_of_gap(machine.mechanism, joint)
     gap = machine.equations.system.gaps[machine.physics.clearances.index(joint)]
-    assert isinstance(gap, BearingClearance)  # noqa: S101 - it is a bearing
+    assert isinstance(gap, Bearing)  # noqa: S101 - nothing else is asked for
     view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
     (x, y), (vx, vy), _ = view.trace(gap.apart)
-    clearance: Array | float = gap.clearance
-    if isinstance(gap, WornBearing):
-        nx, ny = gap.normals(seen.position)
-        clearance = nx * x + ny * y
-    else:
-        nx, ny = (x, y) / np.hypot(x, y)
+    (nx, ny), clearance = gap.touch(seen.position)
     first, second = view.turning(pair.first), view.turning(pair.second)
     slip = nx * vy - ny * vx + radius * first.velocity - (radius + clearance) * second.velocity
     on_bushing = np.arctan2(y + radius * ny, x + radius * nx)

@@ -83,6 +83,11 @@ class BearingClearance:
         minus = self._minus_curvature(frames)
         return -(x * minus), -(y * minus)
 
+    def touch(self, q: Array) -> tuple[Array, Array | float]:
+        """``Q/|Q|``, and c."""
+        x, y = self.mechanism.trace(self.apart, q)[0]
+        return np.array([x, y]) / np.hypot(x, y), self.clearance
+
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """On the bushing's link, about the bushing's centre."""
         arm = frames.parameters(f'{self.name}.arm', self.arm)

@@ -115,13 +115,14 @@ class WornBearing(BearingClearance):
     def _room(self) -> float:
         return self.shape.widest
 
-    def normals(self, q: Array) -> Array:
-        """Components (2, N) of the normal at coordinates q (n, N)."""
+    def touch(self, q: Array) -> tuple[Array, Array | float]:
+        """The normal of the surfaces as they are, and ``Q.n``."""
         x, y = self.mechanism.trace(self.apart, q)[0]
         ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
                 for _, (link, at), _ in self._worn]  # fmt: skip
-        normal = -self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
-        return np.array([normal.real, normal.imag]) / np.abs(normal)
+        outward = -self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
+        normal = np.array([outward.real, outward.imag]) / np.abs(outward)
+        return normal, normal[0] * x + normal[1] * y
 
 
 @dataclass(frozen=True, eq=False)
