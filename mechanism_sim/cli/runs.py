@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import reduce
+from operator import or_
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
@@ -29,8 +32,15 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.terminal import echo
 
 if TYPE_CHECKING:
+    from mechanism_sim.engine.snapshot import Snapshot
+    from mechanism_sim.report.sections import Section
     from mechanism_sim.report.tables import Writer
-    from mechanism_sim.results.run import Piece
+    from mechanism_sim.results.measures import Measured
+    from mechanism_sim.results.run import Piece, Solution
+    from mechanism_sim.scene import Machine
+
+    Told: TypeAlias = tuple[dict[str, Any], list[Section]]
+    Telling: TypeAlias = Callable[[Solution, Sequence[Measured]], Told]
 
 
 def add(command: Command) -> None:
@@ -86,20 +96,12 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.engine.digest import MotionDigest  # noqa: PLC0415
     from mechanism_sim.engine.events import Impact, ModeChange  # noqa: PLC0415
     from mechanism_sim.engine.snapshot import Snapshot  # noqa: PLC0415
-    from mechanism_sim.report import (  # noqa: PLC0415
-        derivatives,
-        measured,
-        progress,
-        studies,
-        summary,
-    )
+    from mechanism_sim.report import measured, progress, summary  # noqa: PLC0415
     from mechanism_sim.report.sections import text  # noqa: PLC0415
-    from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
     from mechanism_sim.results.turns import ImpactTally  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
-    from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
 
     if options.no_events and not options.json:
         raise InputError('--no-events needs --json: without it no events are listed')
@@ -109,10 +111,7 @@ def _solve(options: argparse.Namespace) -> int:
     end = run_length(machine, options.revolutions, options.duration)
     taken = Measurement(machine, read_measures(options, machine))
     snapshot = Snapshot.load(options.resume) if options.resume else None
-    paths = [p.strip() for p in options.derivatives.split(',')] if options.derivatives else []
-    asked = AskedDerivatives(machine, paths, end, snapshot) if paths else None
-    if options.horizon:
-        check_horizon(machine)
+    asked = [*_derivatives(options, machine, end, snapshot), *_horizon(options, machine)]
     digest, turns = MotionDigest(), ImpactTally(machine)
     pieces: list[Piece] = []
     impacts: list[Impact] = []
@@ -121,7 +120,7 @@ def _solve(options: argparse.Namespace) -> int:
         observers = [taken.add, turns.add, *([table.add] if table else [])]
         run = stream(machine, None, end, show, snapshot, observers)
         for piece in run:
-            if asked or options.horizon:
+            if asked:
                 pieces.append(piece)
             if options.json:
                 digest.add(piece.motion, piece.impacts)
@@ -131,21 +130,49 @@ def _solve(options: argparse.Namespace) -> int:
     if options.save:
         run.snapshot.save(options.save)
     found = taken.found()
-    by = asked.along(whole(run, pieces)) if asked else {}
-    held = horizon(whole(run, pieces)) if options.horizon else None
+    told = [tell(whole(run, pieces), found) for tell in asked]
     if options.json:
         events = (None, None) if options.no_events else (impacts, modes)
-        print_json(
-            summary.to_json(run, digest.hexdigest(), turns, *events)
-            | measured.to_json(found)
-            | derivatives.to_json(by, [m.text for m in found])
-            | (studies.horizon_json(held) if held else {})
-        )
+        known = summary.to_json(run, digest.hexdigest(), turns, *events) | measured.to_json(found)
+        print_json(reduce(or_, (keys for keys, _ in told), known))
     else:
-        told = derivatives.sections(by, found)
-        told += [studies.horizon_section(held)] if held else []
-        echo(text([*summary.sections(run, turns), *measured.section(found), *told]))
+        shown = [section for _, sections in told for section in sections]
+        echo(text([*summary.sections(run, turns), *measured.section(found), *shown]))
     return 0
+
+
+def _derivatives(
+    options: argparse.Namespace, machine: Machine, end: float, snapshot: Snapshot | None
+) -> Iterator[Telling]:
+    """Derivatives of a run, if they are asked for."""
+    if options.derivatives:
+        from mechanism_sim.report import derivatives  # noqa: PLC0415
+        from mechanism_sim.results.derivatives import AskedDerivatives  # noqa: PLC0415
+
+        paths = [p.strip() for p in options.derivatives.split(',')]
+        asked = AskedDerivatives(machine, paths, end, snapshot)
+
+        def tell(run: Solution, found: Sequence[Measured]) -> Told:
+            by = asked.along(run)
+            texts = [m.text for m in found]
+            return derivatives.to_json(by, texts), derivatives.sections(by, found)
+
+        yield tell
+
+
+def _horizon(options: argparse.Namespace, machine: Machine) -> Iterator[Telling]:
+    """How long digits of a run hold, if that is asked for."""
+    if options.horizon:
+        from mechanism_sim.report import studies  # noqa: PLC0415
+        from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
+
+        check_horizon(machine)
+
+        def tell(run: Solution, _: Sequence[Measured]) -> Told:
+            held = horizon(run)
+            return studies.horizon_json(held), [studies.horizon_section(held)]
+
+        yield tell
 
 
 def _run(options: argparse.Namespace) -> int:

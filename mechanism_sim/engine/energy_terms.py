@@ -49,6 +49,11 @@ def energy_so_far(
 
 
 def work_since_start(physics: Physics, motion: Motion, k: NDArray[np.intp], dt: Array) -> Work:
-    """Work and losses (N,) from the start of segments k to `dt` (N,) later, by quadrature."""
-    parts = Parts(k, np.zeros(len(k)), dt, np.zeros(len(k), bool))
-    return work_in(physics, motion, parts, in_order=False)[0]
+    """Work and losses (N,) from the start of segments k to `dt` (N,) later, by quadrature.
+
+    There is none before: where steps meet `dt` is what the time rounds, to either side.
+    """
+    found, later = np.zeros((len(Work._fields), len(k))), np.flatnonzero(dt > 0.0)
+    parts = Parts(k[later], np.zeros(len(later)), dt[later], np.zeros(len(later), bool))
+    found[:, later] = work_in(physics, motion, parts, in_order=False)[0]
+    return Work(*found)

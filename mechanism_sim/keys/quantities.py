@@ -152,7 +152,10 @@ class Part(BaseModel):
     A key with nothing behind it is as good as left out.
     """
 
-    model_config = ConfigDict(extra='forbid', frozen=True, json_schema_extra=_describe)
+    # only that of a whole scene is built, when first asked for: a fifth of the start of a process
+    model_config = ConfigDict(
+        extra='forbid', frozen=True, json_schema_extra=_describe, defer_build=True
+    )
 
     @model_validator(mode='before')
     @classmethod

@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
@@ -555,8 +554,8 @@ _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
 @lru_cache(maxsize=16)
 def _binomials(order: int) -> Array:
     """``[k, j] = j over k``."""
-    index = np.arange(order + 1)
-    return np.asarray(scipy.special.binom(index, index[:, None]))
+    index = range(order + 1)
+    return np.array([[math.comb(j, k) for j in index] for k in index], dtype=np.float64)
 
 
 def _shift(order: int, middle: Array) -> Array:

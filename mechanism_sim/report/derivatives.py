@@ -14,8 +14,6 @@ from mechanism_sim.results.measures import Measured
 
 def to_json(found: Mapping[str, RunDerivative], measures: Sequence[str]) -> dict[str, Any]:
     """The key ``derivatives``: of the final state, impacts and measures, in SI units."""
-    if not found:
-        return {}
     return {
         'derivatives': {
             path: {
@@ -36,7 +34,7 @@ def to_json(found: Mapping[str, RunDerivative], measures: Sequence[str]) -> dict
 
 
 def sections(found: Mapping[str, RunDerivative], measures: Sequence[Measured]) -> list[Section]:
-    """A table by path, in SI units; nothing without any."""
+    """A table by path, in SI units."""
     texts, made = [m.text for m in measures], []
     for path, d in found.items():
         rows = [['quantity at the end', 'derivative']]

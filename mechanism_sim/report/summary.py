@@ -6,12 +6,10 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechanism_sim.analysis.record import Record
-from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.engine.totals import Totals
@@ -26,6 +24,10 @@ from mechanism_sim.results.turns import ImpactTally, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people, number, written
+
+if TYPE_CHECKING:
+    from mechanism_sim.analysis.record import Record
+    from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 
 SHARE = 0.999
 """Of the time: the load that is not exceeded meanwhile stands beside the largest one."""
