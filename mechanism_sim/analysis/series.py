@@ -24,6 +24,7 @@ from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.ranges import search
 from mechanism_sim.results.run import Piece, instants
+from mechanism_sim.tables import Table
 from ros_interfaces.plain import fields_of
 from ros_interfaces.stamps import seconds
 
@@ -246,17 +247,18 @@ def _at(run: Piece | Cycle, t: Array, names: Sequence[str]) -> Mapping[str, Arra
     return run.at(t, names) if isinstance(run, Cycle) else run.sample(t, *names)
 
 
-def joined(series: Sequence[Series]) -> dict[str, Array]:
+def joined(series: Sequence[Series]) -> Table:
     """Series as columns (N,) over one column ``t``; not a number where one has no value."""
     keys = [_numbered(s.t) for s in series]
     rows = sorted(set().union(*keys))
     place = {key: i for i, key in enumerate(rows)}
-    columns = {'t': np.array([t for t, _ in rows])}
+    columns, units = {'t': np.array([t for t, _ in rows])}, {'t': 's'}
     for s, key in zip(series, keys, strict=True):
         name = f'ideal.{s.name}' if s.ideal else s.name
         column = columns.setdefault(name, np.full(len(rows), np.nan))
         column[[place[k] for k in key]] = s.values
-    return columns
+        units[name] = s.unit
+    return Table(columns, units)
 
 
 def _numbered(t: Array) -> list[tuple[float, int]]:

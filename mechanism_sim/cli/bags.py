@@ -13,6 +13,7 @@ from mechanism_sim.cli.options import (
     print_json,
     print_result,
     quantity,
+    rate_option,
     read_workers,
     refuse_options,
     set_option,
@@ -42,7 +43,7 @@ def add(command: Command) -> None:
     sub.add_argument(
         '--topics', nargs='+', action='extend', default=[], metavar='TOPIC', help='only these'
     )
-    option(sub, '--clock', 'HZ', 'also publish /clock if the bag has none', float)
+    rate_option(sub, '--clock', 'also publish /clock if the bag has none')
     option(sub, '--timeout', 'S', 'longest time to wait for subscriptions', 10.0)
     sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')

@@ -10,6 +10,7 @@ import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -58,10 +59,17 @@ def time_option(parser: Options, flag: str, text: str, dest: str | None = None) 
     """Add an option for a time: in seconds, or with a unit."""
     own: dict[str, Any] = {'dest': dest} if dest else {}
     said = f"{text} (in seconds, or as '20 ms')"
-    parser.add_argument(flag, metavar='S', type=_seconds, help=said, **own)
+    parser.add_argument(flag, metavar='S', type=partial(_in_unit, 's'), help=said, **own)
 
 
-def _seconds(text: str) -> float:
+def rate_option(parser: Options, flag: str, text: str) -> None:
+    """Add an option for a rate: in Hz, or with a unit."""
+    said = f"{text} (in Hz, or as '1 kHz')"
+    parser.add_argument(flag, metavar='HZ', type=partial(_in_unit, 'Hz'), help=said)
+
+
+def _in_unit(unit: str, text: str) -> float:
+    """A number in an SI unit, or a quantity."""
     from mechanism_sim.units import to_si  # noqa: PLC0415
 
     try:
@@ -69,7 +77,7 @@ def _seconds(text: str) -> float:
     except ValueError:
         pass
     try:
-        return to_si(text, 's')
+        return to_si(text, unit)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"'{text}' {error}") from error
 

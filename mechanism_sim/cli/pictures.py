@@ -254,8 +254,9 @@ def _write(
     if numbers:
         from mechanism_sim.analysis.series import joined  # noqa: PLC0415
 
+        columns = joined(series)
         for file in numbers:
-            tables.write(file, joined(series))
+            tables.write(file, columns, columns.units)
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415

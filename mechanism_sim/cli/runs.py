@@ -22,6 +22,7 @@ from mechanism_sim.cli.options import (
     option,
     overrides_of,
     print_json,
+    rate_option,
     read_machine,
     read_measures,
     refuse_options,
@@ -57,7 +58,7 @@ def add(command: Command) -> None:
         'drive.speed,links.coupler.mass',
     )
     flag(sub, '--horizon', 'until when digits of the run hold, by exact derivatives along it')
-    option(sub, '--sample-rate', 'HZ', 'samples per second, for --output', float)
+    rate_option(sub, '--sample-rate', 'samples per second, for --output')
     option(sub, '-o --output', 'FILE', f'write samples of all quantities: {TABLES}')
     flag(sub, '--no-events', 'with --json: numbers of events instead of their lists')
     option(sub, '--save', 'FILE', 'write a snapshot of the end, from which --resume continues')

@@ -121,12 +121,12 @@ def test_numbers_go_to_a_file(bag, tmp_path):
     table = np.genfromtxt(csv, delimiter=',', names=True, deletechars='', replace_space=' ')
     impacts = [m.time for m in messages_of(bag, '/impacts') if m.time <= 0.3]
     states = [(m.time, m.drive_work) for m in messages_of(bag, '/linkage_state') if m.time <= 0.3]
-    got = table['/impacts.time']
+    got = table['/impacts.time [s]']
     np.testing.assert_array_equal(got[np.isfinite(got)], impacts)
-    got = table['/linkage_state.drive_work']
+    got = table['/linkage_state.drive_work [J]']
     rows = np.isfinite(got)
-    np.testing.assert_array_equal(np.stack([table['t'][rows], got[rows]], axis=1), states)
-    assert np.all(np.diff(table['t']) >= 0.0)
+    np.testing.assert_array_equal(np.stack([table['t [s]'][rows], got[rows]], axis=1), states)
+    assert np.all(np.diff(table['t [s]']) >= 0.0)
     assert picture.read_bytes().startswith(b'\x89PNG')
 
 
