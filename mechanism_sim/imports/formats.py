@@ -81,9 +81,7 @@ def import_machine(
         ending = path.suffix.lower()
         if ending not in READERS:
             if ending in ('.yaml', '.yml'):
-                raise InputError(
-                    f"'{name}' is a scene: check, solve and cycle read it as it is"
-                )
+                raise InputError(f"'{name}' is a scene: check, solve and cycle read it as it is")
             raise InputError(
                 f"'{name}': {ending or 'no ending'} is not a format that can be "
                 f'imported{nearest(ending, READERS)}; those are {", ".join(READERS)}, and '

@@ -66,8 +66,6 @@ class JointTable:
         """The machine. Links begin at the ground, or at their first joint."""
         made = Blueprint(self.title, self.unit)
         rows = {row.name: row for row in self.rows}
-        if len(rows) < len(self.rows):
-            raise InputError('two joints have the same name')
         members: dict[str, list[str]] = {}
         for row in self.rows:
             for link in row.links:
@@ -158,8 +156,7 @@ def read_table(path: Path, _text: str, unit: str | None) -> Blueprint:
     rows = [
         JointRow(
             words['joint'][k].strip(), (x, y), _links(words['links'][k]),
-            words['kind'][k].strip().upper() or 'R', marked('ground', k), angle[k],
-            marked('input', k),
+            _kind(words['kind'][k]), marked('ground', k), angle[k], marked('input', k),
         )
         for k, (x, y) in enumerate(table.numbers(place['x'], place['y']).tolist())
     ]  # fmt: skip
@@ -183,10 +180,25 @@ def read_address(address: str, unit: str | None) -> Blueprint:
     return made
 
 
+_KINDS = {'': 'R', 'REVOLUTE': 'R', 'PIN': 'R', 'PRISMATIC': 'P', 'SLIDER': 'P', 'SLOT': 'RP'}
+
+
+def _kind(text: str) -> str:
+    kind = text.strip().upper()
+    return _KINDS.get(kind, kind)
+
+
 def _checked(where: str, table: JointTable) -> JointTable:
+    known: set[str] = set()
     for row in table.rows:
         if row.kind not in ('R', 'P', 'RP'):
-            raise InputError(f'{where}: joint {row.name} is of type {row.kind!r}, not R, P or RP')
+            raise InputError(
+                f'{where}: joint {row.name} is of type {row.kind!r}, not R (revolute), '
+                'P (prismatic) or RP (slot)'
+            )
+        if row.name in known:
+            raise InputError(f'{where}: two joints have the name {row.name}')
+        known.add(row.name)
         if not row.name or not row.links or not all(map(math.isfinite, (*row.at, row.angle))):
             raise InputError(f'{where}: the joint {row.name!r} needs a name, links and a place')
     if not any(len(row.links) + row.ground > 1 for row in table.rows):

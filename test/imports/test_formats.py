@@ -28,9 +28,9 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.csv', 'name,a,b\n', 'there is no column x, y, links'),
         ('m.csv', 'joint,x,y,links\nA,0,0,ab\n', "the unit is missing: write 'X [mm]'"),
         ('m.csv', 'joint,x [mm],y,links\nA,0,o,ab\n', "a finite number in column 'y', got 'o'"),
-        ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nA,1,0,ab cd\n', 'two joints have the same'),
+        ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nA,1,0,ab cd\n', 'have the name A'),
         ('m.csv', 'joint,x [mm],y,links\nA,0,0,ab\nB,1,0,ab\n', 'no joint connects two links'),
-        ('m.csv', 'joint,x [mm],y,links,type\nA,0,0,ab cd,Q\n', "is of type 'Q', not R, P or RP"),
+        ('m.csv', 'joint,x [mm],y,links,type\nA,0,0,ab cd,Q\n', "joint A is of type 'Q', not R"),
         ('m.csv', 'joint,x [paces],y,links\nA,0,0,ground b\nB,1,1,b c\n', 'paces'),
         ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', "in column 'x', got '1e999'"),
         ('m.json', '{"joints": [', 'does not match its ending'),
@@ -155,3 +155,14 @@ def test_a_mark_that_is_neither_yes_nor_no_is_named(tmp_path):
     file.write_text('Joint,X [m],Y [m],Links,Ground\nA,0,0,a,Y\nB,1,0,a b,no\nC,3,1,b,ja\n')
     with pytest.raises(InputError, match="line 4: Ground = 'ja': yes or no"):
         import_machine(file)
+
+
+def test_types_of_joints_may_be_words(tmp_path):
+    file = tmp_path / 'slider.csv'
+    rows = 'Joint,X [m],Y,Links,Type,Ground,Input\nA,0,0,crank,{},x,x\nB,1,0,crank rod,{},,\n'
+    letters, words = (
+        (file.write_text((rows + 'C,3,0,rod block,{},,\nD,3,0,block,{},x,\n').format(*kinds)),
+         import_machine(file).text)[1]
+        for kinds in (('R', 'R', 'R', 'P'), ('Revolute', 'pin', '', 'prismatic'))
+    )  # fmt: skip
+    assert words == letters
