@@ -97,7 +97,7 @@ MUTANTS = (
     Mutant(f'{LOOP}/energy_terms.py', "passed = np.searchsorted(began, k, side='right')",
            "passed = np.searchsorted(began, k, side='left')", 'engine'),
     Mutant(f'{LOOP}/gap_geometry.py', 'central, -2.0 * value * np.hypot(nx, ny),',
-           'central, 2.0 * value * np.hypot(nx, ny),', 'engine'),
+           'central, 2.0 * value * np.hypot(nx, ny),', 'engine/test_gap_geometry.py'),
     Mutant(f'{LOOP}/switching.py', 'below, above, *_ = self._rates_of(switch)',
            'above, below, *_ = self._rates_of(switch)', 'planar/test_stepped_loads.py'),
     Mutant(f'{LOOP}/guards.py', 'cone = (_GUARDS.hold * mu) * dense(push) - guard.friction',
