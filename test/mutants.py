@@ -102,7 +102,7 @@ MUTANTS = (
            'above, below, *_ = self._rates_of(switch)', 'planar/test_stepped_loads.py'),
     Mutant(f'{LOOP}/guards.py', 'cone = (_GUARDS.hold * mu) * dense(push) - guard.friction',
            'cone = (_GUARDS.hold * mu) * dense(push) + guard.friction',
-           'engine'),
+           'engine/test_guards.py'),
     Mutant(f'{LOOP}/clock.py', 'return whole, float(Fraction(angle) - whole * TWO_PI)',
            'return whole, float(Fraction(angle) + whole * TWO_PI)', 'engine/test_clock.py'),
     Mutant(f'{LOOP}/peak_shapes.py', 'return self.end - self.begin',
