@@ -96,7 +96,7 @@ MUTANTS = (
            'return self.final - self.initial - self.drive_work - self.dissipated',
            'engine/test_energy_balance.py'),
     Mutant(f'{LOOP}/energy_terms.py', "passed = np.searchsorted(began, k, side='right')",
-           "passed = np.searchsorted(began, k, side='left')", 'engine'),
+           "passed = np.searchsorted(began, k, side='left')", 'engine/test_solution.py'),
     Mutant(f'{LOOP}/gap_geometry.py', 'central, -2.0 * value * np.hypot(nx, ny),',
            'central, 2.0 * value * np.hypot(nx, ny),', 'engine/test_gap_geometry.py'),
     Mutant(f'{LOOP}/switching.py', 'below, above, *_ = self._rates_of(switch)',
