@@ -17,8 +17,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Collection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 COPIED = (
@@ -29,7 +30,7 @@ COPIED = (
 
 
 LONGEST = 240
-"""[s] of CPU that tests may take: where nothing comes to its end something is wrong, too."""
+"""[s] of CPU that a file may take: where nothing comes to its end something is wrong, too."""
 
 
 class Mutant(NamedTuple):
@@ -81,7 +82,7 @@ MUTANTS = (
            'return couple - drag, couple + drag', 'engine/test_film_walls.py'),
     # equations and events
     Mutant(f'{LOOP}/dynamics.py', 'sign = 2.0 * self.flags.presses[i] - 1.0',
-           'sign = 1.0 - 2.0 * self.flags.presses[i]', 'engine/test_compliant_level.py'),
+           'sign = 1.0 - 2.0 * self.flags.presses[i]', 'engine/test_guards.py'),
     Mutant(f'{LOOP}/dynamics.py',
            'T[i] = neg(mul(self.flags.slips[i], mul(self.contacts.mu[i], force)))',
            'T[i] = mul(self.flags.slips[i], mul(self.contacts.mu[i], force))',
@@ -95,14 +96,14 @@ MUTANTS = (
            'return self.final - self.initial - self.drive_work - self.dissipated',
            'engine/test_energy_balance.py'),
     Mutant(f'{LOOP}/energy_terms.py', "passed = np.searchsorted(began, k, side='right')",
-           "passed = np.searchsorted(began, k, side='left')", 'engine'),
+           "passed = np.searchsorted(began, k, side='left')", 'engine/test_solution.py'),
     Mutant(f'{LOOP}/gap_geometry.py', 'central, -2.0 * value * np.hypot(nx, ny),',
-           'central, 2.0 * value * np.hypot(nx, ny),', 'engine'),
+           'central, 2.0 * value * np.hypot(nx, ny),', 'engine/test_gap_geometry.py'),
     Mutant(f'{LOOP}/switching.py', 'below, above, *_ = self._rates_of(switch)',
-           'above, below, *_ = self._rates_of(switch)', 'planar/test_stepped_loads.py'),
+           'above, below, *_ = self._rates_of(switch)', 'engine/test_switching.py'),
     Mutant(f'{LOOP}/guards.py', 'cone = (_GUARDS.hold * mu) * dense(push) - guard.friction',
            'cone = (_GUARDS.hold * mu) * dense(push) + guard.friction',
-           'engine'),
+           'engine/test_guards.py'),
     Mutant(f'{LOOP}/clock.py', 'return whole, float(Fraction(angle) - whole * TWO_PI)',
            'return whole, float(Fraction(angle) + whole * TWO_PI)', 'engine/test_clock.py'),
     Mutant(f'{LOOP}/peak_shapes.py', 'return self.end - self.begin',
@@ -158,7 +159,7 @@ MUTANTS = (
            'joints/mesh/test_shafts.py'),
     Mutant('joints/transmission/constraint.py',
            'rest = q * (b - c - joint.phase) + p * (a - c)',
-           'rest = q * (b - c + joint.phase) + p * (a - c)', 'joints'),
+           'rest = q * (b - c + joint.phase) + p * (a - c)', 'joints/mesh/test_gear_scenes.py'),
 )  # fmt: skip
 
 
@@ -172,28 +173,38 @@ def copied(folder: Path) -> None:
             shutil.copy2(source, folder / name)
 
 
-def caught(mutant: Mutant, folder: Path, number: int) -> tuple[bool, str]:
-    """True if a test fails with it; and the last line that pytest says."""
+def tested(tests: Collection[str], folder: Path) -> tuple[int, str, float]:
+    """The exit code of pytest, the first failure or its last line, and the CPU time [s]."""
+    command = [sys.executable, '-m', 'pytest', '-x', '-n', '0', '-p', 'no:cacheprovider']
+    before, limit = resource.getrusage(resource.RUSAGE_CHILDREN), LONGEST * len(tests)
+    done = subprocess.run(
+        [*command, *(f'test/{x}' for x in tests)], cwd=folder, capture_output=True, text=True,
+        env=os.environ | {'PYTHONPATH': str(folder)}, check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5)),
+    )  # fmt: skip
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    if done.returncode < 0:
+        return done.returncode, f'took more than {limit} s of CPU', used
+    if done.returncode not in (0, 1, 2):  # 2: its tests cannot even be collected
+        raise SystemExit(f'{tests}: {done.stdout[-500:]}{done.stderr[-500:]}')
+    lines = done.stdout.splitlines()
+    failed = [line for line in lines if line.startswith(('FAILED', 'ERROR'))]
+    return done.returncode, (failed or lines[-1:])[0], used
+
+
+def caught(mutant: Mutant, folder: Path, number: int) -> dict[str, Any]:
+    """`caught` if a test fails with it, `by` which, or pytest's last line, and `cpu` [s]."""
     file = folder / 'mechanism_sim' / mutant.file
     text = file.read_text(encoding='utf-8')
     if text.count(mutant.right) != 1:
         raise SystemExit(f'{mutant.file}: not once in it: {mutant.right}')
     file.write_text(text.replace(mutant.right, mutant.wrong), encoding='utf-8')
     os.utime(file, (time.time() + number, time.time() + number))  # no compiled file of another
-    command = [sys.executable, '-m', 'pytest', '-x', '-n', '0', '-p', 'no:cacheprovider']
-    done = subprocess.run(
-        [*command, f'test/{mutant.tests}'], cwd=folder, capture_output=True, text=True,
-        env=os.environ | {'PYTHONPATH': str(folder)}, check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST + 5)),
-    )  # fmt: skip
+    code, by, used = tested([mutant.tests], folder)
     file.write_text(text, encoding='utf-8')
     os.utime(file, (time.time() + number + 0.5, time.time() + number + 0.5))
-    if done.returncode < 0:
-        return True, f'took more than {LONGEST} s of CPU'
-    if done.returncode not in (0, 1, 2):  # 2: its tests cannot even be collected
-        raise SystemExit(f'{mutant.tests}: {done.stdout[-500:]}{done.stderr[-500:]}')
-    failed = [line for line in done.stdout.splitlines() if line.startswith(('FAILED', 'ERROR'))]
-    return done.returncode > 0, (failed or done.stdout.splitlines()[-1:])[0]
+    return {'caught': code != 0, 'by': by, 'cpu': round(used, 1)}
 
 
 def main() -> None:
@@ -206,13 +217,15 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         copied(Path(folder))
+        code, by, _ = tested(sorted({m.tests for m in chosen}), Path(folder))
+        if code:
+            raise SystemExit(f'the tests fail without any mutant: {by}')
         for number, mutant in enumerate(chosen, 1):
-            found, by = caught(mutant, Path(folder), 10 * number)
-            rows.append(mutant._asdict() | {'caught': found, 'by': by})
+            row = mutant._asdict() | caught(mutant, Path(folder), 10 * number)
+            rows.append(row)
             if not asked.json:
-                print(
-                    'caught' if found else 'LIVES ', mutant.file, mutant.wrong, '|', by, flush=True
-                )
+                word = 'caught' if row['caught'] else 'LIVES '
+                print(f'{word} {row["cpu"]:5} s', *mutant[:3:2], '|', row['by'], flush=True)
     lives = sum(not row['caught'] for row in rows)
     if asked.json:
         print(json.dumps(rows, indent=1))

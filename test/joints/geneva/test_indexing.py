@@ -5,9 +5,12 @@ import math
 import numpy as np
 import pytest
 from builders import made
+from matplotlib.path import Path as Polygon
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.skeleton import skeleton_of
+from mechanism_sim.planar.view import SLOT
 
 RADIUS, SPEED = 0.05, 4.0 * math.pi
 
@@ -82,6 +85,30 @@ def test_the_locked_wheel_is_held_against_a_torque():
     assert dwell.drive_torque[0, 0] == pytest.approx(0.0, abs=1e-12)
     b = RADIUS / math.sin(math.pi / 4)
     assert np.hypot(*dwell.reaction[wheel, :, 0]) == pytest.approx(0.3 / b, rel=1e-12)
+
+
+@pytest.mark.parametrize('slots', [3, 8])
+def test_a_drawn_wheel_leaves_room_for_the_pin_and_for_the_disc_that_holds_it(slots):
+    """Both turned by the closed form; no edge of the slots is nearer to the pin than its sides."""
+    machine = geneva(slots)
+    skeleton = skeleton_of(machine, machine.assembly.q[:, None])
+    wheel, disc = (
+        next(s.paths[0].curves[0] for s in skeleton.shapes if (s.kind, s.link) == ('wheel', link))
+        @ (1.0, 1.0j)
+        for link in ('wheel', 'crank')
+    )
+    turned, nearest = np.linspace(0.0, 2.0 * math.pi, 121), []
+    for crank, gamma in zip(math.pi + turned, wheel_turned(slots, turned)[0], strict=True):
+        around = wheel * np.exp(1j * (machine.assembly.q[1] - gamma))
+        around += RADIUS / math.sin(math.pi / slots)
+        pin, arc = RADIUS * np.exp(1j * crank), disc * np.exp(1j * crank)
+        one, two = (Polygon(np.array([x.real, x.imag]).T) for x in (around, arc))
+        assert not one.contains_points([(pin.real, pin.imag), *two.vertices]).any()
+        assert not two.contains_points(one.vertices).any()
+        nearest.append(np.abs(around - pin).min())
+        if pin.real < 0.0:  # far from the wheel, which the disc holds
+            assert np.abs(around[:, None] - arc).min() < 0.02 * RADIUS
+    assert min(nearest) == pytest.approx(SLOT * skeleton.symbol, rel=1e-3)
 
 
 def play(c, e=0.3):

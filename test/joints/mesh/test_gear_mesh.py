@@ -119,10 +119,10 @@ def test_without_backlash_the_ideal_pair_comes_back():
     assert np.array(hardest[:-1]) / hardest[1:] == pytest.approx(10.0 ** (2.0 / 3.0), rel=0.05)
 
 
-def elastic(**keys):
+def elastic(changes=(), **keys):
     """The pair of `gear_pair` with elastic teeth."""
     mesh = {'mesh': ['pinion', 'wheel'], **keys}
-    return ms.load_scene('gear_pair', {'joints.mesh': mesh, 'solver.rtol': 1e-13})
+    return ms.load_scene('gear_pair', {'joints.mesh': mesh, 'solver.rtol': 1e-13} | dict(changes))
 
 
 def test_the_number_of_touching_teeth_is_a_fourier_series():
@@ -155,14 +155,16 @@ def test_elastic_teeth_follow_their_equation():
     zero where a contact is in the middle of the most pairs.
     """
     k0, d, a, size, order = 1e8, 300.0, (0.3, 0.1), 3e-6, 1
+    towards = 0.3  # [rad] of the wheel's centre from the pinion's
     machine = elastic(
+        {'links.ground.points.wheel': [0.06 * math.cos(towards), 0.06 * math.sin(towards)]},
         elasticity={'stiffness': k0, 'damping': d, 'variation': list(a)},
         error={'amplitude': size, 'order': order},
         backlash={'width': 1e-4},
     )
     mesh = machine.mechanism.joint('mesh')
     pinion = mesh.wheels[0].gear
-    # the pinion has a tooth on the line of centres at the angle 0; its flank is half a tooth ahead
+    # a tooth of the pinion is on the line of centres there; its flank is half a tooth ahead
     pair = Path(*_path(machine))
     lead = 20.0 * pinion.half_angle(pinion.pitch_radius) - middle(pair, pinion.base_pitch)
     w, c = 2.0 * math.pi * 10.0, 5e-5 * math.cos(math.radians(20.0))
@@ -174,7 +176,7 @@ def test_elastic_teeth_follow_their_equation():
         force = 0.0
         for sign in (1.0, -1.0):
             x = sign * h - c
-            u = sign * 20.0 * th1 + lead
+            u = sign * 20.0 * (th1 - towards) + lead
             k = k0 * (1.0 + a[0] * math.cos(u) + a[1] * math.cos(2.0 * u))
             if x > 0.0:
                 force -= sign * (k * x + sign * d * dh)

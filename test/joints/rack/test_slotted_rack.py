@@ -35,3 +35,5 @@ def test_a_rack_may_stand_anywhere():
     push = MASS * RADIUS * SPEED**2 * np.where(moving, np.cos(turned), 0.0)
     force = [seen[f'reaction.crank_rack.{k}'] for k in 'xy']
     assert force == pytest.approx(np.outer((c, s), push), abs=1e-12)
+    effort = solution.sample(t, 'driven_effort.crank_rack')['driven_effort.crank_rack']
+    assert effort == pytest.approx(push, abs=1e-12)

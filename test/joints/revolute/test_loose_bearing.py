@@ -1,10 +1,13 @@
-"""A pin that rolls in its bushing, and a ring that rolls on its pin, by their closed forms."""
+"""A loose pin's place in its bushing, and pins and rings that roll, by their closed forms."""
 
+import heyoka as hy
 import numpy as np
 import pytest
 from builders import made, without_work
+from mpmath import mp, mpf
 
 import mechanism_sim as ms
+from mechanism_sim.joints.revolute.bearing import BearingClearance
 
 PIN, CLEARANCE, MASS, INERTIA, GRAVITY = 6e-3, 2e-3, 1.5, 4e-5, 9.81
 
@@ -40,3 +43,17 @@ def test_what_is_loose_rolls_as_a_pendulum(first, radius):
     assert second == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
     way = -1.0 if first else 1.0
     assert seen['velocity.loose'] == pytest.approx(way * c * rate / radius, rel=1e-6, abs=1e-6)
+
+
+def test_depth_and_distance_of_a_measure_are_those_of_the_pins_place():
+    """``|Q| - c`` in 40 digits, from deep in the wall to a picometre beside it and far from it."""
+    c, y = 2e-4, hy.make_vars('y')
+    mechanism = ms.load_scene('four_bar_clearance').mechanism
+    bearing = BearingClearance('coupler_rocker', mechanism, c, 0.5)
+    depth = hy.cfunc([bearing.depth(y)], vars=[y])
+    with mp.workdps(40):
+        deep = [mpf(x) for x in ('2e-5', '1e-12', '0', '-1e-12', '-1e-4')]
+        measures = [float((mpf(c) ** 2 - (mpf(c) + x) ** 2) / (2 * mpf(c))) for x in deep]
+    exact = pytest.approx(np.array(deep, float), rel=1e-15, abs=0.0)
+    assert depth([measures])[0] == exact
+    assert -bearing.distance(np.array(measures)) == exact
