@@ -215,7 +215,7 @@ class JointPart(_schema.JointPart):
         law : Displacement of the follower over the angle of the cam; required.
         lift_off : The follower may leave the cam and meet it again in impacts; without it the cam holds it.
         groove : A groove holds the roller from both sides.
-        bevel : Two links with bevel gears; axes point away from the apex: they turn in opposite senses.
+        bevel : Two links with bevel gears, which turn in opposite senses; axes point away from the apex.
         module : Module of a bevel pair, at the back cone; required. [m, > 0]
         face_width : Length of the teeth of a bevel pair; the force acts in their middle; required. [m, >= 0]
         shaft_angle : Angle between the axes of a bevel pair; 90 deg if not given. [rad]

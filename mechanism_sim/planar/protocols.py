@@ -239,7 +239,7 @@ class EndGap(Gap, Protocol):
 
 
 @runtime_checkable
-class Bearing(Gap, Protocol):
+class BearingGap(Gap, Protocol):
     """A pin that is loose in a bushing all around: where they touch, they wear."""
 
     @property

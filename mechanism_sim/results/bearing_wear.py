@@ -17,7 +17,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.quadrature import SMOOTH
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.play import joint_of_gap
-from mechanism_sim.planar.protocols import Bearing
+from mechanism_sim.planar.protocols import BearingGap
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
@@ -111,7 +111,7 @@ def _touch(
     """
     pair = joint_of_gap(machine.mechanism, joint)
     gap = machine.equations.system.gaps[machine.physics.clearances.index(joint)]
-    assert isinstance(gap, Bearing)  # noqa: S101 - nothing else is asked for
+    assert isinstance(gap, BearingGap)  # noqa: S101 - nothing else is asked for
     view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
     (x, y), (vx, vy), _ = view.trace(gap.apart)
     (nx, ny), clearance = gap.touch(seen.position)

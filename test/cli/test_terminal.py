@@ -86,7 +86,10 @@ def plain_terminal(monkeypatch, tmp_path):
         ('draw punch', ['draw']),
         ('export punch --format rviz', ['export']),
         ('check punch --equations', ['equations']),
-        ('periodic four_bar_clearance --longest 2', ['looking for a period: 2 of 2 revolutions']),
+        (
+            'find four_bar_clearance --periodic --longest 2',
+            ['looking for a period: 2 of 2 revolutions'],
+        ),
         ('statistics four_bar_clearance --revolutions 40', ['statistics', 'impacts']),
         ('thesis starts four_bar_clearance --angles 2', ['starts', '2/2']),
         ('thesis contact-loss four_bar_clearance', ['contact-loss']),

@@ -52,7 +52,7 @@ class BevelKeys(SpatialKeys):
     """Straight bevel gears."""
 
     bevel: Reference | None = None
-    """Two links with bevel gears; axes point away from the apex: they turn in opposite senses."""
+    """Two links with bevel gears, which turn in opposite senses; axes point away from the apex."""
     module: Length | None = None
     """Module of a bevel pair, at the back cone; required."""
     face_width: Displacement | None = None
