@@ -361,6 +361,13 @@ def number(value: float, digits: int = 4, sign: str = '') -> str:
     return f'{Decimal(text):{sign}f}' if abs(int(power)) < 6 else f'{mantissa}e{int(power)}'
 
 
+def instant(time: float, digits: int = 9) -> str:
+    """A time [s] as it is printed; of one that counts from 1970, say, to the microsecond."""
+    if abs(time) < 10.0 ** (digits - 3):
+        return f'{time:.{digits}g}'
+    return f'{time:.6f}'.rstrip('0').rstrip('.')
+
+
 _USUAL = {
     'm': ('mm', 'm', 'um'), 'rad/s': ('rpm', 'rad/s'), 'rad': ('deg', 'rad'), 'kg': ('kg', 'g'),
     's': ('s', 'ms', 'us'), 'N': ('N', 'kN'), 'N/m': ('N/m', 'N/mm', 'kN/mm'),

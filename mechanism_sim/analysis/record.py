@@ -38,6 +38,7 @@ from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.tables import Table
+from mechanism_sim.units import instant
 
 #: Last part of the name and type of what is analysed.
 KINDS = {
@@ -394,7 +395,9 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
         raise InputError(f'{bag.path} has no recorded motion.')
     motion = Motion.joined(parts)
     for a, b in gaps(motion.curve):
-        raise InputError(f'{bag.path}: the motion from {a:.9g} s to {b:.9g} s is missing.')
+        raise InputError(
+            f'{bag.path}: the motion from {instant(a)} s to {instant(b)} s is missing.'
+        )
     impacts = _with_work(machine, motion, [i for piece in found for i in piece.impacts])
     audit = Audit(machine.physics)
     balance = EnergyTerms(audit.add(motion, impacts), impacts)

@@ -27,6 +27,7 @@ from mechanism_sim.recording.storage import (
     survey,
 )
 from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
+from mechanism_sim.units import instant
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def render_info(bag: BagInfo) -> str:
     head = {
         'bag': f'{bag.path} ({bag.size / 1e6:.3g} MB, {bag.compression})',
         'scene': bag.scene or 'not recorded',
-        kind: f'{bag.duration:.6g} s, from {bag.start:.6g} s to {bag.end:.6g} s',
+        kind: f'{bag.duration:.6g} s, from {instant(bag.start, 6)} s to {instant(bag.end, 6)} s',
         'recorded': _pace(bag),
         'messages': f'{bag.messages} on {len(bag.topics)} topics',
         'complete': _state(bag),

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
-from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary
+from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
 from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
 from mechanism_sim.report.sections import Section, SummaryRow, text
@@ -18,6 +18,7 @@ from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.text_table import Cell, lines
+from mechanism_sim.units import instant
 
 _ROWS = 12  # of a table of revolutions, before its middle is left out
 _LINES = 10
@@ -87,8 +88,10 @@ def _head(s: Summary) -> Iterator[SummaryRow]:
     cut = '' if s.complete else 'CUT SHORT: what could be read is analysed'
     yield SummaryRow('bag', s.bag, words=cut)
     yield SummaryRow('scene', s.scene or 'not recorded')
-    early = f'ENDED EARLY: it was to last until {s.planned_end:.9g} s' if s.ended_early else ''
-    yield SummaryRow('time', f'{s.start:.9g} s to {s.end:.9g}', 's', words=early)
+    early = (
+        f'ENDED EARLY: it was to last until {instant(s.planned_end)} s' if s.ended_early else ''
+    )
+    yield SummaryRow('time', f'{instant(s.start)} s to {instant(s.end)}', 's', words=early)
     if s.motion is not None:
         m = s.motion
         how = f'slides, {m.mean_speed:.6g} m/s on average'
@@ -98,7 +101,8 @@ def _head(s: Summary) -> Iterator[SummaryRow]:
         yield SummaryRow(m.crank, how)
         yield SummaryRow('motion', f'{m.segments} segments of {", ".join(m.coordinates)}')
         yield from (
-            SummaryRow('MISSING', f'motion from {a:.9g} s to {b:.9g}', 's') for a, b in m.gaps
+            SummaryRow('MISSING', f'motion from {instant(a)} s to {instant(b)}', 's')
+            for a, b in m.gaps
         )
     if s.digest is not None:
         yield SummaryRow('digest', s.digest)
@@ -118,7 +122,7 @@ def _impacts(drive: str, impacts: ImpactSummary) -> Iterator[Section]:
         head = 'joint', 'impacts', 'impulse [N s]', 'I_n [N s]', 'loss [J]', 'fastest [m/s]'
         table.insert(0, head)
     hardest = [
-        f'hardest impact in {j.joint}: {d.normal_impulse:.6g} N s at {d.time:.9g} '
+        f'hardest impact in {j.joint}: {d.normal_impulse:.6g} N s at {instant(d.time)} '
         f's{_at_angle(drive, d.crank_angle)}, {d.approach_speed:.6g} m/s'
         for j in impacts.joints
         for d in j.dominant
@@ -164,7 +168,7 @@ def _energy(e: EnergySummary) -> Section:
     balance = e.initial, e.final, e.drive_work, e.dissipated, e.residual_at_end, e.exchanged
     note = (
         f'among {e.samples} published instants at most {e.largest_residual:.3g} J are missing '
-        f'({share:.1g} of what was exchanged), at {e.largest_residual_time:.9g} s'
+        f'({share:.1g} of what was exchanged), at {instant(e.largest_residual_time)} s'
     )
     return Section('energy', [*energy_rows(*balance)], notes=[note])
 
@@ -175,16 +179,17 @@ def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
     head = 'quantity', 'lowest', 'at [s]', 'highest', 'at [s]'
     for p in parts:
         share = ', '.join(f'{name} {100 * x:.4g} %' for name, x in p.share.items())
-        rows = [(r.quantity, r.lowest, r.lowest_time, r.highest, r.highest_time) for r in p.ranges]
+        rows = [(r.quantity, *_ends(r)) for r in p.ranges]
         yield Section(rows=[SummaryRow(p.joint, share)], table=[head, *rows])
+
+
+def _ends(r: PublishedRange) -> tuple[Cell, ...]:
+    return r.lowest, instant(r.lowest_time, 6), r.highest, instant(r.highest_time, 6)
 
 
 def _fields(fields: tuple[FieldRange, ...]) -> Section:
     head = 'field', 'unit', 'samples', 'lowest', 'at [s]', 'highest', 'at [s]'
-    rows = [
-        (f.quantity, f.unit, f.samples, f.lowest, f.lowest_time, f.highest, f.highest_time)
-        for f in fields
-    ]
+    rows = [(f.quantity, f.unit, f.samples, *_ends(f)) for f in fields]
     return Section('numbers in its messages', table=[head, *rows], left=2)
 
 

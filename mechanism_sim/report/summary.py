@@ -23,7 +23,7 @@ from mechanism_sim.results.simulate import Stream
 from mechanism_sim.results.turns import ImpactTally, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
-from mechanism_sim.units import for_people, number, written
+from mechanism_sim.units import for_people, instant, number, written
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
@@ -265,7 +265,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     hardest : how many impacts are shown, if they are not all
     """
     machine, solver = record.machine, record.machine.scene.solver
-    span = f'{record.start:.9g} s to {record.end:.9g}'
+    span = f'{instant(record.start)} s to {instant(record.end)}'
     yield SummaryRow('time', span, 's', _turns_of(record))
     yield SummaryRow('model', machine.level.value)
     if machine.has_contacts:

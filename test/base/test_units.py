@@ -12,7 +12,16 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf, pi
 
 from mechanism_sim import units
-from mechanism_sim.units import EXAMPLES, plain, to_si, to_si_of, to_si_text, typeset, written
+from mechanism_sim.units import (
+    EXAMPLES,
+    instant,
+    plain,
+    to_si,
+    to_si_of,
+    to_si_text,
+    typeset,
+    written,
+)
 
 EXACT = (
     ('0.254 mm', 'm', '0.000254'),
@@ -231,3 +240,10 @@ def test_units_are_typeset(unit, printed):
 def test_quantities_are_written_as_engineers_do(value, unit, said):
     """With a prefix in place of a power of ten."""
     assert written(value, unit) == said
+
+
+def test_an_instant_of_a_clock_that_began_in_1970_keeps_its_microseconds():
+    assert [instant(t) for t in (0.1 + 0.2, 12345.678901, -2.5)] == ['0.3', '12345.6789', '-2.5']
+    assert instant(1764240000.25, 6) == '1764240000.25'
+    assert instant(1764240000.000001) == '1764240000.000001'
+    assert instant(2e6) == '2000000'
