@@ -88,9 +88,9 @@ def _head(s: Summary) -> Iterator[SummaryRow]:
     cut = '' if s.complete else 'CUT SHORT: what could be read is analysed'
     yield SummaryRow('bag', s.bag, words=cut)
     yield SummaryRow('scene', s.scene or 'not recorded')
-    early = (
-        f'ENDED EARLY: it was to last until {instant(s.planned_end)} s' if s.ended_early else ''
-    )
+    early = ''
+    if s.ended_early and s.planned_end is not None:
+        early = f'ENDED EARLY: it was to last until {instant(s.planned_end)} s'
     yield SummaryRow('time', f'{instant(s.start)} s to {instant(s.end)}', 's', words=early)
     if s.motion is not None:
         m = s.motion
