@@ -54,10 +54,22 @@ class ChannelSamples:
 
     @property
     def rate(self) -> float | None:
-        """Of sampling [Hz]; None if it is uneven."""
+        """Of sampling [Hz], some of which may be missing; None if it is uneven."""
+        gaps, count = np.diff(self.times), self._intervals
+        mean = float(gaps.sum() / count.sum()) if count.sum() else 0.0
+        even = mean and np.abs(gaps - count * mean).max() <= _JITTER * mean
+        return 1.0 / mean if even else None
+
+    @property
+    def runs(self) -> list[Array]:
+        """Values between which none is missing."""
+        return np.split(self.values, np.flatnonzero(self._intervals > 1.0) + 1)
+
+    @property
+    def _intervals(self) -> Array:
+        """How many intervals of sampling lie between samples (N - 1,): 1 where none is missing."""
         gaps = np.diff(self.times)
-        mean = float(gaps.mean()) if len(gaps) else 0.0
-        return 1.0 / mean if mean and np.abs(gaps - mean).max() <= _JITTER * mean else None
+        return np.rint(gaps / np.median(gaps)) if len(gaps) else gaps
 
     def in_unit(self, unit: str) -> Array:
         """Values (N,) in an SI unit; those without a unit are in it already."""

@@ -229,7 +229,7 @@ def channel_details(channels: Mapping[str, ChannelSamples], wanted: Wanted) -> D
         channel = channels[name]
         if channel.rate is None:
             raise InputError(f"channel '{name}' is sampled unevenly: it has no spectrum")
-        return _Samples.of(name, (channel.values,), channel.rate, channel.unit or '1')
+        return _Samples.of(name, channel.runs, channel.rate, channel.unit or '1')
 
     return Details(
         '', None, {name: _spectrum(signal(name)) for name in wanted.spectra},

@@ -160,3 +160,15 @@ def test_a_missing_extra_is_named(tmp_path, ending, monkeypatch):
     monkeypatch.setitem(__import__('sys').modules, module, None)
     with pytest.raises(InputError, match=r'mechanism_sim\[signals\]'):
         read_signals(table(tmp_path, 'x', f'a.{ending}'))
+
+
+def test_a_missing_sample_parts_a_signal_that_is_even_otherwise(tmp_path):
+    """A logger with millisecond stamps dropped three; uneven is what lies between its instants."""
+    kept = np.delete(np.arange(200), [50, 120, 121])
+    file = table(tmp_path, 't [s],y\n' + ''.join(f'{T[k]:.9g},{Y[k]:.17g}\n' for k in kept))
+    signal = read_signal(file)
+    assert signal.rate == pytest.approx(1000.0)
+    assert [len(x) for x in signal.runs] == [50, 69, 78]
+    assert (np.concatenate(signal.runs) == Y[kept]).all()
+    file.write_text('t,y\n0,1\n0.001,2\n0.0025,3\n0.0035,4\n')
+    assert read_signal(file).rate is None
