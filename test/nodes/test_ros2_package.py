@@ -453,12 +453,9 @@ def test_a_machine_that_is_included_fails_alone_or_ends_the_launch(ros, tmp_path
         wanted = {'/cell1/linkage', '/cell1/sensors', '/cell2/press/crank_drive'}
         while not wanted <= set(ros2(ros, 'node', 'list', '--no-daemon')[1].split()):
             assert launch.poll() is None, said
-        (pid,) = (
-            int(found.split()[0])
-            for found in subprocess.check_output(['pgrep', '-af', 'lib/mechanism_sim/linkage'],
-                                                 text=True).splitlines()
-            if '__ns:=/cell1 ' in f'{found} '
-        )  # fmt: skip
+        # the oldest: what a node starts has its command line for a moment
+        command = r'lib/mechanism_sim/linkage .*__ns:=/cell1( |$)'
+        pid = int(subprocess.check_output(['pgrep', '-o', '-f', command], text=True))
         os.kill(pid, signal.SIGKILL)
         while not any('EVENT' in line for line in said):
             said.append(launch.stdout.readline())
