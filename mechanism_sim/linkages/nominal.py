@@ -268,6 +268,10 @@ class NominalRun:
                     if share == 1.0:
                         break
                     h, resolved = share * h, True
+                    if slope is None:  # the same polynomials, of less range
+                        values = polynomial.polyval(h * _NODES, coefficients.T)
+                        terms = np.abs(chebyshev_coefficients(values)).T / self._scale
+                        break
                     continue
             self._share *= 0.5
             h *= 0.5
