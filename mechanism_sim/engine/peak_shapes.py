@@ -7,6 +7,7 @@ them apart, and the impulse is what a mass feels of it.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -79,16 +80,23 @@ class PeakOutlines:
         count: int,
     ) -> None:
         self._values = values
-        self._batches: list[Motion] = []  # the last ones
+        self._batches: deque[Motion] = deque()  # the last ones
+        self._kept = 0  # segments in them
         self._known: list[tuple[float, PeakShape] | None] = [None] * count
         self._seen = [-math.inf] * count  # [s] up to which the motion was known then
 
-    def add(self, motion: Motion, peaks: Sequence[tuple[float, float]]) -> None:
-        """Enter the segments that follow; `peaks` are values and times [s] so far, or empty."""
+    def add(self, motion: Motion, peaks: Callable[[], Sequence[tuple[float, float]]]) -> None:
+        """Enter the segments that follow; `peaks` gives values and times [s] so far, or nothing.
+
+        They are looked at before segments are let go, not in every batch: a steady load is largest
+        somewhere else in each, by rounding, and lasts as long as all that is kept.
+        """
         self._batches.append(motion)
-        while sum(map(len, self._batches[1:])) >= _PEAKS.kept:
-            del self._batches[0]
-        self._look(peaks, anyway=False)
+        self._kept += len(motion)
+        if self._kept >= 2 * _PEAKS.kept:
+            self._look(peaks(), anyway=False)
+            while self._kept - len(self._batches[0]) >= _PEAKS.kept:
+                self._kept -= len(self._batches.popleft())
 
     def shapes(self, peaks: Sequence[tuple[float, float]]) -> list[PeakShape | None]:
         """Of the peaks, as far as they are known."""
@@ -105,7 +113,7 @@ class PeakOutlines:
         """
         if not self._batches:
             return
-        whole = Motion.joined(self._batches) if len(self._batches) > 1 else self._batches[0]
+        whole = Motion.joined([*self._batches]) if len(self._batches) > 1 else self._batches[0]
         curve = whole.curve
         for i, (value, time) in enumerate(peaks):
             if not (curve.start[0] <= time <= curve.end and value):

@@ -269,7 +269,7 @@ class NominalRun:
                         break
                     h, resolved = share * h, True
                     if slope is None:  # the same polynomials, of less range
-                        values = polynomial.polyval(h * _NODES, coefficients.T)
+                        values = np.asarray(polynomial.polyval(h * _NODES, coefficients.T), float)
                         terms = np.abs(chebyshev_coefficients(values)).T / self._scale
                         break
                     continue

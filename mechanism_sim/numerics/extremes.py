@@ -102,6 +102,7 @@ class ExtremeSearch:
         known = list(dict.fromkeys(groups))
         self._group = np.array([known.index(g) for g in groups], np.intp)
         self._largest = np.array([sizes.get(g, 0.0) for g in known])
+        self._sized = [known.index(g) for g in sizes if g in known]
         self._sums = [
             (known.index(g), known.index(other), factor)
             for g, (other, factor) in sums.items()
@@ -112,6 +113,10 @@ class ExtremeSearch:
         self._highest = np.append(np.full(count, np.inf), np.where(at_least, 0.0, np.inf))
         self._top = np.full(2 * count, -np.inf)
         self._time = np.full(2 * count, np.nan)
+
+    def enlarge(self, size: float) -> None:
+        """Let what cancels out in groups with a size be at least so large from now on."""
+        self._largest[self._sized] = np.fmax(self._largest[self._sized], size)
 
     @property
     def least(self) -> Array:

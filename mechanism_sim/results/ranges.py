@@ -131,15 +131,20 @@ class QuantityRanges:
         self._machine, self._since, self.names = machine, since, [*names]
         self._wanted = [catalogue(machine)[name] for name in names]
         self._search = search_of(self._wanted, machine.mechanism.size)
+        slides = machine.mechanism.displacements
+        self._sliding = [k for k, c in enumerate(machine.physics.coordinates) if c in slides]
         self._shaped = shapes
         self._outlines = PeakOutlines(self._values, len(self.names)) if shapes else None
 
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
         if self.names and len(motion):
+            # a rack far from its start rounds by its displacement
+            travel = np.abs(motion.curve.coefficients[:, self._sliding, 0]).max(initial=0.0)
+            self._search.enlarge(float(travel))
             self._search.add_motion(partial(self._values, motion), motion.curve, self._since)
             if self._outlines:
-                self._outlines.add(motion, self._tops())
+                self._outlines.add(motion, self._tops)
 
     def _values(self, motion: Motion, k: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The quantities, instants as in `Physics.observe`."""
@@ -167,6 +172,8 @@ class QuantityRanges:
         none = Peak(0.0, math.nan)
         return [peaks.get(n, none) if n in self._shaped else none for n in self.names]
 
+
+_TOGETHER = 512  # segments; messages of nodes bring them one by one
 
 _OF_BEARINGS = ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size')
 
@@ -214,9 +221,20 @@ class LoadPeaks:
             machine, [*self._loads, *others], since, self._loads if shapes else ()
         )
         self._unbounded: dict[str, float] = {}  # forces without a limit, and when [s]
+        self._waiting: list[Motion] = []
 
     def add(self, motion: Motion) -> None:
-        """Enter the segments that follow."""
+        """Enter the segments that follow; they are looked at some at once, which costs less."""
+        self._waiting.append(motion)
+        if sum(map(len, self._waiting)) >= _TOGETHER:
+            self._look()
+
+    def _look(self) -> None:
+        """Look at the segments that were entered."""
+        if not self._waiting:
+            return
+        motion = Motion.joined(self._waiting) if len(self._waiting) > 1 else self._waiting[0]
+        self._waiting.clear()
         self._ranges.add(motion)
         if self._physics.has_forces and len(motion):
             for found in self._physics.no_limits(motion):
@@ -226,11 +244,12 @@ class LoadPeaks:
 
     def ends(self) -> dict[str, Ends]:
         """Of all quantities, as `QuantityRanges` has them."""
+        self._look()
         return self._ranges.ends()
 
     def peaks(self) -> dict[str, Peak]:
         """The loads by the names of the catalogue, infinite where they have no limit."""
-        found = largest(self._ranges.ends())
+        found = largest(self.ends())
         known = {name: found[name] for name in self._loads if name in found}
         return known | {name: Peak(math.inf, t) for name, t in self._unbounded.items()}
 
@@ -246,4 +265,5 @@ class LoadPeaks:
 
     def shapes(self) -> dict[str, PeakShape]:
         """Of the peaks by the names of the catalogue, as far as they are known."""
+        self._look()
         return self._ranges.shapes()

@@ -11,7 +11,7 @@ from scipy.special import erf
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import load_summary
-from mechanism_sim.results.ranges import LoadPeaks
+from mechanism_sim.results.ranges import LoadPeaks, QuantityRanges
 
 SPEED = 40.0
 
@@ -86,6 +86,51 @@ def test_peaks_of_a_motion_have_their_duration():
         assert peak.whole
         assert peak.duration == pytest.approx(found[name].duration, rel=1e-6)
         assert peak.impulse == pytest.approx(found[name].impulse, rel=1e-6)
+
+
+@pytest.fixture
+def looks(monkeypatch):
+    """Instants at which ranges of quantities were evaluated."""
+    seen, evaluate = [], QuantityRanges._values
+
+    def counted(self, motion, k, dt):
+        found = evaluate(self, motion, k, dt)
+        seen.append(found.shape[1])
+        return found
+
+    monkeypatch.setattr(QuantityRanges, '_values', counted)
+    return seen
+
+
+def test_a_load_that_grows_costs_no_more_in_batches(looks):
+    """It is largest at the end of each, and above half of that for half of the run."""
+    machine = wheel('-5-20*t')
+    motion = ms.simulate(machine, duration=6.0).motion
+    found = []
+    for most in (1, len(motion)):
+        looks.clear()
+        peaks = LoadPeaks(machine, shapes=True)
+        for part in motion.parts(most):
+            peaks.add(part)
+        shape = peaks.shapes()['drive_torque.wheel']
+        found.append((sum(looks), peaks.peaks()))
+        assert not shape.whole
+        assert shape.end == pytest.approx(6.0, rel=1e-12)
+    (each, peaks), (at_once, same) = found
+    assert len(motion) > 500
+    assert peaks == same
+    assert each <= 2 * at_once
+
+
+def test_rounding_of_a_rack_far_from_its_start_is_not_searched(looks):
+    """Its transmission error is nothing but the rounding of a displacement that grows."""
+    motion = ms.simulate('rack_and_pinion', revolutions=80).motion
+    peaks = LoadPeaks(ms.load_scene('rack_and_pinion'), others=['transmission_error.mesh'])
+    for part in motion.parts(64):
+        peaks.add(part)
+    low, high = peaks.ends()['transmission_error.mesh']
+    assert max(-low.value, high.value) < 1e-14
+    assert sum(looks) < 40 * len(motion)
 
 
 @pytest.mark.network
