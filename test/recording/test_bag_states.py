@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import numpy as np
@@ -273,14 +274,16 @@ def test_what_was_said_before_a_failure_is_in_the_bag(states):
 
 @pytest.mark.slow
 @pytest.mark.network
-def test_a_signal_that_is_too_short_is_named(states):
-    for state, words in (('empty', NOTHING), ('late', 'samples of rocker_accelerometer are too')):
-        done = command(
-            'analyze', str(states[state]), '--fit', 'radial', '--rounds', '16', '--workers', '1'
-        )
-        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert f'{states[state]}' in done.stderr
-        assert words in done.stderr
+def test_what_is_left_of_a_signal_is_fitted_and_none_is_refused(states):
+    fit = '--fit', 'radial', '--rounds', '16', '--workers', '1', '--json'
+    left = command('analyze', str(states['late']), *fit)
+    assert left.returncode == 0, left.stderr
+    assert json.loads(left.stdout)['parameters']['radial']['value'] == pytest.approx(
+        2.54e-4, rel=1e-6
+    )
+    none = command('analyze', str(states['empty']), *fit)
+    assert (none.returncode, none.stderr.count('\n')) == (2, 1)
+    assert f'{states["empty"]} holds no signal' in none.stderr
 
 
 # --- bags of others -----------------------------------------------------------------------------

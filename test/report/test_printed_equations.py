@@ -583,7 +583,7 @@ def pressed_in(machine, q):
     for angle in np.linspace(0.0, 2e-3, 2001):
         moved = q + angle * (np.array(system.coordinates) == 'rocker')
         gap = machine.equations.observer.gaps.distances(
-            machine.equations.observer.gaps.values(moved[:, None])
+            machine.equations.observer.gaps.values(moved[:, None], np.zeros((0, 1)))
         )[0, 0]
         if -2e-5 < gap < -5e-6:
             return moved
