@@ -47,7 +47,7 @@ BEFOREHAND = f"""
 (while kill -0 {os.getpid()}; do sleep 0.5; done; kill -KILL -- -$$) < /dev/null &> /dev/null &
 watching=$!
 disown
-trap 'kill $watching' EXIT
+trap 'kill $watching $(jobs -pr)' EXIT
 """
 """All that is started ends with this process, even if that is killed."""
 AFTERWARDS = """

@@ -58,8 +58,7 @@ def set_(owner, name, value):
     return [answer.successful, answer.reason]
 
 found = {}
-while step(1)[1].startswith('the nodes of the run have not'):
-    pass
+step(1)  # also before the nodes have found each other
 """
 
 

@@ -232,7 +232,7 @@ class Worlds:
             code = UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE
             reason = 'uri must be the name of a scene or the path of a YAML file'
             return self._answer(response, reason, code)
-        if reason := control.refusal():
+        if reason := await control.refusal():
             return self._answer(response, reason)
         asked = Content(uri, '')
         try:
@@ -256,7 +256,7 @@ class Worlds:
         if getattr(request, 'set_acceleration', False):
             reason = 'accelerations follow from forces: set pose and twist only'
             return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
-        if reason := control.refusal():
+        if reason := await control.refusal():
             return self._answer(response, reason)
         if drive.playing or drive.announced > 0.0:
             reason = 'links are set at the start of a run only: stop first (state 0)'
@@ -400,7 +400,7 @@ class SimulationControl:
         if asked == s.STATE_QUITTING and drive.final:
             return self.answer(response, '')
         ending = asked in (s.STATE_PAUSED, s.STATE_QUITTING)
-        if reason := self.refusal(during_steps=ending):
+        if reason := await self.refusal(during_steps=ending):
             return self.answer(response, reason)
         if asked == s.STATE_PLAYING:
             if drive.playing:
@@ -437,7 +437,7 @@ class SimulationControl:
     async def _step(self, request: Any, response: Any) -> Any:
         """Steps of a paused simulation; answers when they are done."""
         steps = int(request.steps)
-        if reason := self.refusal() or self._no_steps(steps):
+        if reason := await self.refusal() or self._no_steps(steps):
             return self.answer(response, reason)
         return self.answer(response, await self.alone(STEPS, self._go(steps)))
 
@@ -450,7 +450,7 @@ class SimulationControl:
                 'or 255'
             )
             return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
-        if reason := self.refusal():
+        if reason := await self.refusal():
             return self.answer(response, reason)
         if scope & spawned:
             await self._drive.spawning.clear()
@@ -462,7 +462,7 @@ class SimulationControl:
         """Steps one by one, with feedback after each."""
         kind = action_class(f'{PACKAGE}/action/SimulateSteps')
         steps, result = int(goal.request.steps), kind.Result()
-        if reason := self.refusal() or self._no_steps(steps):
+        if reason := await self.refusal() or self._no_steps(steps):
             goal.abort()
             return self.answer(result, reason)
         for done in range(1, steps + 1):
@@ -503,10 +503,9 @@ class SimulationControl:
         finally:
             self.busy = ''
 
-    def refusal(self, during_steps: bool = False) -> str:
-        """Why nothing can be asked for now; empty if it can."""
-        if not self._drive.ready:
-            return 'the nodes of the run have not found each other yet: try again in a moment'
+    async def refusal(self, during_steps: bool = False) -> str:
+        """Why nothing can be asked for; empty, once the nodes have found each other, if it can."""
+        await self._drive.until_ready()
         if self._drive.final:
             return (
                 f'the run ends by itself at {self._drive.announced:.9g} s, up to which the law '

@@ -17,7 +17,7 @@ from mechanism_sim.messages import (
     uint64_array,
 )
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
-from mechanism_sim.nodes.middleware import Parameter, publish_all
+from mechanism_sim.nodes.middleware import Future, Parameter, publish_all
 from mechanism_sim.nodes.partners import LONG, Partners
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import Content, next_machine
@@ -59,6 +59,7 @@ class SimulationNode(DescribedNode):
     def __init__(self, name: str, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__(name, parameters)
         self.ready = False
+        self._once_ready: list[Future] = []  # who waits for that
         self.active = True
         self.counts: Counter[str] = Counter()
         self.partners = Partners(self)
@@ -139,6 +140,13 @@ class SimulationNode(DescribedNode):
 
         return take
 
+    async def until_ready(self) -> None:
+        """Wait until all partners are there: a service is there before them."""
+        if not self.ready:
+            there: Future = Future()
+            self._once_ready.append(there)
+            await there
+
     def _take_early(self) -> None:
         """Handle what came while this node was not ready, or not active."""
         early, self._early = self._early, []
@@ -165,6 +173,8 @@ class SimulationNode(DescribedNode):
             self.on_ready()
             if self.active:
                 self._take_early()
+            for waiting in self._once_ready:
+                waiting.set_result(None)
 
     def _on_progress(self, message: Any) -> None:
         if self.partners.take(message):

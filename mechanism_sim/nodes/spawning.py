@@ -218,8 +218,10 @@ class Spawning:
         if not uri:
             reason = 'uri must be the name of a scene or the path of a YAML file'
             return UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE, reason, ''
-        if not drive.ready or drive.final:
-            return self._result.RESULT_INCORRECT_STATE, 'the run is not under way', ''
+        await drive.until_ready()
+        if drive.final:
+            reason = f'the run ends by itself at {drive.announced:.9g} s: start it with hold'
+            return self._result.RESULT_INCORRECT_STATE, reason, ''
         try:
             machine = Content(uri, '').load()
         except InputError as error:
