@@ -65,7 +65,7 @@ def test_two_responses_of_one_machine_are_kept_apart():
 def test_hysteresis_of_the_loose_four_bar():
     """At 445 rpm a response of period 3 that comes from below, and one of 2 from above."""
     found = ms.bifurcation(
-        'four_bar_clearance', {'drive.speed': ('425 rpm', '465 rpm', 9)}, transient=60, keep=60
+        'four_bar_clearance', {'drive.speed': ('435 rpm', '455 rpm', 5)}, transient=60, keep=60
     )
     periods = {(r.branch, round(r.value * 30.0 / math.pi)): r.period for r in found.responses}
     assert periods['up', 445] == 3
