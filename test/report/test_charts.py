@@ -19,6 +19,7 @@ from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.charts import figure, sections
 from mechanism_sim.report.charts import bands, impacts
+from mechanism_sim.report.charts import course as course_module
 from mechanism_sim.report.charts.course import ChartedRun
 from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
@@ -188,6 +189,23 @@ def test_there_is_a_stem_for_every_impact(loose, charts):
         (c,) = curves(charts[key], JOINT)
         assert (c.form, c.x.tolist()) == ('stems', [i.t for i in struck])
         assert c.y == pytest.approx([1e3 * i.normal_impulse for i in struck], rel=1e-12)
+
+
+def test_a_run_is_looked_at_in_blocks_that_do_not_grow_with_it(monkeypatch):
+    """Of places, for long segments have many; the lines are those of any other blocks."""
+    record, found = simulated('slider_crank', revolutions=12), []
+    for most in (256, 10**6):
+        monkeypatch.setattr(course_module, '_BLOCK', most)
+        window, sizes = ChartedRun(record).run, []
+        blocks = window._blocks
+        window._blocks = lambda *a, f=blocks, n=sizes: (n.append(len(b[0])) or b for b in f(*a))
+        found.append((window.lines, sum(sizes), max(sizes)))
+    (few, places, largest), (whole, same, every) = found
+    assert places == same == every > 4000
+    assert largest < 256 + 100
+    for name, line in whole.items():
+        assert np.array_equal(few[name].at, line.at)
+        assert np.array_equal(few[name].values, line.values, equal_nan=True)
 
 
 def test_of_many_impacts_the_hardest_are_drawn(loose, monkeypatch):

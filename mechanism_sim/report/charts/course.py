@@ -23,7 +23,7 @@ from mechanism_sim.vibration.shaken_frame import FrameMotion
 
 _SHOWN = 2  # turns of the main drive that are shown in full; of a machine that repeats one will do
 _SAME = 1e-6  # [rad] or [m] of drives that follow the same law
-_BLOCK = 4096  # segments at once
+_BLOCK = 2**15  # places at once, but for those of a single segment
 _FEWEST = 4  # places in each
 _PER_TURN = 400  # places at least
 _LOADS = 'N', 'N m'
@@ -101,8 +101,8 @@ class ChartWindow:
     ) -> Iterator[tuple[Array, Array]]:
         curve = self.record.piece.motion.curve
         loads = np.isin([*self.quantities], self._levels.names)
-        for first in range(0, len(segments), _BLOCK):
-            chosen = slice(first, first + _BLOCK)
+        firsts = np.flatnonzero(np.diff(np.cumsum(counts) // _BLOCK)) + 1
+        for chosen in np.split(np.arange(len(segments)), firsts):
             n = counts[chosen]
             of = np.repeat(np.arange(len(n)), n)
             share = (np.arange(len(of)) - np.repeat(np.cumsum(n) - n, n)) / (n - 1)[of]
