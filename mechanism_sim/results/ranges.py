@@ -236,8 +236,8 @@ class LoadPeaks:
         motion = Motion.joined(self._waiting) if len(self._waiting) > 1 else self._waiting[0]
         self._waiting.clear()
         self._ranges.add(motion)
-        if self._physics.has_forces and len(motion):
-            for found in self._physics.no_limits(motion):
+        for part in motion.parts(_TOGETHER) if self._physics.has_forces else ():
+            for found in self._physics.no_limits(part):
                 if found.t >= self._since:
                     names = (f'reaction.{joint}.size' for joint in found.joints)
                     self._unbounded |= dict.fromkeys(names, found.t)
