@@ -30,7 +30,7 @@ setup(
         'console_scripts': [
             'mechanism-sim = mechanism_sim.__main__:main',
             'zros = zenoh_rclpy.__main__:main',
-            *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, 'loop_relay', 'view')),
+            *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, 'control_relay', 'loop_relay', 'view')),
         ]
     },
 )
