@@ -1,5 +1,4 @@
-"""
-Controllers of ros2_control move a loose four-bar, in lock step.
+"""Controllers of ros2_control move a loose four-bar, in lock step.
 
 ``ros2 launch .../ros2_control.launch.py controller:=rocker clearance:='0.5 mm' record:=run.mcap``
 """
@@ -34,7 +33,8 @@ def trajectory(joint, start, way):
         for k in range(4)
     ]
     message = json.dumps({'joint_names': [joint], 'points': points})
-    return [f'/{joint}_trajectory/joint_trajectory', 'trajectory_msgs/msg/JointTrajectory', message]
+    kind = 'trajectory_msgs/msg/JointTrajectory'
+    return [f'/{joint}_trajectory/joint_trajectory', kind, message]
 
 
 #: by the argument: controllers, and what is published once to begin

@@ -63,7 +63,7 @@ class ControlRelay(DescribedNode):
         self._kind, _ = commanded_part(machine.drive.law)
         if self._kind == 'velocity' and not machine.drive.commands:
             raise InputError(
-                f"{machine.name}: its drive takes no commands: give it a torque, or "
+                f'{machine.name}: its drive takes no commands: give it a torque, or '
                 "'drive.commands', with acceleration and fastest"
             )
         self._waiting: deque[Any] = deque()  # states that are not shown yet
@@ -71,15 +71,14 @@ class ControlRelay(DescribedNode):
         self._moving = False
         self._asked = 0  # [ns] of the clock when the state was shown, 0 before
         self._ahead = 0  # [ns] of the clock before the machine
+        self._latest = 0  # [ns] of the last state that came
         self._answered, self._last = 0, 0.0
         self._command = self.create_publisher(Float64, f'command/{self._kind}', RESULTS)
         self._states = self.create_publisher(JointState, 'hardware/joint_states', RESULTS)
         self._clock_publisher = self.create_publisher(Clock, 'hardware/clock', RESULTS)
         self._read = service_class('rcl_interfaces/srv/GetParameters')
         self._barrier = self.create_client(self._read, f'{component}/get_parameters')
-        commands = self.create_subscription(
-            JointState, COMMANDS, self._take_command, RESULTS
-        )
+        commands = self.create_subscription(JointState, COMMANDS, self._take_command, RESULTS)
         topics = {'commands': commands.topic_name, 'states': self._states.topic_name}
         text = controlled_urdf(machine, component, self._joint, self._kind, topics)
         description = self.create_publisher(String, 'hardware/robot_description', LATCHED)
@@ -94,10 +93,12 @@ class ControlRelay(DescribedNode):
             self._states.publish(state)
             self._tick(nanoseconds(state.header.stamp))
             return
-        if self._shown is not None and _before(state, self._shown):  # the machine was reset
+        at = nanoseconds(state.header.stamp)
+        if at < self._latest:  # the machine was reset
             self._waiting.clear()
-            self._ahead = self._asked + self._period - nanoseconds(state.header.stamp)
+            self._ahead = self._asked + self._period - at
             self._moving, self._shown = False, None
+        self._latest = at
         self._waiting.append(state)
         if self._shown is None:
             self._show_next()
@@ -183,7 +184,3 @@ class ControlRelay(DescribedNode):
         waits = 'joint_states' if self._shown is None else 'a command that is not zero'
         message = 'running' if self._answered else f'waiting for {waits}'
         return Diagnosis(DiagnosticStatus.OK, message, {'commands': self._answered})
-
-
-def _before(state: Any, other: Any) -> bool:
-    return nanoseconds(state.header.stamp) < nanoseconds(other.header.stamp)
