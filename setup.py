@@ -8,7 +8,7 @@ NAME = 'mechanism_sim'
 PACKAGES = NAME, 'ros_interfaces', 'zenoh_rclpy'
 NODES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
-    'display', 'recorder',
+    'display', 'recorder', 'control_relay', 'loop_relay', 'view',
 )  # fmt: skip
 
 setup(
@@ -30,7 +30,7 @@ setup(
         'console_scripts': [
             'mechanism-sim = mechanism_sim.__main__:main',
             'zros = zenoh_rclpy.__main__:main',
-            *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, 'control_relay', 'loop_relay', 'view')),
+            *(f'{node} = mechanism_sim.__main__:node' for node in NODES),
         ]
     },
 )

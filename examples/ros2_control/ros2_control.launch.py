@@ -89,10 +89,14 @@ def _all(context):
         arguments=[*names, '--activate-as-group', '--param-file', str(HERE / 'controllers.yaml')],
     )  # fmt: skip
     begin = ExecuteProcess(cmd=['ros2', 'topic', 'pub', '--once', *told], output='screen')
+
+    def loaded(event, _):
+        return [Shutdown(reason='no controllers')] if event.returncode else [begin]
+
     return [
         machine,
         relay,
         manager,
         spawner,
-        RegisterEventHandler(OnProcessExit(target_action=spawner, on_exit=[begin])),
+        RegisterEventHandler(OnProcessExit(target_action=spawner, on_exit=loaded)),
     ]

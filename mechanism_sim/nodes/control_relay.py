@@ -41,9 +41,10 @@ class ControlRelay(DescribedNode):
 
     The controller manager runs on ``hardware/clock``. With ``command_period`` > 0 [s], that of
     `DriveCommands`, it is in lock step: the node shows one state, waits until the component has
-    taken it, lets the clock come to its time, and waits for the command with that stamp. A state
-    and the clock are topics of their own, which a reader may take in either order: so the node
-    named `component` is asked a service in between, which it answers after the state. Until the
+    taken it, lets the clock come to its time, and waits for the command of this cycle (whose stamp
+    is of a clock of the component's own). A state and the clock are topics of their own, which a
+    reader may take in either order: so the node named `component` is asked a service in between,
+    which it answers after the state. Until the
     first command that is not zero the state at the start is shown, over and over, and only the
     clock goes on, for controllers to be loaded: what they then see does not depend on how long
     that takes. The clock is ahead of the machine by this time.
@@ -71,6 +72,7 @@ class ControlRelay(DescribedNode):
         self._moving = False
         self._asked = 0  # [ns] of the clock when the state was shown, 0 before
         self._ahead = 0  # [ns] of the clock before the machine
+        self._paired = self._heard = False  # whether each cycle was waited for; any command came
         self._latest = 0  # [ns] of the last state that came
         self._answered, self._last = 0, 0.0
         self._command = self.create_publisher(Float64, f'command/{self._kind}', RESULTS)
@@ -97,7 +99,8 @@ class ControlRelay(DescribedNode):
         if at < self._latest:  # the machine was reset
             self._waiting.clear()
             self._ahead = self._asked + self._period - at
-            self._moving, self._shown = False, None
+            self._moving = self._paired = False
+            self._shown = None
         self._latest = at
         self._waiting.append(state)
         if self._shown is None:
@@ -108,8 +111,11 @@ class ControlRelay(DescribedNode):
         if self._shown is not None:
             self._show()
 
-    def _show(self) -> None:
-        """Let the component take the state, and then the clock come to its time."""
+    def _show(self, again: bool = False) -> None:
+        """Let the component take the state, and then the clock come to its time.
+
+        A state that is shown again has been taken, and who would answer may wait for the clock.
+        """
         shown = self._shown
         self._overdue.reset()
         self._states.publish(shown)
@@ -119,7 +125,7 @@ class ControlRelay(DescribedNode):
             if shown is self._shown:
                 self._tick(at)
 
-        if self._barrier.service_is_ready():
+        if self._moving and not again and self._barrier.service_is_ready():
             self._barrier.call_async(self._read.Request()).add_done_callback(taken)
         else:
             taken()
@@ -141,15 +147,18 @@ class ControlRelay(DescribedNode):
                 throttle_duration_sec=10.0,
             )
         else:
+            # If the last one was answered late, no command is under way any more.
+            self._paired, self._heard = self._heard, False
             self._ahead += self._period
-        self._show()
+        self._show(again=True)
 
     def _take_command(self, message: Any) -> None:
         """Pass a command on if it answers the state that is shown."""
         value = self._value(message)
         if self._period:
-            if self._shown is None or nanoseconds(message.header.stamp) != self._asked:
-                return  # of a cycle before
+            self._heard = True
+            if self._shown is None or not self._paired:
+                return  # of a cycle that was not waited for
             if not self._moving and not value:
                 self._ahead += self._period
                 self._show()

@@ -286,9 +286,7 @@ class Component(Node):
             asked = error + self.integral + step
             effort = min(max(asked, -20.0), 20.0)
             self.integral += step if effort == asked else 0.0
-        message = JointState(name=self.state.name, effort=[effort])
-        message.header.stamp = clock.clock
-        self.command.publish(message)
+        self.command.publish(JointState(name=self.state.name, effort=[effort]))
 
 
 def test_a_controller_manager_commands_each_sample_as_by_hand(monkeypatch):
