@@ -43,7 +43,7 @@ CONTROLLERS = {
     'rocker': (['rocker_pid', 'rocker_trajectory'], trajectory('rocker', 2.42428574, -0.2)),
     'effort': (
         ['crank_effort'],
-        ['/crank_effort/commands', 'std_msgs/msg/Float64MultiArray', '{data: [0.4]}'],
+        ['/crank_effort/commands', 'std_msgs/msg/Float64MultiArray', '{data: [0.1]}'],
     ),
 }
 
@@ -86,7 +86,10 @@ def _all(context):
     )  # fmt: skip
     spawner = Node(
         package='controller_manager', executable='spawner', output='screen',
-        arguments=[*names, '--activate-as-group', '--param-file', str(HERE / 'controllers.yaml')],
+        arguments=[
+            *names, '--activate-as-group', '--switch-timeout', '60',
+            '--param-file', str(HERE / 'controllers.yaml'),
+        ],
     )  # fmt: skip
     begin = ExecuteProcess(cmd=['ros2', 'topic', 'pub', '--once', *told], output='screen')
 

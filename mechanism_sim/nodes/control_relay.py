@@ -70,7 +70,7 @@ class ControlRelay(DescribedNode):
         self._waiting: deque[Any] = deque()  # states that are not shown yet
         self._shown: Any = None  # the state that a command is to answer
         self._moving = False
-        self._asked = 0  # [ns] of the clock when the state was shown, 0 before
+        self._asked = 0  # [ns] of the clock with the state that is shown
         self._ahead = 0  # [ns] of the clock before the machine
         self._paired = self._heard = False  # whether each cycle was waited for; any command came
         self._latest = 0  # [ns] of the last state that came
@@ -82,15 +82,17 @@ class ControlRelay(DescribedNode):
         self._barrier = self.create_client(self._read, f'{component}/get_parameters')
         commands = self.create_subscription(JointState, COMMANDS, self._take_command, RESULTS)
         topics = {'commands': commands.topic_name, 'states': self._states.topic_name}
-        text = controlled_urdf(machine, component, self._joint, self._kind, topics)
-        description = self.create_publisher(String, 'hardware/robot_description', LATCHED)
-        description.publish(String(data=text))
+        self._description = controlled_urdf(machine, component, self._joint, self._kind, topics)
+        self._described = self.create_publisher(String, 'hardware/robot_description', LATCHED)
         self.create_subscription(JointState, 'joint_states', self._take_state, RESULTS)
         self._overdue = self.create_timer(PATIENCE, self._show_again)
         self.publish_diagnostics()
 
     def _take_state(self, state: Any) -> None:
         """Show a state when those before it are answered."""
+        if self._description:  # now that it comes to life: a manager that has it expects its time
+            self._described.publish(String(data=self._description))
+            self._description = ''
         if not self._period:
             self._states.publish(state)
             self._tick(nanoseconds(state.header.stamp))
@@ -111,27 +113,23 @@ class ControlRelay(DescribedNode):
         if self._shown is not None:
             self._show()
 
-    def _show(self, again: bool = False) -> None:
-        """Let the component take the state, and then the clock come to its time.
-
-        A state that is shown again has been taken, and who would answer may wait for the clock.
-        """
+    def _show(self) -> None:
+        """Let the component take the state, and then the clock come to its time."""
         shown = self._shown
         self._overdue.reset()
         self._states.publish(shown)
-        at = nanoseconds(shown.header.stamp) + self._ahead
+        self._asked = at = nanoseconds(shown.header.stamp) + self._ahead
 
         def taken(_: Future | None = None) -> None:
             if shown is self._shown:
                 self._tick(at)
 
-        if self._moving and not again and self._barrier.service_is_ready():
+        if self._moving and self._barrier.service_is_ready():
             self._barrier.call_async(self._read.Request()).add_done_callback(taken)
         else:
             taken()
 
     def _tick(self, at: int) -> None:
-        self._asked = at
         tick = Clock()
         tick.clock.sec, tick.clock.nanosec = divmod(at, NANOSECONDS)
         self._clock_publisher.publish(tick)
@@ -141,6 +139,8 @@ class ControlRelay(DescribedNode):
         if self._shown is None:
             return
         if self._moving:
+            # Whoever sleeps on a clock wakes at another time only; back is no time to act upon.
+            self._tick(self._asked - 1)
             self.get_logger().warning(
                 f'no command has come at {self._asked / NANOSECONDS:.9g} s of hardware/clock: the '
                 'update rate of the controller manager must be that of joint_states and commands',
@@ -150,7 +150,7 @@ class ControlRelay(DescribedNode):
             # If the last one was answered late, no command is under way any more.
             self._paired, self._heard = self._heard, False
             self._ahead += self._period
-        self._show(again=True)
+        self._show()
 
     def _take_command(self, message: Any) -> None:
         """Pass a command on if it answers the state that is shown."""
