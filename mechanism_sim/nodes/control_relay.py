@@ -74,7 +74,7 @@ class ControlRelay(DescribedNode):
         self._ahead = 0  # [ns] of the clock before the machine
         self._paired = self._heard = False  # whether each cycle was waited for; any command came
         self._latest = 0  # [ns] of the last state that came
-        self._answered, self._last = 0, 0.0
+        self._last = 0.0  # the last command
         self._command = self.create_publisher(Float64, f'command/{self._kind}', RESULTS)
         self._states = self.create_publisher(JointState, 'hardware/joint_states', RESULTS)
         self._clock_publisher = self.create_publisher(Clock, 'hardware/clock', RESULTS)
@@ -171,12 +171,11 @@ class ControlRelay(DescribedNode):
         else:
             self._last = value
         self._command.publish(Float64(data=self._last))
-        self._answered += 1
         if self._period:
             self._show_next()
 
     def _value(self, message: Any) -> float | None:
-        """What a message commands of the driven joint; None if no controller does.
+        """The command of the driven joint in a message; None if there is none.
 
         The component writes the names of all joints, and the values of those that take commands,
         NaN without a controller.
@@ -189,7 +188,9 @@ class ControlRelay(DescribedNode):
         return float(found) if math.isfinite(found) else None
 
     def diagnose(self) -> Diagnosis:
-        """How many commands were passed on, and what it waits for."""
+        """State of the lock step, and the lead of its clock over the machine."""
         waits = 'joint_states' if self._shown is None else 'a command that is not zero'
-        message = 'running' if self._answered else f'waiting for {waits}'
-        return Diagnosis(DiagnosticStatus.OK, message, {'commands': self._answered})
+        goes = self._moving or not self._period
+        message = 'running' if goes else f'waiting for {waits}'
+        ahead = self._ahead / NANOSECONDS
+        return Diagnosis(DiagnosticStatus.OK, message, {'clock ahead of the machine [s]': ahead})
