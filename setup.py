@@ -10,6 +10,7 @@ NODES = (
     'crank_drive', 'linkage', 'cam', 'gear_train', 'geneva', 'oscillator', 'sensors',
     'display', 'recorder',
 )  # fmt: skip
+OUTSIDE = 'control_relay', 'loop_relay', 'view'
 
 setup(
     packages=find_packages(
@@ -30,7 +31,7 @@ setup(
         'console_scripts': [
             'mechanism-sim = mechanism_sim.__main__:main',
             'zros = zenoh_rclpy.__main__:main',
-            *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, 'loop_relay', 'view')),
+            *(f'{node} = mechanism_sim.__main__:node' for node in (*NODES, *OUTSIDE)),
         ]
     },
 )

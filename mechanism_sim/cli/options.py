@@ -39,13 +39,15 @@ NODE_CLASSES = {
     'display': 'mechanism_sim.nodes.display:Display',
     'recorder': 'mechanism_sim.nodes.recorder:Recorder',
     'loop_relay': 'mechanism_sim.nodes.loop_relay:LoopRelay',
+    'control_relay': 'mechanism_sim.nodes.control_relay:ControlRelay',
     'view': 'mechanism_sim.pages.view:ViewNode',
 }
 TABLES = 'a .npz, .csv, .parquet, .xlsx or .mat file'
 """Endings of tables."""
 
-NODE_NAMES = tuple(name for name in NODE_CLASSES if name not in ('loop_relay', 'view'))
-"""Nodes of a run; `view` shows one from outside, `loop_relay` answers without any."""
+OUTSIDE = 'loop_relay', 'control_relay', 'view'
+NODE_NAMES = tuple(name for name in NODE_CLASSES if name not in OUTSIDE)
+"""Nodes of a run; the others are beside one, or `loop_relay` without any."""
 
 
 def option(parser: Options, flags: str, metavar: str, text: str, default: object = str) -> None:

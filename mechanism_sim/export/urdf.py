@@ -73,9 +73,46 @@ def drivers_urdf(
     ----------
     limits : between which coordinates can move [rad, m]; those without turn round, or are free
     """
+    return written(_axes(machine, driven, limits))
+
+
+def controlled_urdf(
+    machine: Machine, component: str, commanded: str, kind: str, topics: Mapping[str, str]
+) -> str:
+    """The text of a URDF file for ``ros2_control``: each coordinate a joint of its own.
+
+    The hardware is that of the package ``joint_state_topic_hardware_interface``: the joint
+    `commanded` takes a command of a `kind`, all have states.
+
+    Parameters
+    ----------
+    topics : of the component, ``states`` and ``commands``
+    """
+    robot = _axes(machine, machine.plan.ideal.coordinates, {})
+    control = SubElement(robot, 'ros2_control', name=component, type='system')
+    hardware = SubElement(control, 'hardware')
+    plugin = SubElement(hardware, 'plugin')
+    plugin.text = 'joint_state_topic_hardware_interface/JointStateTopicSystem'
+    # It would hold back commands that hardly differ from the state: each step has one.
+    given = {f'joint_{x}_topic': topic for x, topic in topics.items()}
+    for name, value in {**given, 'trigger_joint_command_threshold': '-1'}.items():
+        SubElement(hardware, 'param', name=name).text = value
+    for name in machine.plan.ideal.coordinates:
+        joint = SubElement(control, 'joint', name=name)
+        if name == commanded:
+            SubElement(joint, 'command_interface', name=kind)
+        for state in ('position', 'velocity', 'effort'):
+            SubElement(joint, 'state_interface', name=state)
+    return written(robot)
+
+
+def _axes(
+    machine: Machine, names: Sequence[str], limits: Mapping[str, tuple[float, float]]
+) -> Element:
+    """A joint for each of some coordinates, from the world to a link of its own."""
     robot = Element('robot', name=machine.name)
     SubElement(robot, 'link', name=WORLD)
-    for name in driven:
+    for name in names:
         straight = name in machine.plan.ideal.displacements
         low, high = limits.get(name, (-math.inf, math.inf))
         bounded = math.isfinite(low) or math.isfinite(high) or straight
@@ -89,7 +126,7 @@ def drivers_urdf(
             ends = {'lower': text(max(low, -far)), 'upper': text(min(high, far))}
             SubElement(joint, 'limit', ends, effort=_FREE, velocity=_FREE)
         SubElement(robot, 'link', name=name)
-    return written(robot)
+    return robot
 
 
 def left_out(machine: Machine) -> list[str]:

@@ -42,7 +42,7 @@ class DriveCommands:
         self._since: float | None = None  # [s] of wall time when a controller was first seen
         self._name = ''
         commanded = drive.machine.drive.commands
-        name, given = _commanded(law)
+        name, given = commanded_part(law)
         if isinstance(law, DriveLaw):
             limit = commanded.fastest if commanded else None
         else:
@@ -75,7 +75,7 @@ class DriveCommands:
         """A run begins, or begins anew: as it was launched, or with another value of the scene."""
         self._taken = 0
         self._early.clear()
-        _, given = _commanded(self._drive.law)
+        _, given = commanded_part(self._drive.law)
         if self._name and given != self._commanded:
             self._launched = given if self._launched == self._commanded else self._launched
             self._commanded = given
@@ -127,8 +127,8 @@ class DriveCommands:
             drive.take_over([replace(law, coefficients=(value, *slopes), valid_from=at)])
 
 
-def _commanded(law: Any) -> tuple[str, float]:
-    """The part of a law that is commanded, and its value [SI]."""
+def commanded_part(law: Any) -> tuple[str, float]:
+    """The part of a law that is commanded, ``velocity`` or ``effort``, and its value [SI]."""
     if isinstance(law, DriveLaw):
         return 'velocity', law.coefficients[1] if law.degree else 0.0
     return 'effort', law.coefficients[0]

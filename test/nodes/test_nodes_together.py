@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import os
 import runpy
 import time
@@ -22,15 +23,16 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.messages import Impact, JointState, Log, service_class
+from mechanism_sim.messages import Clock, Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import middleware, pace, partners
+from mechanism_sim.nodes import control_relay, middleware, pace, partners
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.run import NODES, NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.reader import read_bag
+from ros_interfaces.stamps import nanoseconds
 
 SCENE = 'four_bar_clearance'
 PLAYING, QUITTING = 1, 3
@@ -256,6 +258,50 @@ def test_a_controller_outside_commands_each_sample_as_by_hand():
         assert max(speed) - min(speed) > 0.1
     finally:
         controller.destroy_node()
+
+
+class Component(Node):
+    """A hardware component of ros2_control with its manager, and the speed controller's law.
+
+    First no controller commands it, then one that commands nothing.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('machine')
+        self.ticks, self.speeds, self.integral = [], [], 0.0
+        self.create_subscription(JointState, 'hardware/joint_states', self.take, RESULTS)
+        self.create_subscription(Clock, 'hardware/clock', self.update, RESULTS)
+        self.command = self.create_publisher(JointState, 'hardware/joint_commands', RESULTS)
+
+    def take(self, state):
+        self.state = state
+
+    def update(self, clock):
+        self.ticks.append(nanoseconds(clock.clock))
+        effort = math.nan if len(self.ticks) < 4 else 0.0
+        if len(self.ticks) > 6:
+            self.speeds.append(self.state.velocity[0])
+            error = 36.65 - self.speeds[-1]
+            step = 10.0 * error * 0.005 if len(self.speeds) > 1 else 0.0
+            asked = error + self.integral + step
+            effort = min(max(asked, -20.0), 20.0)
+            self.integral += step if effort == asked else 0.0
+        self.command.publish(JointState(name=self.state.name, effort=[effort]))
+
+
+def test_a_controller_manager_commands_each_sample_as_by_hand(monkeypatch):
+    """Its time goes on by one period for each sample, from its first command that moves."""
+    monkeypatch.setattr(control_relay, 'PATIENCE', 0.1)
+    relay = control_relay.ControlRelay([Parameter('scene', value='four_bar_governed')])
+    component = Component()
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive={'command_period': 0.005}) as nodes:
+            finish(nodes, relay, component)
+        np.testing.assert_allclose(component.speeds[:10], by_hand(10), rtol=0.0, atol=1e-6)
+        assert set(np.diff(component.ticks)) == {5_000_000}
+    finally:
+        relay.destroy_node()
+        component.destroy_node()
 
 
 def test_a_program_with_nothing_but_zenoh_sees_the_graph_and_decodes_joint_states(network):
