@@ -28,6 +28,7 @@ from mechanism_sim.numerics.quadrature import (
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.path_distance import PathDistances
 from mechanism_sim.results.quantity import Quantity, View
+from mechanism_sim.results.ranges import travel
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.tolerances import TOLERANCES
@@ -87,8 +88,14 @@ class FigureTally:
         self._works = {f.argument: speed_of(machine, f) for f in figures if f.function == 'work'}
         # what may be steep is looked at in parts of its own, all else together
         self._steep = {f.argument: f for f in figures if f.steep}
+        size = machine.mechanism.size
+        differences = {
+            (a, self._units[a]): size
+            for a in self._extreme
+            if (known := quantities.get(a)) and known.difference
+        }
         self._searches = [
-            (own, ExtremeSearch([(a, self._units[a]) for a in own]))
+            (own, ExtremeSearch([(a, self._units[a]) for a in own], differences))
             for own in _apart(self._extreme, self._steep)
         ]
         self._unbounded: dict[str, bool] = {}
@@ -176,6 +183,7 @@ class FigureTally:
         """Enter what is greatest and least, and where there is no limit."""
         motion, curve = piece.motion, piece.motion.curve
         for own, search in self._searches:
+            search.enlarge(travel(self._machine, motion))
 
             def values(t: Array, own: list[str] = own) -> Array:
                 return self._values(piece, own, *curve.within(t))[0]

@@ -87,6 +87,13 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     return ExtremeSearch(groups, differences, sizes, sums)
 
 
+def travel(machine: Machine, motion: Motion) -> float:
+    """Largest displacement [m] in a motion: far from its start a rack rounds by that."""
+    slides = machine.mechanism.displacements
+    own = [k for k, c in enumerate(machine.physics.coordinates) if c in slides]
+    return float(np.abs(motion.curve.coefficients[:, own, 0]).max(initial=0.0))
+
+
 def search(
     at: Callable[[Array], Mapping[str, Array]],
     wanted: Sequence[Quantity],
@@ -131,17 +138,13 @@ class QuantityRanges:
         self._machine, self._since, self.names = machine, since, [*names]
         self._wanted = [catalogue(machine)[name] for name in names]
         self._search = search_of(self._wanted, machine.mechanism.size)
-        slides = machine.mechanism.displacements
-        self._sliding = [k for k, c in enumerate(machine.physics.coordinates) if c in slides]
         self._shaped = shapes
         self._outlines = PeakOutlines(self._values, len(self.names)) if shapes else None
 
     def add(self, motion: Motion) -> None:
         """Enter the segments that follow."""
         if self.names and len(motion):
-            # a rack far from its start rounds by its displacement
-            travel = np.abs(motion.curve.coefficients[:, self._sliding, 0]).max(initial=0.0)
-            self._search.enlarge(float(travel))
+            self._search.enlarge(travel(self._machine, motion))
             self._search.add_motion(partial(self._values, motion), motion.curve, self._since)
             if self._outlines:
                 self._outlines.add(motion, self._tops)

@@ -11,6 +11,7 @@ from scipy.special import erf
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import load_summary
+from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.results.ranges import LoadPeaks, QuantityRanges
 
 SPEED = 40.0
@@ -131,6 +132,20 @@ def test_rounding_of_a_rack_far_from_its_start_is_not_searched(looks):
     low, high = peaks.ends()['transmission_error.mesh']
     assert max(-low.value, high.value) < 1e-14
     assert sum(looks) < 40 * len(motion)
+
+
+def test_a_measure_of_nothing_but_rounding_is_not_searched(monkeypatch):
+    looked, examine = [], ExtremeSearch._examine
+
+    def counted(self, functions, x):
+        looked.append(len(x.a))
+        return examine(self, functions, x)
+
+    monkeypatch.setattr(ExtremeSearch, '_examine', counted)
+    figures = {'measures': ['e = largest(transmission_error.mesh)'], 'columns': []}
+    found = ms.ensemble('rack_and_pinion', {'drive.speed': ['60 rpm']}, revolutions=20, **figures)
+    assert float(found['e'][0]) < 1e-14
+    assert sum(looked) < 1000
 
 
 @pytest.mark.network
