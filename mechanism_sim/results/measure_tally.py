@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -89,7 +89,7 @@ class FigureTally:
         # what may be steep is looked at in parts of its own, all else together
         self._steep = {f.argument: f for f in figures if f.steep}
         size = machine.mechanism.size
-        differences = {
+        differences: dict[Hashable, float] = {
             (a, self._units[a]): size
             for a in self._extreme
             if (known := quantities.get(a)) and known.difference
