@@ -20,6 +20,7 @@ from mechanism_sim.planar.kinematics import Kinematics
 _STEP, _SHORTEST = 0.05, 1e-9  # of the arc: radians, or sizes of the mechanism
 _TURNS = 0.2  # [rad] by which the direction of the curve may change in a step
 _NEWTON, _FITS = 12, 1e-13
+_ROUNDED = 4.0 * 2.0**-52  # no other derivatives after a correction as small
 _MOST = 20_000  # steps to one side
 _STILL = 1e-9  # rate of the drive along the arc: less is none
 
@@ -107,21 +108,20 @@ def _walked(kinematics: Kinematics, q: Array, reach: float) -> tuple[Array, Arra
     The step is zero where the curve goes no farther.
     """
     drive, way, step = kinematics.held[0], math.copysign(1.0, reach), _STEP
-    slope, place, start = _tangent(kinematics, q), q, float(q[drive])
+    place, start = q, float(q[drive])
+    slope = _tangent(kinematics, kinematics.closure(q[:, None])[1])
     if abs(slope[drive]) < _STILL:
         return q, slope, 0.0
     slope *= way * math.copysign(1.0, slope[drive])
     for _ in range(_MOST):
-        ahead = _corrected(kinematics, place, slope, step)
-        turned = None if ahead is None else _tangent(kinematics, ahead)
-        if turned is not None:
-            turned *= math.copysign(1.0, float(turned @ slope))
-        if ahead is None or turned is None or float(turned @ slope) < math.cos(_TURNS):
+        found = _corrected(kinematics, place, slope, step)
+        if found is None or float(found[1] @ slope) < math.cos(_TURNS):
             if step > _SHORTEST:
                 step *= 0.5
                 continue
-            if ahead is None or turned is None:
+            if found is None:
                 return place, slope, 0.0  # no loop can be closed farther on
+        ahead, turned = found
         if way * turned[drive] <= 0.0 or way * (ahead[drive] - start) > abs(reach):
             break
         place, slope, step = ahead, turned, min(_STEP, 1.5 * step)
@@ -140,46 +140,52 @@ def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) ->
 
 def _ahead(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
     """Coordinates (n,) some way along the arc that is known to go on there."""
-    found = _corrected(kinematics, q, slope, way) if way else q
-    return q + way * slope * kinematics.scale if found is None else found
+    found = _corrected(kinematics, q, slope, way) if way else (q,)
+    return q + way * slope * kinematics.scale if found is None else found[0]
 
 
 def _rate(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
     """Direction (n,) of the curve there."""
-    here = _tangent(kinematics, _ahead(kinematics, q, slope, way))
+    place = _ahead(kinematics, q, slope, way)
+    here = _tangent(kinematics, kinematics.closure(place[:, None])[1])
     return here * math.copysign(1.0, float(here @ slope))
 
 
-def _jacobian(kinematics: Kinematics, q: Array) -> tuple[Array, Array]:
-    """Residuals (r,) and derivatives (r, n) of the closures, free of units."""
-    off, J = kinematics.closure(q[:, None])
-    size = kinematics.mechanism.size
-    return off[0] / size, J[0] * kinematics.scale / size
+def _tangent(kinematics: Kinematics, J: Array) -> Array:
+    """Direction (n,), of length one and free of units, of the curve of closed loops.
 
-
-def _tangent(kinematics: Kinematics, q: Array) -> Array:
-    """Direction (n,), of length one, of the curve of closed loops at q (n,), free of units."""
-    _, J = _jacobian(kinematics, q)
-    if not len(J):
+    J (1, r, n) are the derivatives of the closures [m].
+    """
+    if not J.shape[1]:
         return np.ones(1)
-    return np.asarray(np.linalg.svd(J)[2][-1])
+    return np.asarray(np.linalg.svd(J[0] * kinematics.scale / kinematics.mechanism.size)[2][-1])
 
 
-def _corrected(kinematics: Kinematics, q: Array, slope: Array, step: float) -> Array | None:
-    """Coordinates (n,) with closed loops, a step along the tangent; None where there are none."""
-    scale = kinematics.scale
+def _corrected(
+    kinematics: Kinematics, q: Array, slope: Array, step: float
+) -> tuple[Array, Array] | None:
+    """Coordinates (n,) with closed loops, a step along the tangent, and the direction there.
+
+    None where there are none. The direction (n,) is the one that goes on as `slope`.
+    """
+    scale, size = kinematics.scale, kinematics.mechanism.size
     place = q + step * slope * scale
+    closure = kinematics.closure(place[:, None])
     for _ in range(_NEWTON):
-        off, J = _jacobian(kinematics, place)
+        off, J = closure[0][0] / size, closure[1][0] * scale / size
         if not (np.isfinite(off).all() and np.isfinite(J).all()):
             return None
         along = float(slope @ ((place - q) / scale)) - step
         change = np.linalg.lstsq(np.vstack([J, slope]), -np.append(off, along), rcond=1e-13)[0]
         place = place + change * scale
-        if np.abs(change).max() > 0.5:
+        most, size_here = np.abs(change).max(), 1.0 + np.abs(place / scale).max()
+        if most > 0.5:
             return None
-        if np.abs(change).max() <= _FITS * (1.0 + np.abs(place / scale).max()):
-            closed = kinematics.open_beyond_rounding(place[:, None], 8.0)[0] == 0.0
-            return place if closed else None
-    closed = kinematics.open_beyond_rounding(place[:, None], 8.0)[0] == 0.0
-    return place if closed else None
+        if most > _ROUNDED * size_here:  # less is rounding, as on a straight curve
+            closure = kinematics.closure(place[:, None])
+        if most <= _FITS * size_here:
+            break
+    if kinematics.open_beyond_rounding(place[:, None], 8.0, closure=closure)[0]:
+        return None
+    turned = _tangent(kinematics, closure[1])
+    return place, turned * math.copysign(1.0, float(turned @ slope))

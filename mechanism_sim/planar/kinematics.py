@@ -169,7 +169,11 @@ class Kinematics:
         return q, self.open_beyond_rounding(q, targets=targets)
 
     def open_beyond_rounding(
-        self, q: Array, times: float = 1.0, targets: Array | None = None
+        self,
+        q: Array,
+        times: float = 1.0,
+        targets: Array | None = None,
+        closure: tuple[Array, Array] | None = None,
     ) -> Array:
         """How far the closures are open (N,) [m] at (n, N); zero for those open by rounding only.
 
@@ -181,8 +185,9 @@ class Kinematics:
         ----------
         times : the rounding of its terms is allowed
         targets : as in `positions`
+        closure : residual and Jacobian there, if they are known
         """
-        off, J = self.closure(q)
+        off, J = closure or self.closure(q)
         off = np.abs(off if targets is None else off - targets)
         terms = self.mechanism.reach + np.einsum('krn,nk->kr', np.abs(J), np.abs(q))
         return np.asarray(
