@@ -83,6 +83,14 @@ def compiled_kernels() -> Iterator[Callable[[], None]]:
         k.run = before.get(k, k.function)
 
 
+@pytest.fixture
+def kernels_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels are functions of Python, whatever was compiled before: these can be replaced."""
+    monkeypatch.setattr(kernels, '_spent', -math.inf)
+    for k in kernels._KERNELS:
+        monkeypatch.setattr(k, 'run', k.function)
+
+
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 
 
