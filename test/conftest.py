@@ -84,7 +84,7 @@ def compiled_kernels() -> Iterator[Callable[[], None]]:
 
 
 @pytest.fixture
-def kernels_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def plain_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels are functions of Python, whatever was compiled before: these can be replaced."""
     monkeypatch.setattr(kernels, '_spent', -math.inf)
     for k in kernels._KERNELS:

@@ -20,7 +20,6 @@ from mechanism_sim.engine.contact.problem import (
 )
 from mechanism_sim.engine.contact.respond import write_flags
 from mechanism_sim.engine.events import Mode
-from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import BACKWARD, FORWARD, OPEN, STICK
 
 LIMITS = Limits(touching=1e-15, tie=1e-12, bare=1e-12, still=1e-11, allowed=1e-12, resolved=1e-14)
@@ -359,11 +358,9 @@ def test_modes_become_flags():
     assert np.isnan(flags.reshape(4, 6)[:, 3]).all()
 
 
-def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch, compiled_kernels):
+@pytest.mark.usefixtures('plain_kernels')
+def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(compiled_kernels):
     scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
-    monkeypatch.setattr(kernels, '_spent', -math.inf)  # none is compiled by itself
-    for k in kernels._KERNELS:
-        monkeypatch.setattr(k, 'run', k.function)
     plain = ms.simulate(scene, revolutions=5.0)
     assert len(plain.impacts) > 150
     compiled_kernels()
@@ -372,7 +369,8 @@ def test_a_long_run_has_the_same_bits_when_its_kernels_are_compiled(monkeypatch,
 
 
 @pytest.mark.slow
-def test_runs_have_the_same_bits_when_kernels_are_compiled(monkeypatch, compiled_kernels):
+@pytest.mark.usefixtures('plain_kernels')
+def test_runs_have_the_same_bits_when_kernels_are_compiled(compiled_kernels):
     """With friction, and with more gaps without: stick, slip, rest and release."""
     two, joints = ('crank_coupler', 'coupler_rocker'), ('ground_crank', 'rocker_ground')
     scenes = [
@@ -382,9 +380,6 @@ def test_runs_have_the_same_bits_when_kernels_are_compiled(monkeypatch, compiled
         })
         for loose, mu in ((two, 0.2), ((*two, *joints), 0.0))
     ]  # fmt: skip
-    monkeypatch.setattr(kernels, '_spent', -math.inf)  # none is compiled by itself
-    for k in kernels._KERNELS:
-        monkeypatch.setattr(k, 'run', k.function)
     plain = [ms.simulate(scene, revolutions=0.5) for scene in scenes]
     assert min(len(run.impacts) for run in plain) > 20
     compiled_kernels()
@@ -392,6 +387,7 @@ def test_runs_have_the_same_bits_when_kernels_are_compiled(monkeypatch, compiled
         assert ms.simulate(scene, revolutions=0.5).digest() == run.digest()
 
 
+@pytest.mark.usefixtures('plain_kernels')
 def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
     """After every event, contacts that begin to slide among them."""
     clearance = {'radial': '0.2 mm', 'restitution': 0.5, 'friction': 0.1}
@@ -399,9 +395,6 @@ def test_the_equations_are_told_the_modes_that_hold(monkeypatch):
     machine = ms.load_scene(
         'four_bar_clearance', {f'joints.{joint}.clearance': clearance for joint in joints}
     )
-    monkeypatch.setattr(kernels, '_spent', -math.inf)
-    for k in kernels._KERNELS:  # compiled ones call each other unseen
-        monkeypatch.setattr(k, 'run', k.function)
     run, system = machine.start(), machine.equations.system
     now = respond.come_to_rest
     seen = []

@@ -12,17 +12,8 @@ from mechanism_sim.engine import event_stages, step_rows
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.step_rows import end_of, stays
-from mechanism_sim.numerics import kernels
 
 SLOW = pytest.mark.slow
-
-
-@pytest.fixture
-def plain(monkeypatch):
-    """Kernels run as they are until somebody compiles them."""
-    monkeypatch.setattr(kernels, '_spent', -math.inf)
-    for k in kernels._KERNELS:
-        monkeypatch.setattr(k, 'run', k.function)
 
 
 def test_no_root_of_a_polynomial_is_passed_over():
@@ -68,7 +59,7 @@ def test_what_begins_near_a_root_must_not_end_near_one():
     assert stays(jets, 0, shut, np.zeros(1), 1.0, scaled)
 
 
-@pytest.mark.usefixtures('plain')
+@pytest.mark.usefixtures('plain_kernels')
 @pytest.mark.parametrize(
     'scene', ['four_bar_governed', 'gear_four_bar', pytest.param('watched_compressor', marks=SLOW)]
 )
@@ -93,7 +84,7 @@ def test_rows_have_the_bits_of_steps_one_by_one(scene, compiled_kernels, monkeyp
     assert ms.simulate(machine, **long).digest() == one_by_one.digest()
 
 
-@pytest.mark.usefixtures('plain')
+@pytest.mark.usefixtures('plain_kernels')
 def test_an_event_is_one_call(compiled_kernels, monkeypatch):
     """Once the functions of the state are known, Python evaluates none of them."""
     scene = ms.load_scene('four_bar_clearance', {'start': 'centred'})
@@ -106,7 +97,7 @@ def test_an_event_is_one_call(compiled_kernels, monkeypatch):
     assert respond.resolve.codes
 
 
-@pytest.mark.usefixtures('plain')
+@pytest.mark.usefixtures('plain_kernels')
 def test_a_run_may_go_on_in_machine_code_anywhere(compiled_kernels):
     """Steps that Python took fill several blocks of memory before the first row."""
     machine = ms.load_scene('four_bar_clearance', {'start': 'centred'})

@@ -100,7 +100,7 @@ def test_every_scene_of_the_grid_can_be_written(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures('kernels_as_they_are')
+@pytest.mark.usefixtures('plain_kernels')
 def test_a_jam_that_is_none_is_not_confirmed(monkeypatch):
     """The run is told that nothing keeps the contact; the second route finds what does."""
     machine = ms.load_scene('four_bar_clearance', {
