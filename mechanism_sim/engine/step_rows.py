@@ -32,10 +32,10 @@ TAU, LIMIT, LONGEST, QUICKEST, STRIDE, LENGTH, LARGEST = range(7)
 fastest stabilisation [1/s]; stride before singular positions [s]; then what heyoka gives: length
 of the step [s], largest magnitude in the state."""
 
-STEP, OUT, FIRST, MOST, WIDTH, SIZE, TIMED, NEAR, STABILISATION = range(9)
+STEP, OUT, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(8)
 """Whole numbers of a row: addresses of heyoka's functions; row of the first step; steps at most;
-states that are kept, and all of them; whether equations contain the time; the state that watches
-singular positions, or -1; index of the stabilisation."""
+states that are kept, and all of them; the state that watches singular positions, or -1; index of
+the stabilisation."""
 
 _SAVED = 2e-6
 """[s] of a step in Python: what a call of machine code saves."""
@@ -121,8 +121,7 @@ def take_row(row: RowArrays) -> int:
     near = whole[NEAR]
     for k in range(whole[MOST]):
         tau = reals[TAU]
-        if whole[TIMED]:
-            time[0] = tau
+        time[0] = tau
         reals[LENGTH] = reals[LONGEST]
         call_code(whole[STEP], jets, state, parameters, time, reals[LENGTH:], reals[LARGEST:])
         h = reals[LENGTH]
@@ -208,11 +207,11 @@ class StepRows:
         width, order, guards = system.width, ta.order + 1, len(system.guards)
         near = width + 1 + guards if system.relations else -1
         whole = np.array([
-            *self._code.addresses, 0, 0, width, ta.dim, system.timed, near,
-            system.parameters.stabilisation,
+            *self._code.addresses, 0, 0, width, ta.dim, near, system.parameters.stabilisation,
         ])  # fmt: skip
         closed = system.parameters.closed
-        shut = np.array([closed[g.gap] if not g.friction else -1 for g in system.guards])
+        own = (g.gap >= 0 and not g.friction for g in system.guards)
+        shut = np.array([closed[g.gap] if x else -1 for g, x in zip(system.guards, own)])
         jets, scaled = np.zeros((ta.dim + guards, order)), np.zeros(order)
         self._whole: memoryview[int] = memoryview(cast(Any, whole))
         self._now = floats(self._reals)

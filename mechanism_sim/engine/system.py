@@ -253,11 +253,6 @@ class System:
         angles = [c for c in self.prescribed if c not in self.mechanism.displacements]
         return tuple(angles) if self.degree == 1 and self.lone else ()
 
-    @cached_property
-    def timed(self) -> bool:
-        """True if the integrator's equations contain the time."""
-        return (bool(self.prescribed) and not self.turning) or 'time' in self.outside
-
     @property
     def _direction_symbols(self) -> list[tuple[hy.expression, hy.expression]]:
         turning = range(len(self.turning))

@@ -106,7 +106,7 @@ class TaylorSteps:
             return tau, h if self._check is None else self._checked(tau, h, self._check)
         slots, lengths, since = output.slots, output.lengths, self._laws.since
         coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
-        lone, timed = self._system.lone, self._system.timed
+        lone = self._system.lone
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
         singular = near is not _UNWATCHED
         begun, stop = len(lengths), min(limit, self._laws.next_base)
@@ -119,8 +119,7 @@ class TaylorSteps:
                 count = len(lengths)
                 if count == row:
                     break
-            if timed:
-                ta.time = tau
+            ta.time = tau
             h = step(reach, True)[1]
             end, guard = tau + h, pars[fired]
             if (
