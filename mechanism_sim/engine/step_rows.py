@@ -210,8 +210,9 @@ class StepRows:
             *self._code.addresses, 0, 0, width, ta.dim, near, system.parameters.stabilisation,
         ])  # fmt: skip
         closed = system.parameters.closed
-        own = (g.gap >= 0 and not g.friction for g in system.guards)
-        shut = np.array([closed[g.gap] if x else -1 for g, x in zip(system.guards, own)])
+        shut = np.array([
+            closed[g.gap] if g.gap >= 0 and not g.friction else -1 for g in system.guards
+        ])  # fmt: skip
         jets, scaled = np.zeros((ta.dim + guards, order)), np.zeros(order)
         self._whole: memoryview[int] = memoryview(cast(Any, whole))
         self._now = floats(self._reals)

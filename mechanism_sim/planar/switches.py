@@ -235,8 +235,8 @@ class SwitchTable:
     def _outside(self, place: float) -> RunError:
         first, last = self._breaks[[0, -1]]
         return RunError(
-            f'{self.name} is beyond its law, which is defined from {first:.6g} to {last:.6g} m only, '
-            f'at {place:.6g} m'
+            f'{self.name} is beyond its law, which is defined from {first:.6g} to {last:.6g} m '
+            f'only, at {place:.6g} m'
         )
 
     def values(self, row: int) -> list[float]:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.engine import event_stages, step_rows
@@ -113,3 +114,31 @@ def test_a_run_may_go_on_in_machine_code_anywhere(compiled_kernels):
         digest.add(motion, impacts)
         digests.append(digest.hexdigest())
     assert digests[0] == digests[1]
+
+
+REACHING = """
+links:
+  ground: {}
+  arm: {length: 50 mm, mass: 1 kg, inertia: 0.001}
+  block: {mass: 1 kg, inertia: 0.001}
+  bob: {length: 0.1 m, mass: 0.5 kg, cog: 50 mm, inertia: 0.001}
+joints:
+  pivot: {revolute: [ground, arm]}
+  guide: {prismatic: [arm, block]}
+  pin: {revolute: [block, bob], clearance: {radial: 1 mm, restitution: 0.5}}
+drives: {arm: {speed: 3 rad/s}, block: {speed: 0.5 m/s}}
+gravity: [0, -9.81]
+start: centred
+"""
+
+
+@pytest.mark.usefixtures('plain_kernels')
+def test_rows_know_the_time_and_guards_that_are_of_no_gap(compiled_kernels):
+    """A displacement in time beside an angle by its directions; a slot entered and left."""
+    rack = ms.load_scene('linear_intermittent', {'drive': {'torque': '1 N m'}})
+    runs = [(made(REACHING), 0.3), (rack, 0.1)]
+    plain = [ms.simulate(machine, duration=t) for machine, t in runs]
+    assert len(plain[0].impacts) > 10
+    compiled_kernels()
+    for (machine, t), run in zip(runs, plain, strict=True):
+        assert ms.simulate(machine, duration=t).digest() == run.digest()
