@@ -49,6 +49,8 @@ _MARGIN, _WEIGHT = 0.01, 10.0
 """Of the transmission angle [rad] beyond its limit, and of its cosine beside distances."""
 _LONGEST, _FARTHEST = 12.0, 3.0
 """Of lengths in cranks, or cranks in lengths; of the point in couplers."""
+_LEAST_TURN = 0.3
+"""[rad] of the crank along a path; pieces that are found begin with half a radian or more."""
 _STEP = 1e-6
 """Of central differences: the third root of the rounding."""
 
@@ -253,8 +255,8 @@ class _Fit:
 
     def rest(self, x: Array) -> Array:
         """Distances that are left, as real numbers; large where nothing can be assembled."""
-        off = self.linear(x)[2]
-        both = np.concatenate([off.real, off.imag, self.beyond(self.unpack(x)[0])])
+        off, (shape, angles) = self.linear(x)[2], self.unpack(x)
+        both = np.concatenate([off.real, off.imag, self.beyond(shape), [self.short(angles)]])
         none = np.zeros(max(0, len(x) - len(both)))  # MINPACK wants as many
         return np.append(np.nan_to_num(both, nan=10.0), none)
 
@@ -267,6 +269,10 @@ class _Fit:
         long = np.abs(np.log(shapes[:3])) - math.log(_LONGEST)
         every = np.concatenate([far, long, np.abs(shapes[3:]) - _FARTHEST])
         return np.asarray(np.maximum(every, 0.0))
+
+    def short(self, angles: Array) -> float:
+        """By how much the crank turns too little: a small piece of a huge curve is any arc."""
+        return float(max(0.0, _WEIGHT * (_LEAST_TURN - abs(angles[-1] - angles[0]))))
 
     def slopes(self, x: Array) -> Array:
         """Derivatives of `rest`, without those of the factor (Kaufman, BIT 15 (1975) 49-57)."""
@@ -282,8 +288,11 @@ class _Fit:
         columns -= np.outer(columns @ p.conj(), p) / (np.abs(p) ** 2).sum()
         columns *= -self.linear(x)[0]
         ends = [self.beyond(shape[:, None] + side * steps[..., 0]) for side in (1.0, -1.0)]
-        beyond = np.zeros((len(x), 7))
-        beyond[:5] = (ends[0] - ends[1]).T / (2.0 * _STEP)
+        beyond = np.zeros((len(x), 8))
+        beyond[:5, :7] = (ends[0] - ends[1]).T / (2.0 * _STEP)
+        if self.at is None and self.short(angles):
+            way = math.copysign(_WEIGHT, angles[-1] - angles[0])
+            beyond[5, 7], beyond[-1, 7] = way, -way
         both = np.nan_to_num(np.hstack([columns.real, columns.imag, beyond]).T)
         return np.vstack([both, np.zeros((max(0, len(x) - len(both)), len(x)))])
 
