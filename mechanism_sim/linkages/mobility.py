@@ -18,7 +18,7 @@ from mechanism_sim.planar.configuration import Constraints
 #: singular values of the constraints below this part of the largest count as zero
 RANK_TOLERANCE = 1e-8
 
-_PART = 1e-6  # a row's part in a dependency is either of order one or rounding
+PART = 1e-6  # a row's part in a dependency is either of order one or rounding
 
 _AWAY = 0.05  # how far a motion is followed: in radians, or in lengths of the longest link
 _NEAR = 1e-3  # how far its neighbours are looked for
@@ -81,7 +81,7 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
     lower = sum(j.equations > 1 for j in constraints.joints)
     higher = counted - 2 * lower
     free, dependent = _null_spaces(jacobian)
-    parts = np.abs(dependent).max(axis=1, initial=0.0) > _PART
+    parts = np.abs(dependent).max(axis=1, initial=0.0) > PART
     return Mobility(
         kutzbach(len(constraints.links) + 1, lower, higher),
         free.shape[1],
@@ -99,7 +99,7 @@ def involved(constraints: Constraints, poses: Array) -> dict[str, list[bool]]:
     _, dependent = _null_spaces(constraints.normalise(poses)[1])
     found: dict[str, list[bool]] = {}
     for name, parts in zip(constraints.rows, np.abs(dependent), strict=True):
-        found.setdefault(name, []).append(bool(parts.max(initial=0.0) > _PART))
+        found.setdefault(name, []).append(bool(parts.max(initial=0.0) > PART))
     return found
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
@@ -359,6 +360,36 @@ class InverseDynamics:
         none = np.zeros((len(self._rubs), q.shape[1]))
         supplied: Array = self._functions[0](np.concatenate([q, v, a, outside, none]), rows)[0]
         return supplied
+
+    def self_stresses(self, q: Array, rank: float) -> Array:
+        """Forces x, y [N] and moments [N m] (k, j, 3) that joints may have without any load.
+
+        One set for each closure that follows from others, the largest about one; beside forces
+        between teeth those in the bearings of the wheels, of which a closure of angles says
+        nothing.
+
+        Parameters
+        ----------
+        q : (n,) the position
+        rank : of the largest singular value, below which closures are dependent
+        """
+        first, second = self._functions
+        n, closures = len(q), len(self.equations.relation_jets)
+        motion = np.zeros((3 * n + len(self.outside) + len(self._rubs), 1))
+        motion[:n, 0] = q
+        transposed = self._matrix(first(motion)[1], 1)[0, :, :closures]
+        slides = [c in self.mechanism.displacements for c in self.mechanism.coordinates]
+        transposed *= np.where(slides, self.mechanism.size, 1.0)[:, None]
+        null = scipy.linalg.null_space(transposed, rcond=rank)
+        count = null.shape[1]
+        sizes = np.zeros((len(self.unknowns.sizes), 1 + count))
+        unknown = np.hstack([np.zeros((closures, 1)), null])
+        every = np.concatenate([np.tile(motion, (1, 1 + count)), unknown, sizes])
+        forces, moments, *_ = second(every)
+        found = np.concatenate([forces.reshape(-1, 2, 1 + count), moments[:, None]], axis=1)
+        found = (found[..., 1:] - found[..., :1]).transpose(2, 0, 1)
+        weights = np.array([1.0, 1.0, 1.0 / self.mechanism.size])
+        return found / np.maximum(np.abs(found * weights).max(axis=(1, 2), keepdims=True), 1e-300)
 
     def work_of_unknowns(
         self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None

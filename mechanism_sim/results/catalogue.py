@@ -109,7 +109,8 @@ class Catalogue(Mapping[str, Quantity]):
             )
         kinds = dict.fromkeys(q.kind for q in self._known.values())
         kind, _, joint = name.partition('.')
-        if kind == 'reaction' and joint.partition('.')[0] in machine.physics.undetermined:
+        forces = 'reaction', 'tooth_force', 'bearing_force'
+        if kind in forces and joint.partition('.')[0] in machine.physics.undetermined:
             return InputError(f"{machine.name}: '{name}': {machine.nominal.undetermined_text}")
         bare = (known.removesuffix('.size') for known in self._known)
         short = [*self._known, *bare, *kinds]

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.linkages.drive_range import DriveRange, drive_range
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
-from mechanism_sim.linkages.mobility import involved
+from mechanism_sim.linkages.mobility import PART, RANK_TOLERANCE, involved
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import Constraints, poses
@@ -110,7 +111,25 @@ class Nominal:
                 parts = _PARTS.get(type(ideal.joint(joint)), (('x', 'y', 'moment'),) * len(rows))
                 named = (part for row, part in zip(rows, parts, strict=True) if row)
                 found[joint] = found.get(joint, frozenset()).union(*named)
+            if any(isinstance(ideal.joint(j), HigherPair) for j, parts in found.items() if parts):
+                for joint, more in self._carried(q, soft).items():
+                    found[joint] = found.get(joint, frozenset()) | more
         return {joint: parts for joint, parts in found.items() if parts}
+
+    def _carried(self, q: Array, soft: Collection[str]) -> dict[str, frozenset[str]]:
+        """Parts of forces in joints that go with those of redundant higher pairs, at q (n,)."""
+        stresses = self.inverse_dynamics.self_stresses(q, RANK_TOLERANCE)
+        names = [joint.name for joint in self.plan.ideal.joints]
+        given = stresses[:, [name in soft for name in names]].reshape(len(stresses), -1)
+        if given.any():  # only such as leave alone what gives way
+            firm = scipy.linalg.null_space(given.T, rcond=RANK_TOLERANCE)
+            stresses = np.einsum('ks,kjc->sjc', firm, stresses)
+        weights = np.array([1.0, 1.0, 1.0 / self.plan.ideal.size])
+        open_ = (np.abs(stresses * weights) > PART).any(axis=0)
+        return {
+            name: frozenset(np.array(['x', 'y', 'moment'])[parts].tolist())
+            for name, parts in zip(names, open_, strict=True)
+        }
 
     @cached_property
     def drive_range(self) -> DriveRange | None:

@@ -34,14 +34,22 @@ def of_shafts(machine: Machine) -> Iterator[Quantity]:
 
     ``tooth_force.JOINT.LINK.tangential``, counterclockwise about the link's shaft, ``.radial``,
     towards it, and ``.axial``; ``bearing_force.SHAFT.BEARING.x``, ``.y``, ``.size`` of each
-    bearing on the shaft, across it, and ``.axial`` of the one that locates it.
+    bearing on the shaft, across it, and ``.axial`` of the one that locates it. What redundant
+    constraints leave open is left out.
     """
     if not machine.physics.has_forces:
         return
+    open_, shared = machine.physics.undetermined, set[str]()
     for joint in machine.mechanism.joints:
         for i, link in enumerate(joint.toothed if isinstance(joint, HigherPair) else ()):
-            yield from _on_shaft(joint.name, i, link)
+            if joint.name in open_:
+                shared.add(link)
+            else:
+                yield from _on_shaft(joint.name, i, link)
     for shaft, names in shafts_of(machine).items():
+        joint = machine.mechanism.joint(shaft)
+        if shaft in open_ or {joint.first, joint.second} & shared:
+            continue
         for i, bearing in enumerate(names):
             yield from _of_bearing(shaft, i, bearing)
             if bearing == _locating(machine, shaft):

@@ -259,7 +259,14 @@ def test_two_planets_fit_only_where_their_teeth_find_spaces():
     # 24 + 72 teeth: the angle must be a multiple of 360/96 deg
     machine = loaded('planetary', scene(2.0 * math.pi / 3.0))
     teeth = {'reaction.sun_planet', 'reaction.other_ring', 'reaction.sun_other'}
-    assert teeth <= {*machine.nominal.undetermined_names}
+    pins = {'reaction.planet_pin', 'reaction.other_pin', 'reaction.sun_shaft'}
+    assert teeth | pins <= {*machine.nominal.undetermined_names}
+    run = ms.simulate(machine, duration=0.01)
+    every = run.sample(np.linspace(0.0, 0.01, 5), *run.catalogue)
+    assert not [name for name in every if name.startswith(('reaction.', 'tooth_force.'))]
+    assert all(np.isfinite(column).all() for column in every.values())
+    with pytest.raises(InputError, match='not determined, for 1 of the closure equations'):
+        run.sample(0.0, 'tooth_force.sun_planet.sun.radial')
     assert loaded('planetary', scene(math.radians(75.0)) | {'outputs.forces': False})
     with pytest.raises(InputError, match=r'cannot be assembled: .* 0\.4 pitches off'):
         loaded('planetary', scene(math.radians(76.5)))
