@@ -389,7 +389,8 @@ class InverseDynamics:
         found = np.concatenate([forces.reshape(-1, 2, 1 + count), moments[:, None]], axis=1)
         found = (found[..., 1:] - found[..., :1]).transpose(2, 0, 1)
         weights = np.array([1.0, 1.0, 1.0 / self.mechanism.size])
-        return found / np.maximum(np.abs(found * weights).max(axis=(1, 2), keepdims=True), 1e-300)
+        largest = np.abs(found * weights).max(axis=(1, 2), keepdims=True)
+        return np.asarray(found / np.maximum(largest, 1e-300))
 
     def work_of_unknowns(
         self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
