@@ -157,7 +157,7 @@ class PiecewisePolynomial:
             scaled = self.coefficients[segment, :, derivative:] * widths[:, None]
             values = scaled @ dt.derivative(derivative, count)
             return values.transpose(1, 0, 2).reshape(n, -1).T
-        falling = [float(math.perm(j, derivative)) for j in range(derivative, count)]
+        falling = np.array([float(math.perm(j, derivative)) for j in range(derivative, count)])
         out = np.zeros((n, *dt.shape))
         # coefficients are gathered for as many instants as fit in the cache: ten times as fast
         block = max(1, _GATHERED * len(dt) // max(1, dt.size))
@@ -165,11 +165,14 @@ class PiecewisePolynomial:
             some = slice(first, first + block)
             chosen = self.coefficients[segment[some], :, derivative:].transpose(2, 1, 0)
             rows = np.ascontiguousarray(chosen)
+            if derivative:
+                rows *= falling[:, None, None]
             if dt.ndim == 2:
                 rows = rows[..., None]
-            for row, factor in zip(rows[::-1], falling[::-1], strict=True):
-                out[:, some] *= dt[some]
-                out[:, some] += factor * row
+            values, by = out[:, some], dt[some]
+            for row in rows[::-1]:
+                values *= by
+                values += row
         return out.reshape(n, -1).T
 
     def at_nodes(self, segment: NDArray[np.intp], nodes: Nodes) -> tuple[Array, Array]:
