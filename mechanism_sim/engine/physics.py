@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.crossings import Crossings
 from mechanism_sim.engine.dense_output import Motion, instants
 from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
-from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.protocols import EndGap
@@ -218,7 +218,7 @@ class DynamicPhysics:
         torque = np.zeros((0, q.shape[1]))
         if powered:
             constant, per_angle, per_speed = motion.torques_at(segments, dt).transpose(1, 0, 2)
-            angle = curve.at(segments, dt).T[powered]
+            angle = q[powered] + TWO_PI * curve.turns_at(segments, dt).T[powered]
             torque = constant + per_angle * angle + per_speed * v[powered]
         none = np.zeros((len(driven), q.shape[1]))
         return Instants(
