@@ -217,6 +217,6 @@ def _finding_chart(finding: Finding, title: str) -> Chart:
         )  # fmt: skip
     wanted = finding.wanted
     marks = () if wanted is None else (Mark(scale * wanted, 'wanted', level=True),)
-    axis = Axis(key.path, key.unit or 'SI', log=key.logarithmic)
+    axis = Axis(key.path, key.unit or key.si, log=key.logarithmic)
     panel = Panel(axis, Axis(finding.goal.name, unit), tuple(curves), marks=marks)
     return Chart('find', title, (panel,))

@@ -68,6 +68,33 @@ def facts_of(field: FieldInfo) -> Facts:
     )
 
 
+def unit_at(scene: Part, path: str) -> str:
+    """SI unit of the number at a dotted path of a scene.
+
+    Empty for a plain one, and where the place decides which of several it is in.
+    """
+    value: Any = scene
+    units: tuple[str, ...] = ()
+    for name in path.split('.'):
+        if isinstance(value, Part):
+            keys = {field.alias or key: key for key, field in type(value).model_fields.items()}
+            key = keys.get(name, name)
+            if key not in type(value).model_fields:
+                return ''
+            known = facts_of(type(value).model_fields[key]).quantities
+            units = tuple(dict.fromkeys(unit for note in known for unit in note.units))
+            value = getattr(value, key)
+        elif isinstance(value, Mapping):
+            value = value.get(name)
+        elif isinstance(value, list | tuple) and name.isdecimal() and int(name) < len(value):
+            value = value[int(name)]
+        else:
+            return ''
+    if isinstance(value, QuantityValue) and value.unit:
+        return value.unit
+    return units[0] if len(units) == 1 else ''
+
+
 def _range(bounds: Mapping[str, str]) -> list[str]:
     """Bounds in words."""
     if bounds.keys() == {'>=', '<='}:

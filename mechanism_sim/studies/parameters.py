@@ -11,6 +11,7 @@ from typing import Any
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.facts import unit_at
 from mechanism_sim.scene.files import COMPONENTS, check_scene
 
 OF_JOINT = ('restitution', 'friction', 'radial')
@@ -36,6 +37,7 @@ class Parameter:
     low, high : limits within which it is looked for, in SI units
     choices : the values of one that takes no others, in their order; its limits are 0 and 1
     unit, scale : in which its limits are written, and the size of 1 in SI units in it
+    si : its SI unit
     """
 
     name: str
@@ -45,6 +47,7 @@ class Parameter:
     choices: tuple[Any, ...] = ()
     unit: str = ''
     scale: float = 1.0
+    si: str = ''
 
     @property
     def logarithmic(self) -> bool:
@@ -99,8 +102,9 @@ def parameters(
     found = []
     for name in names:
         path = _path(machine, name, sensor, joint)
+        si = unit_at(machine.scene, path)
         if name in given and (choices := _choices(machine, content, path, given[name])):
-            found.append(Parameter(name, path, 0.0, 1.0, choices))
+            found.append(Parameter(name, path, 0.0, 1.0, choices, si=si))
             continue
         if name in given:
             low, high = (_read(machine, content, path, text) for text in given[name])
@@ -115,7 +119,8 @@ def parameters(
             )
         written: Any = given.get(name, (low, high))
         check_order(f'the limits of {name},', low, high, written)
-        found.append(Parameter(name, path, low, high, (), *_written(written[::-1], (high, low))))
+        unit, scale = _written(written[::-1], (high, low))
+        found.append(Parameter(name, path, low, high, (), unit, scale, si))
     return tuple(found)
 
 

@@ -23,6 +23,7 @@ from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, Source, span
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.facts import unit_at
 from mechanism_sim.scene.files import (
     SceneContent,
     check_scene,
@@ -156,7 +157,7 @@ class SweepPlan:
     def labels(self) -> list[Column]:
         """The columns ``run`` and those of the swept values, a value for each run.
 
-        The unit of a number that is written without one is ``SI``.
+        The unit of a number that is written without one is that of its key.
         """
         columns = [Column('run', [run.index for run in self.runs])]
         for name in self.columns:
@@ -164,7 +165,7 @@ class SweepPlan:
             kinds = {type(v) for v in values if v is not None}
             if len(kinds) != 1:  # several, or none
                 kinds, values = {str}, [None if v is None else str(v) for v in values]
-            unit = self.units.get(name, 'SI') if kinds == {float} else ''
+            unit = self.units.get(name, '') if kinds == {float} else ''
             columns.append(Column(name, values, unit))
         return columns
 
@@ -324,15 +325,16 @@ def _limits(file: str, sweep: SweepFile, own: Mapping[str, ResultColumn]) -> dic
 
 
 def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
-    """Units of swept values as they are written: those on which all runs agree."""
+    """SI units of swept values as they are written, else of their keys, if all runs agree."""
     found: dict[str, str] = {}
     for column in columns:
         units = set()
         for run in runs:
             try:
-                units.add(to_si_text(run.given.get(column)).unit)
+                unit = to_si_text(run.given.get(column)).unit
             except ValueError:
-                units.add('')
+                unit = ''
+            units.add(unit or unit_at(run.scene, column))
         if len(units) == 1 and (unit := units.pop()):
             found[column] = unit
     return found

@@ -165,7 +165,7 @@ class Trials:
         """A table of what was tried, in its order."""
         rows = [self._rows.rows[key] for key in self.tried]
         columns = [
-            Column(p.path, [values[p.path] for values in self.tried.values()], 'SI')
+            Column(p.path, [values[p.path] for values in self.tried.values()], p.si)
             for p in self.parameters
         ]
         seen = {}

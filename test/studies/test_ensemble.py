@@ -8,6 +8,7 @@ from four_bars import RADIAL
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.scene.facts import unit_at
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import compute
@@ -155,3 +156,15 @@ def test_rows_do_not_depend_on_those_before_them(table):
     alone = ms.ensemble(SCENE, last, **EXTENT)  # in memory that runs of both machines have left
     assert alone['digest'][0] == table['digest'][2]
     assert alone['largest_force'][0] == table['largest_force'][2]
+
+
+def test_numbers_without_a_unit_have_that_of_their_key():
+    """Also where the scene does not give the key, or its unit depends on what it belongs to."""
+    machine = ms.load_scene('planetary')
+    units = {
+        'links.sun.mass': 'kg', 'gears.sun.module': 'm', 'gears.sun.teeth': '', 'gravity.1': 'm/s^2',
+        'drive.speed': 'rad/s', 'drive.start_angle': 'rad', 'links.carrier.cog': 'm', 'links.no': '',
+    }  # fmt: skip
+    assert {path: unit_at(machine.scene, path) for path in units} == units
+    table = ms.ensemble('pendulum', {'links.bar.mass': [1.0, 1.5]}, duration=0.1, columns=())
+    assert table.units['links.bar.mass'] == 'kg'
