@@ -162,8 +162,9 @@ def test_numbers_without_a_unit_have_that_of_their_key():
     """Also where the scene does not give the key, or its unit depends on what it belongs to."""
     machine = ms.load_scene('planetary')
     units = {
-        'links.sun.mass': 'kg', 'gears.sun.module': 'm', 'gears.sun.teeth': '', 'gravity.1': 'm/s^2',
-        'drive.speed': 'rad/s', 'drive.start_angle': 'rad', 'links.carrier.cog': 'm', 'links.no': '',
+        'links.sun.mass': 'kg', 'gears.sun.module': 'm', 'gears.sun.teeth': '',
+        'drive.speed': 'rad/s', 'drive.start_angle': 'rad', 'links.carrier.cog': 'm',
+        'gravity.1': 'm/s^2', 'links.no': '',
     }  # fmt: skip
     assert {path: unit_at(machine.scene, path) for path in units} == units
     table = ms.ensemble('pendulum', {'links.bar.mass': [1.0, 1.5]}, duration=0.1, columns=())
