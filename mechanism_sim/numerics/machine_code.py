@@ -6,11 +6,11 @@ import ctypes
 import hashlib
 import math
 import pickle
-import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, lru_cache, partial
 from importlib import import_module
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -23,7 +23,7 @@ _WORD = 8  # [B] of what is handed over
 _KINDS = {'f': np.dtype(np.float64), 'i': np.dtype(np.int64), 'b': np.dtype(np.bool_)}
 _PYTHON = {'f': float, 'i': int, 'b': bool}
 _ENTER = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)  # nobody else may run meanwhile
-_engines: list[Any] = []  # hold the code
+_held: list[Any] = []  # the code
 
 
 class Code(NamedTuple):
@@ -146,7 +146,7 @@ def _llvm() -> Any:
 
 
 def _processor() -> Any:
-    """The processor as LLVM knows it: anew for each engine, which frees it with itself."""
+    """The processor as LLVM knows it."""
     target = _llvm().Target.from_default_triple()
     name, features = _host()[1:]
     return target.create_target_machine(cpu=name, features=features, opt=2, jit=True)
@@ -164,50 +164,24 @@ class Foreign(NamedTuple):
     """Machine code that others made."""
 
     addresses: tuple[int, ...]  #: of its functions
-    engine: Any  #: holds it
+    linked: Any  #: holds it
 
 
 @lru_cache(maxsize=64)
 def foreign(code: bytes, library: str, *names: str) -> Foreign | None:
-    """Functions of an object file (ELF) by their names; None where something is not found.
+    """Functions of an object file by their names; None where something is not found.
 
     Parameters
     ----------
     library : part of the name of a loaded library in which other symbols are
     """
-    llvm = _llvm()
     with suppress(OSError, StopIteration, RuntimeError):
         with open('/proc/self/maps', encoding='utf-8') as maps:  # the sixth field is a path
             path = next(x.split(maxsplit=5)[5].strip() for x in maps if library in x)
-        llvm.load_library_permanently(path)
-        # LLVM ends the process where it misses a symbol
-        if all(llvm.address_of_symbol(x) for x in _missing(code)):
-            engine = _engine(code)
-            return Foreign(tuple(map(engine.get_function_address, names)), engine)
+        _llvm().load_library_permanently(path)
+        linked = _linked(code, *names)
+        return Foreign(tuple(linked[name] for name in names), linked)
     return None
-
-
-def _missing(code: bytes) -> list[str]:
-    """Symbols that an object file (ELF, 64 bits, little-endian) takes from elsewhere."""
-    if code[:6] != b'\x7fELF\x02\x01':
-        raise OSError('code is not ELF of 64 bits')
-    (at,), (size, count) = struct.unpack_from('<Q', code, 40), struct.unpack_from('<HH', code, 58)
-    # of each section: name, type, flags, address, offset, size, linked section
-    sections = [struct.unpack_from('<IIQQQQI', code, at + k * size) for k in range(count)]
-    found = []
-    for _, kind, _, _, first, length, linked in sections:
-        if kind != _SYMBOLS:
-            continue
-        names = sections[linked][4]
-        for k in range(first, first + length, 24):
-            name, _, _, section = struct.unpack_from('<IBBH', code, k)
-            if name and not section:
-                begin = names + name
-                found.append(code[begin : code.index(b'\0', begin)].decode())
-    return found
-
-
-_SYMBOLS = 2  # type of a section
 
 
 def _object(text: str) -> bytes:
@@ -227,16 +201,28 @@ def _object(text: str) -> bytes:
 def _loaded(content: bytes) -> Code:
     """Code from what is kept of it: the type of the result and an object file."""
     result, code = pickle.loads(content)  # noqa: S301 - from a folder that is nobody else's
-    engine = _engine(code)
-    _engines.append(engine)
-    release = ctypes.PYFUNCTYPE(None)(engine.get_function_address('release'))
-    return Code(_ENTER(engine.get_function_address('enter')), release, result)
+    linked = _linked(code, 'enter', 'release')
+    _held.append(linked)
+    release = ctypes.PYFUNCTYPE(None)(linked['release'])
+    return Code(_ENTER(linked['enter']), release, result)
 
 
-def _engine(code: bytes) -> Any:
-    """Execution engine of an object file, linked; its code lives as long as it does."""
-    llvm = _llvm()
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(''), _processor())
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return engine
+@cache
+def _linker() -> Any:
+    """JITLink: it puts code and constants side by side, and raises what goes wrong.
+
+    RuntimeDyld maps each by itself. Where the address space has no room near by, their distance is
+    beyond 32 bits, and it ends the process.
+    """
+    return _llvm().create_lljit_compiler(use_jit_link=True, suppress_errors=True)
+
+
+_names = count()
+
+
+def _linked(code: bytes, *names: str) -> Any:
+    """Addresses of functions of an object file by their names; they live as long as it does."""
+    builder = _llvm().JITLibraryBuilder().add_object_img(code).add_current_process()
+    for name in names:
+        builder.export_symbol(name)
+    return builder.link(_linker(), f'code{next(_names)}')

@@ -184,15 +184,48 @@ def test_code_of_heyoka_is_called_by_its_address():
 
 
 def test_code_that_cannot_be_called_is_not():
-    """LLVM would end the process where a symbol is missing."""
+    """Where a symbol is missing, or it is no code for this machine."""
     head, f = 'declare void @nobody_has_this()\n', 'define void @f() {{\n {}\n ret void\n}}'
     code = machine_code._object(head + f.format('call void @nobody_has_this()'))
-    assert machine_code._missing(code) == ['nobody_has_this']
     assert machine_code.foreign(code, 'libheyoka', 'f') is None
     whole = machine_code._object(f.format(''))
     assert machine_code.foreign(whole, 'libheyoka', 'f') is not None
     assert machine_code.foreign(whole, 'no library has this name', 'f') is None
     assert machine_code.foreign(b'MZ' + whole[2:], 'libheyoka', 'f') is None
+
+
+FAR_APART = """
+import ctypes
+import heyoka as hy
+from mechanism_sim.numerics.kernels import foreign_code
+x = hy.make_vars('x')
+first, second = (
+    hy.cfunc([hy.sin(k * x)], vars=[x]).llvm_states[0].object_code for k in (1.25, 1.5)
+)
+assert foreign_code(first, 'cfunc')
+libc, size_t = ctypes.CDLL(None), ctypes.c_size_t
+libc.mmap.restype = size_t
+libc.mmap.argtypes = [size_t, size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long]
+libc.munmap.argtypes = [size_t, size_t]
+GIB, ANONYMOUS = 1 << 30, 0x4022  # private, and nothing is set aside for it
+every = libc.mmap(0, 40 * GIB, 0, ANONYMOUS, -1, 0)
+for k in (26, 22, 18, 15, 12):  # what is free above goes first
+    while (at := libc.mmap(0, 1 << k, 0, ANONYMOUS, -1, 0)) > every:
+        pass
+    libc.munmap(at, 1 << k)
+for k in range(1, 13):
+    libc.munmap(every + (40 - 3 * k) * GIB, 4096)
+print(bool(foreign_code(second, 'cfunc')))
+"""
+
+
+@pytest.mark.skipif(sys.platform != 'linux', reason='numbers of Linux')
+def test_code_and_its_constants_are_side_by_side():
+    """Where the only rooms are gigabytes from each other, as may be in a large process."""
+    done = subprocess.run(
+        [sys.executable, '-c', FAR_APART], capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.returncode) == ('True\n', 0), done.stderr
 
 
 LET_GO = """
@@ -209,7 +242,7 @@ print('still here')
 
 
 def test_code_that_is_let_go_takes_nothing_with_it():
-    """In a process of its own, which would end where LLVM frees what another engine has."""
+    """In a process of its own, which would end where LLVM frees what another has."""
     done = subprocess.run(
         [sys.executable, '-c', LET_GO], capture_output=True, text=True, check=False
     )
