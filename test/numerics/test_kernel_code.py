@@ -208,9 +208,11 @@ libc.mmap.restype = size_t
 libc.mmap.argtypes = [size_t, size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long]
 libc.munmap.argtypes = [size_t, size_t]
 GIB, ANONYMOUS = 1 << 30, 0x4022  # private, and nothing is set aside for it
+FAILED = size_t(-1).value
 every = libc.mmap(0, 40 * GIB, 0, ANONYMOUS, -1, 0)
+assert every != FAILED, 'no address space of 40 GiB'
 for k in (26, 22, 18, 15, 12):  # what is free above goes first
-    while (at := libc.mmap(0, 1 << k, 0, ANONYMOUS, -1, 0)) > every:
+    while FAILED > (at := libc.mmap(0, 1 << k, 0, ANONYMOUS, -1, 0)) > every:
         pass
     libc.munmap(at, 1 << k)
 for k in range(1, 13):
