@@ -100,6 +100,7 @@ def follow(
     width = np.maximum(_BRANCHES.width, least) / pace
     found = Branch(np.zeros(count, bool), width, np.zeros((count, len(q), _DEGREE + 1)))
     left = np.flatnonzero(np.isfinite(slope).all(axis=0) & (pace > 1e-200))
+    left = left[~_stays(kinematics, q[:, left], slope[:, left] * width[left])]
     for _ in range(_BRANCHES.halvings):
         if not left.size:
             break
@@ -114,6 +115,17 @@ def follow(
     if sure.size:
         found.found[sure] = np.isfinite(crossing(kinematics, found[sure]))
     return found
+
+
+def _stays(kinematics: Kinematics, q: Array, shift: Array) -> Mask:
+    """True where (N,) constraints are as independent a whole width on, either way: a linkage that
+    turns as one, for example.
+
+    Then no sample is better determined than the position itself, and none beyond is singular.
+    """
+    here = kinematics.independence(q)
+    beside = np.array([kinematics.independence(q + x) for x in (-shift, shift)])
+    return np.asarray(((0.5 * here < beside) & (beside < 2.0 * here)).all(axis=0))
 
 
 def crossing(kinematics: Kinematics, branch: Branch) -> Array:

@@ -23,7 +23,7 @@ SOFT = (
     (1.0, (6.0, 10.0)), (1.2, (6.0, 10.0)), (1.5, (6.5, 10.0)), (1.5, (7.0, 10.0)),
     (2.0, (8.5, 10.0)), (3.0, (11.0, 13.0)),
 )  # fmt: skip
-NOT_SEATED = ('no force presses', "or write 'start: centred'")
+NOT_SEATED = ('no force presses', "or write 'start: centred'", 'without clearance the force in')
 
 
 _WHIRLS = 1000
