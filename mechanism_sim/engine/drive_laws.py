@@ -29,6 +29,7 @@ class DriveLaws:
     ----------
     laws, coming : that hold, and that will, in the order of time
     next_base : local time [s] after which a new base is due
+    next_change : local time [s] from which the next law holds; infinite if none is to come
     since : steps since the directions were computed
     """
 
@@ -43,7 +44,7 @@ class DriveLaws:
         self.directions = directions
         self._turning = [system.prescribed.index(c) for c in system.turning]
         self.since = 0
-        self.next_base = 0.0
+        self.next_base, self.next_change = 0.0, math.inf
 
     def announce(self, law: Law, known: float) -> None:
         """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
@@ -72,6 +73,11 @@ class DriveLaws:
 
     def _enter(self, law: Law) -> None:
         insort(self.coming, law, key=lambda x: x.valid_from)
+        self._foresee()
+
+    def _foresee(self) -> None:
+        first = self.coming[0] if self.coming else None
+        self.next_change = self._present.base.local(first.valid_from) if first else math.inf
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
         """Let laws follow from sources, by coordinate, where no others are announced."""
@@ -88,11 +94,6 @@ class DriveLaws:
             following = self._sources[coordinate].after(last)
             if following:
                 self._enter(following)
-
-    @property
-    def next_change(self) -> float:
-        """Local time [s] from which the next law holds."""
-        return self._present.base.local(self.coming[0].valid_from) if self.coming else math.inf
 
     def switch(self) -> None:
         """Let the next law hold."""
@@ -130,6 +131,7 @@ class DriveLaws:
         """Set the base [s], with whole turns of the free coordinates, and the laws from there."""
         present, parameters = self._present, self._system.parameters
         present.base = base = base_at(time, self.laws, turns)
+        self._foresee()
         for index, law in zip(parameters.laws, base.laws, strict=True):
             present.set(index, (*law, *[0.0] * len(index))[: len(index)])
         for index, torque in zip(parameters.torques, base.torques, strict=True):

@@ -195,7 +195,7 @@ class EventLoop:
                     continue
                 step = self._steps.locate(tau, h)
             end = step.tau + step.h
-            if end > limit or self._laws.coming:
+            if end > min(limit, self._laws.next_change):
                 self._pending = step
                 if self._change_law(min(limit, end)):
                     limit, tau = self._present.base.local(until), 0.0

@@ -101,7 +101,7 @@ class TaylorSteps:
         if self._laws.since >= _STEPS.row:
             self._laws.turn(tau)
         longest = self.longest
-        if not self._quick or self._laws.coming or self._goes_short():
+        if not self._quick or self._goes_short():
             h = self._taken(tau, min(longest, gaps.horizon))
             return tau, h if self._check is None else self._checked(tau, h, self._check)
         slots, lengths, since = output.slots, output.lengths, self._laws.since
@@ -109,7 +109,8 @@ class TaylorSteps:
         lone = self._system.lone
         watch, near, stride = self._guard_values, self._nearness, self._singular.stride
         singular = near is not _UNWATCHED
-        begun, stop = len(lengths), min(limit, self._laws.next_base)
+        laws, begun = self._laws, len(lengths)
+        stop = min(limit, laws.next_base, laws.next_change)
         row = min(begun + _STEPS.row - since, last)
         alone, ended = 0, None
         while (count := len(lengths)) < row and not self._goes_short():
