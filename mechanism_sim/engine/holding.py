@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import heyoka as hy
 
-from mechanism_sim.numerics.symbolic import Term, add, dense
+from mechanism_sim.numerics.symbolic import Term, add, dense, substitute
 from mechanism_sim.planar.joint_friction import Pressed
 from mechanism_sim.planar.switches import Switch
 from mechanism_sim.tolerances import TOLERANCES
@@ -54,14 +54,14 @@ def acting(
     components = [dense(c) for b in bounds for p in b for c in p.components]
     every = [*rates, *components]
     none = dict.fromkeys(unknowns, hy.expression(0.0))
-    A = list(hy.subs(every, none)) if every else []
+    A = substitute(every, none)
     n = len(unknowns)
     rubs = any(T is not None for T in forces)
     if rubs:
         # flanks of teeth bear as they would without
-        slopes = [list(hy.subs([hy.diff(x, T) for T in unknowns], none)) for x in every]
+        slopes = [substitute([hy.diff(x, T) for T in unknowns], none) for x in every]
     else:  # the same of shorter expressions, whose roundings are those of long ago
-        B = [hy.subs(every, none | {x: hy.expression(1.0)}) for x in unknowns]
+        B = [substitute(every, none | {x: hy.expression(1.0)}) for x in unknowns]
         slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None

@@ -20,7 +20,7 @@ from mechanism_sim.engine.holding_parts import with_holding_parts
 from mechanism_sim.engine.runtime_parameters import symbols
 from mechanism_sim.engine.system import System
 from mechanism_sim.errors import RunError
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, substitute
 from mechanism_sim.planar.closures import IndependentRows
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.joint_friction import with_friction
@@ -148,14 +148,14 @@ class Observer:
         acts, parts = forces.acting(solved), forces.parts(solved)
         terms['part'] = [s.flag for s in forces.holding.values()]
         found = {
-            name: list(hy.subs([dense(x) for x in group], parts)) for name, group in terms.items()
+            name: substitute([dense(x) for x in group], parts) for name, group in terms.items()
         }
         return found | {'residual': acts.residual}
 
     def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
         """These terms as a function of what `_inputs` makes."""
         eq, d = self.system.equations, self.system.dynamics
-        replace: dict[str | hy.expression, hy.expression] = {}
+        replace: dict[hy.expression, hy.expression] = {}
         flags = (
             *d.flags.closed,
             *d.flags.sticks.values(),
@@ -175,9 +175,7 @@ class Observer:
         for k, side in enumerate(sides):
             replace[side] = hy.make_vars(f'side{k}')
             variables.append(replace[side])
-        groups = [self.system.run.unpulled(self._terms[name]) for name in names]
-        if replace:
-            groups = [list(hy.subs(group, replace)) for group in groups]
+        groups = [substitute(self.system.run.unpulled(self._terms[n]), replace) for n in names]
         frames = eq.frames
         state = [*frames.q.values(), *frames.v.values()]
         prescribed = [frames.a[c] for c in self.system.prescribed]

@@ -21,6 +21,7 @@ from mechanism_sim.numerics.symbolic import (
     mul,
     neg,
     solve_symmetric,
+    substitute,
 )
 
 
@@ -87,7 +88,7 @@ class PresentFunctions:
         if d.rubs:
             values = self._forces.acting(d.exact).values
             rubbed = {rub.T: values[rub.T] for rub in d.rubs}
-            terms = list(hy.subs([dense(x) for x in terms], rubbed))
+            terms = substitute([dense(x) for x in terms], rubbed)
         return self._compiled(terms)
 
     @cached_property
@@ -117,7 +118,8 @@ class PresentFunctions:
             *(p.coefficient for b in bounds for p in b),
         ]
         # flanks of teeth bear as they did before the impact
-        terms = hy.subs([dense(x) for x in terms], dict.fromkeys(impulses, hy.expression(0.0)))
+        none = dict.fromkeys(impulses, hy.expression(0.0))
+        terms = substitute([dense(x) for x in terms], none)
         sizes = [[(len(p.components), p.wall) for p in b] for b in bounds]
         return terms, sizes
 

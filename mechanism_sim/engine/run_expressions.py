@@ -12,7 +12,7 @@ from mechanism_sim.engine.dynamics import Dynamics
 from mechanism_sim.engine.runtime_parameters import lay_out, symbols
 from mechanism_sim.engine.set_valued_forces import SetValuedForces
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul
+from mechanism_sim.numerics.symbolic import Term, add, dense, mul, substitute
 
 
 class RunExpressions:
@@ -59,7 +59,7 @@ class RunExpressions:
     def acted(self, expressions: Sequence[Term]) -> list[hy.expression]:
         """The expressions with what acts of loads that hold, and of friction in ideal joints."""
         terms = [dense(x) for x in expressions]
-        return list(hy.subs(terms, parts)) if (parts := self._parts) else terms
+        return substitute(terms, self._parts)
 
     def driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
         """The expressions with the laws of the prescribed coordinates, and what loads ask for.
@@ -67,9 +67,8 @@ class RunExpressions:
         Flags of switches that hold are parameters.
         """
         frames = self.dynamics.equations.frames
-        if self.dynamics.depths:
-            expressions = hy.subs(list(expressions), self.dynamics.depths)
-        replace: dict[str | hy.expression, hy.expression] = {}
+        expressions = substitute(expressions, self.dynamics.depths)
+        replace: dict[hy.expression, hy.expression] = {}
         for name, index in zip(self.dynamics.prescribed, self.parameters.laws, strict=True):
             c = symbols(index)
             for symbol, d in ((frames.q, 0), (frames.v, 1), (frames.a, 2)):
@@ -84,7 +83,7 @@ class RunExpressions:
             replace[symbol] = hy.par[i] + hy.time if name == 'time' else hy.par[i]
         for k, (state, y) in enumerate(zip(self.dynamics.states, self.scaled_states, strict=True)):
             replace[frames.state(k)] = state.scale * y
-        return list(hy.subs(list(expressions), replace))
+        return substitute(expressions, replace)
 
     def compile_now(self, outputs: Sequence[Term]) -> hy.cfunc_dbl:
         """Compiled function of one vector: free coordinates, rates, states, parameters and time.
@@ -102,7 +101,7 @@ class RunExpressions:
             *self.scaled_states,
         ]
         expressions = self.driven([dense(o) for o in outputs])
-        return compiled.function(hy.subs(expressions, replace), [*state, *replace.values()])
+        return compiled.function(substitute(expressions, replace), [*state, *replace.values()])
 
     def unpulled(self, terms: Sequence[Term]) -> list[hy.expression]:
         """The terms for states that may be a rounding beyond the depth zero of a contact.
@@ -114,4 +113,4 @@ class RunExpressions:
             return found
         depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.dynamics.gaps))]
         known = self.dynamics.depths
-        return list(hy.subs(found, {x: hy.relu(known.get(x, x)) for x in depths}))
+        return substitute(found, {x: hy.relu(known.get(x, x)) for x in depths})

@@ -21,7 +21,7 @@ from mechanism_sim.engine.guards import guard_functions, guards_of
 from mechanism_sim.engine.present_functions import PresentFunctions
 from mechanism_sim.engine.run_expressions import RunExpressions
 from mechanism_sim.numerics import compiled
-from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.numerics.symbolic import Term, dense, substitute
 from mechanism_sim.planar.closures import IndependentRows
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.mechanism import Mechanism
@@ -264,7 +264,7 @@ class System:
         for c, (cosine, sine) in zip(self.turning, self._direction_symbols, strict=True):
             q = self.equations.frames.q[c]
             replace |= {hy.cos(q): cosine, hy.sin(q): sine}
-        return list(hy.subs(list(expressions), replace))
+        return substitute(expressions, replace)
 
     @cached_property
     def contact_layout(self) -> Layout:

@@ -26,6 +26,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.memory import give_back
+from mechanism_sim.numerics import symbolic
 from mechanism_sim.numerics.code_cache import compiled
 from mechanism_sim.numerics.machine_code import foreign
 
@@ -63,6 +64,7 @@ def forget() -> None:
     _function.cache_clear()
     _integrator.cache_clear()
     foreign.cache_clear()
+    symbolic.forget()
     give_back()
 
 
@@ -72,6 +74,12 @@ def forget_for_others(crowded: Callable[[], bool]) -> None:
     A machine of which only values changed needs no new one, and finds all that it needs.
     """
     _crowded[:] = [crowded]
+
+
+def _digest(*expressions: hy.expression) -> bytes:
+    # in one expression shared parts are pickled once; a sum alone would forget the order
+    terms = [hy.make_vars(f'slot {k}') * x for k, x in enumerate(expressions)]
+    return sha256(pickle.dumps(hy.sum(terms))).digest()
 
 
 class _KeyedTerms:
@@ -94,13 +102,10 @@ class _KeyedTerms:
         except OverflowError:
             nodes = _LARGEST + 1
         self.large = nodes > _LARGEST
-        self._key: object = self._digest() if self.large else self.expressions
+        self._key: object = self.expressions
+        if self.large:
+            self._key = symbolic.kept('digest', _digest, *self.expressions)
         self._hash = hash(self._key)
-
-    def _digest(self) -> bytes:
-        # in one expression shared parts are pickled once; a sum alone would forget the order
-        terms = (hy.make_vars(f'slot {k}') * x for k, x in enumerate(self.expressions))
-        return sha256(pickle.dumps(hy.sum(list(terms)))).digest()
 
     def __hash__(self) -> int:
         return self._hash

@@ -1,17 +1,23 @@
 """Linear algebra on small matrices of heyoka expressions.
 
 Structural zeros are ``None``, so that what a scene does not have is not compiled.
+
+Results of the same terms are the same objects: machines of which only values differ have the same
+expressions, and heyoka compares those that share all their parts at once, others as trees.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from math import perm
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import heyoka as hy
+
+T = TypeVar('T')
 
 Term: TypeAlias = Any
 """A heyoka expression, or None for a structural zero; heyoka itself is not typed."""
@@ -20,29 +26,100 @@ Vector: TypeAlias = list[Term]
 Matrix: TypeAlias = list[list[Term]]
 
 
+_MOST = 100_000
+"""Expressions that are kept: a scene has some thousands."""
+
+_first: dict[hy.expression, hy.expression] = {}  # of all that are equal
+_own: dict[int, hy.expression] = {}  # those that stand for themselves, by identity
+_made: dict[tuple[object, ...], tuple[Any, tuple[Term, ...]]] = {}  # results, and terms as keys
+
+
+def forget() -> None:
+    """Let go of the expressions that were made."""
+    for known in (_first, _own, _made):
+        known.clear()
+
+
+def _same(x: Term) -> hy.expression:
+    """Of equal expressions the one that came first."""
+    if id(x) in _own:
+        return x
+    x = x if isinstance(x, hy.expression) else hy.expression(float(x))
+    x = _first.setdefault(x, x)
+    _own[id(x)] = x
+    return x
+
+
+def kept(key: object, make: Callable[..., T], *terms: Term) -> T:
+    """Result of a function of terms, of an earlier call if there was one.
+
+    Parameters
+    ----------
+    key : of what is made, hashable
+    make : called with the terms, as expressions
+    """
+    if len(_own) > _MOST:
+        forget()
+    terms = tuple(map(_same, terms))
+    full = (key, *map(id, terms))
+    known = _made.get(full)
+    if known is None:
+        known = _made[full] = make(*terms), terms  # as long as these are kept, so are their ids
+    found: T = known[0]
+    return found
+
+
+def _owned(*made: hy.expression) -> tuple[hy.expression, ...]:
+    _own.update((id(x), x) for x in made)
+    return made
+
+
+def _one(*terms: Term, by: Callable[..., hy.expression]) -> Term:
+    return kept(by, lambda *given: _owned(by(*given)), *terms)[0]
+
+
+def _sum(*terms: hy.expression) -> hy.expression:
+    return hy.sum(list(terms))
+
+
 def add(*terms: Term) -> Term:
     """Sum that skips structural zeros."""
     present = [t for t in terms if t is not None]
     if len(present) <= 1:
         return present[0] if present else None
-    return hy.sum(present)
+    return _one(*present, by=_sum)
 
 
 def mul(a: Term, b: Term) -> Term:
     """Product; zero when either factor is."""
-    return None if a is None or b is None else a * b
+    return None if a is None or b is None else _one(a, b, by=operator.mul)
 
 
 def neg(a: Term) -> Term:
     """The negative."""
-    return None if a is None else -a
+    return None if a is None else _one(a, by=operator.neg)
 
 
 def div(a: Term, b: Term) -> Term:
     """Quotient; `b` must not be a structural zero."""
     if b is None:
         raise ZeroDivisionError('structurally singular matrix')
-    return None if a is None else a / b
+    return None if a is None else _one(a, b, by=operator.truediv)
+
+
+def substitute(
+    terms: Sequence[hy.expression], replace: Mapping[hy.expression, hy.expression]
+) -> list[hy.expression]:
+    """The terms with others in the place of some."""
+    if not terms or not replace:
+        return list(terms)
+    count = len(terms)
+
+    def make(*given: hy.expression) -> tuple[hy.expression, ...]:
+        pairs = dict(zip(given[count::2], given[count + 1 :: 2], strict=True))
+        return _owned(*hy.subs(list(given[:count]), pairs))
+
+    return list(kept(count, make, *terms, *chain.from_iterable(replace.items())))
 
 
 def dot(a: Sequence[Term], b: Sequence[Term]) -> Term:
@@ -169,8 +246,8 @@ class _Entry:
         """The number."""
         total = add(*self._products)
         if total is None or self._start is None:
-            return self._start if total is None else -total
-        return self._start - total
+            return self._start if total is None else neg(total)
+        return _one(self._start, total, by=operator.sub)
 
 
 def solve_dragged(

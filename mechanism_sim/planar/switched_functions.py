@@ -13,7 +13,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.enclosure import FunctionRanges
-from mechanism_sim.numerics.symbolic import Term, dense
+from mechanism_sim.numerics.symbolic import Term, dense, substitute
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.switches import Switch, SwitchTable, by_level
 from mechanism_sim.tolerances import TOLERANCES
@@ -94,8 +94,7 @@ class _Switches:
             for name, x in frames.outside.items()
             if name.endswith('.turns') and str(x) not in given
         }
-        if turns:
-            places = list(hy.subs(places, turns))
+        places = substitute(places, turns)
         own: list[int] = []
         for k, place in enumerate(places):
             if given.issuperset(hy.get_variables(place)):

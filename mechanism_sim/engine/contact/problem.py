@@ -588,8 +588,10 @@ def come_to_rest(
 
 
 @kernel
-def release(c: ContactProblem, gaps: Mask, target: float, x: Array) -> None:
+def release(c: ContactProblem, gaps: Mask, target: float, bare: float, x: Array) -> None:
     """Move a state so that gaps are `target` [m] wide and at rest in the normal direction.
+
+    Those that rise faster than `bare` [m/s] go on to: what stopped them would do work.
 
     Parameters
     ----------
@@ -600,7 +602,8 @@ def release(c: ContactProblem, gaps: Mask, target: float, x: Array) -> None:
     n, f = len(rows), len(x) // 2
     K, off = np.empty((n, n)), np.empty((n, 2))
     for i in range(n):
-        off[i, 0], off[i, 1] = target - c.value[rows[i]], -rate[i]
+        off[i, 0] = target - c.value[rows[i]]
+        off[i, 1] = -rate[i] if rate[i] <= bare else 0.0
         for k in range(n):
             K[i, k] = A[i, k]
     moves = solve_semidefinite(K, off)

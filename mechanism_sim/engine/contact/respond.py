@@ -388,7 +388,7 @@ def part(run: EventArrays) -> int:
         free = m > 1 and not (run.marks[SHUT, i] or run.gaps[RATED, i])
         if free and abs(c.value[i]) <= limits.touching and abs(c.rate[i]) <= limits.bare:
             moved[i] = True
-    release(c, moved, (1 << tries) * run.reals[MARGIN], run.x)
+    release(c, moved, (1 << tries) * run.reals[MARGIN], limits.bare, run.x)
     run.counters[TRIES] = tries + 1
     return PARTS
 
