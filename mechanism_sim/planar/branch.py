@@ -118,10 +118,10 @@ def follow(
 
 
 def _stays(kinematics: Kinematics, q: Array, shift: Array) -> Mask:
-    """True where (N,) constraints are as independent a whole width on, either way: a linkage that
-    turns as one, for example.
+    """True where (N,) constraints are as independent a whole width on, either way.
 
-    Then no sample is better determined than the position itself, and none beyond is singular.
+    As of a linkage that turns as one. Then no sample is better determined than the position
+    itself, and none beyond is singular.
     """
     here = kinematics.independence(q)
     beside = np.array([kinematics.independence(q + x) for x in (-shift, shift)])
