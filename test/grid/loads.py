@@ -468,14 +468,18 @@ def _integrated(free: _Free, most: int | None = None) -> tuple[Array, list[float
                 near = 0.2 * max(x.width, abs(now[k] - x.place))
                 longest = min(longest, near / max(slopes[k], 1e-9))
         end = min(free.duration, t + 5.0 * longest)
-        events = [
-            event(*b) for b in borders if abs(now[b[0]] - b[1]) > 1e-13 * max(1.0, abs(b[1]))
-        ]
+        near_by = {b: 1e-13 * max(1.0, abs(b[1])) for b in borders}
+        ahead = [b for b in borders if abs(now[b[0]] - b[1]) > near_by[b]]
+        events = [event(*b) for b in ahead]
         found = solve_ivp(
             free.rate, (t, end), y, 'DOP853', rtol=1e-12, atol=1e-13, max_step=longest,
             events=[*touching, *events],
         )  # fmt: skip
         t, y = float(found.t[-1]), found.y[:, -1]
+        for b, at in zip(ahead, found.t_events[len(touching) :], strict=True):
+            k, edge = b
+            if len(at) and k < len(y):  # a rate may stay where it is: on the side it came to
+                y[k] = edge + math.copysign(0.5 * near_by[b], y[k] - found.y[k, 0])
         if ring and len(found.t_events[0]):
             y = ring.struck(t, y)
             struck.append(t)
