@@ -91,18 +91,6 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
     )
 
 
-def involved(constraints: Constraints, poses: Array) -> dict[str, list[bool]]:
-    """Rows of each joint that follow from those of others, or others from them, at poses (n, 3).
-
-    Forces along them may be there without any load.
-    """
-    _, dependent = _null_spaces(constraints.normalise(poses)[1])
-    found: dict[str, list[bool]] = {}
-    for name, parts in zip(constraints.rows, np.abs(dependent), strict=True):
-        found.setdefault(name, []).append(bool(parts.max(initial=0.0) > PART))
-    return found
-
-
 def _extra(rows: Sequence[str], jacobian: Array) -> tuple[str, ...]:
     """Joints whose rows do not all add to the rank of those before them."""
     names, rank, found = np.array(rows, dtype=object), 0, []

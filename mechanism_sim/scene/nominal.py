@@ -15,21 +15,17 @@ from mechanism_sim.keys.names import SceneError
 from mechanism_sim.linkages.drive_range import DriveRange, drive_range
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
-from mechanism_sim.linkages.mobility import PART, RANK_TOLERANCE, involved
+from mechanism_sim.linkages.mobility import PART, RANK_TOLERANCE
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
-from mechanism_sim.planar.mechanism import HigherPair, Prismatic, Revolute
+from mechanism_sim.planar.mechanism import HigherPair, Revolute
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.singular_start import neighbours
 from mechanism_sim.tolerances import TOLERANCES
-
-_PARTS = {Revolute: (('x',), ('y',)), Prismatic: (('x', 'y'), ('moment',))}
-"""Parts of the force in a joint that its rows transmit, see `planar.configuration.Constraints`."""
 
 _TURNS = 16
 """Turns from the start that are tried of a machine that need not come back after one."""
@@ -100,35 +96,36 @@ class Nominal:
         """
         if not self.assembly.redundant:
             return {}
-        plan, ideal = self.plan, self.plan.ideal
-        soft, every = {*plan.elastic, *plan.clearances}, Constraints.of(ideal)
-        firm = tuple(joint for joint in every.joints if joint.name not in soft)
-        constraints = Constraints(every.links, firm)
-        found: dict[str, frozenset[str]] = {}
+        soft, found = {*self.plan.elastic, *self.plan.clearances}, dict[str, frozenset[str]]()
         for q in self.generic.T:
-            at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))
-            for joint, rows in involved(constraints, at).items():
-                parts = _PARTS.get(type(ideal.joint(joint)), (('x', 'y', 'moment'),) * len(rows))
-                named = (part for row, part in zip(rows, parts, strict=True) if row)
-                found[joint] = found.get(joint, frozenset()).union(*named)
-            if any(isinstance(ideal.joint(j), HigherPair) for j, parts in found.items() if parts):
-                for joint, more in self._carried(q, soft).items():
-                    found[joint] = found.get(joint, frozenset()) | more
-        return {joint: parts for joint, parts in found.items() if parts}
+            for joint, parts in self.open_forces(q, soft).items():
+                found[joint] = found.get(joint, frozenset()) | parts
+        return found
 
-    def _carried(self, q: Array, soft: Collection[str]) -> dict[str, frozenset[str]]:
-        """Parts of forces in joints that go with those of redundant higher pairs, at q (n,)."""
+    def open_forces(self, q: Array, soft: Collection[str] = ()) -> dict[str, frozenset[str]]:
+        """Parts of the forces in joints, by joint, that the constraints at q (n,) leave open.
+
+        What is open of a force along a normal, as of a guide, is all of it.
+
+        Parameters
+        ----------
+        soft : joints that give way, so that their forces are known
+        """
         stresses = self.inverse_dynamics.self_stresses(q, RANK_TOLERANCE)
-        names = [joint.name for joint in self.plan.ideal.joints]
+        joints = self.plan.ideal.joints
+        names = [joint.name for joint in joints]
         given = stresses[:, [name in soft for name in names]].reshape(len(stresses), -1)
         if given.any():  # only such as leave alone what gives way
             firm = scipy.linalg.null_space(given.T, rcond=RANK_TOLERANCE)
             stresses = np.einsum('ks,kjc->sjc', firm, stresses)
         weights = np.array([1.0, 1.0, 1.0 / self.plan.ideal.size])
         open_ = (np.abs(stresses * weights) > PART).any(axis=0)
+        normal = [not isinstance(joint, Revolute) for joint in joints]
+        open_[normal, :2] = open_[normal, :2].any(axis=1, keepdims=True)
         return {
             name: frozenset(np.array(['x', 'y', 'moment'])[parts].tolist())
             for name, parts in zip(names, open_, strict=True)
+            if parts.any()
         }
 
     @cached_property

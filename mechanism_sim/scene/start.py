@@ -25,9 +25,8 @@ from mechanism_sim.engine.clock import take_off_turns
 from mechanism_sim.engine.observer import Instants
 from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.mobility import involved
 from mechanism_sim.planar.closures import closures
-from mechanism_sim.planar.configuration import Constraints, converted, poses
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
@@ -317,12 +316,9 @@ class Start:
     def _known(self, forces: Array) -> Array:
         """Forces (j, 2), NaN where redundant constraints leave them open without clearance."""
         if self.nominal.assembly.dependent:
-            found = Constraints.of(self.plan.ideal)
-            ideal, q = self.plan.ideal, self.nominal.assembly.q
-            at = poses(ideal, dict(zip(ideal.coordinates, q.tolist(), strict=True)))
-            rows = involved(found, at)
-            forces = forces.copy()
-            forces[[any(rows.get(joint.name, ())) for joint in self._loose.joints]] = np.nan
+            found, forces = self.nominal.open_forces(self.nominal.assembly.q), forces.copy()
+            open_ = [found.get(joint.name, frozenset()) for joint in self._loose.joints]
+            forces[[bool({'x', 'y'} & parts) for parts in open_]] = np.nan
         return forces
 
     def _seen(
