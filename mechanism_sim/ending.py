@@ -187,7 +187,8 @@ def _bound(reader: int) -> None:
     while True:
         # Only a thread that runs takes the byte out: who looks from outside sees that one does.
         select.select([reader], [], [])
-        os.read(reader, 64)
+        if not {*os.read(reader, 64)} & {*SIGNALS}:
+            continue  # others that somebody handles end nothing
         patience = _patience
         earliest = time.monotonic() - patience
         time.sleep(patience)

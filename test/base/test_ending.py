@@ -118,6 +118,26 @@ def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
     assert (done.returncode, done.stderr) == (130, '')
 
 
+def test_a_signal_that_somebody_else_handles_ends_nothing():
+    """A timer's of the processor ended the process that it was to interrupt."""
+    text = """
+import os, select, signal
+from mechanism_sim import ending
+ending._patience = 0.0
+ending.begin()
+signal.signal(signal.SIGUSR1, lambda *_: None)
+for _ in range(3):  # the next is taken out only if the one before was passed over
+    os.kill(os.getpid(), signal.SIGUSR1)
+    while select.select([ending.signals()], [], [], 0.0)[0]:
+        pass
+print('goes on')
+"""
+    done = subprocess.run(
+        [sys.executable, '-c', text], capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, 'goes on\n')
+
+
 def runs(pid: int) -> bool:
     """Whether a process is there and has not ended."""
     try:
