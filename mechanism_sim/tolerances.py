@@ -261,6 +261,9 @@ class StepTolerances(NamedTuple):
     endless: float = 1e6
     #: events at one instant, after which the run is said to make no progress
     simultaneous: int = 100
+    #: times the shortest step, within which so many follow each other that it makes none, either
+    crowd: float = 10.0
+    crowded: int = 300
     #: steps after which cosine and sine of steady drives are computed anew
     row: int = 64
 

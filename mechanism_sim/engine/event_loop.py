@@ -114,7 +114,7 @@ class EventLoop:
         self._touches = Touches(system) if system.compliant else None
         self._pending: PendingStep | None = None
         self._last_event = float('-inf')
-        self._simultaneous = 0
+        self._simultaneous = self._crowded = 0
         self._begin(state)
 
     def _begin(self, state: State) -> None:
@@ -299,8 +299,9 @@ class EventLoop:
         if self.events == _STEPS.short_from:
             self._steps.short = self._short
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
-        self._last_event = t
-        if self._simultaneous > _STEPS.simultaneous:
+        near = t - self._last_event <= _STEPS.crowd * _STEPS.shortest * self._steps.longest
+        self._crowded, self._last_event = self._crowded + 1 if near else 0, t
+        if self._simultaneous > _STEPS.simultaneous or self._crowded > _STEPS.crowded:
             raise RunError(f'{StopReason.NO_PROGRESS.value} (t = {t:.12g} s)')
         return t
 

@@ -829,3 +829,19 @@ def test_each_change_of_mode_goes_on_from_the_one_before():
     modes = solution.modes
     assert len(modes) > 10
     assert [change.previous for change in modes[1:]] == [change.mode for change in modes[:-1]]
+
+
+@pytest.mark.slow
+def test_a_run_whose_events_stand_still_says_so():
+    """Two ends of a rough bearing in line jam against each other: no run came beyond 0.166 s."""
+    tilt = {'stiffness': 126.0623777984497, 'damping': 0.05,
+            'inertia': [0.00186462496098413, 0.0009573355487330264]}  # fmt: skip
+    play = {'radial': 0.002, 'restitution': 0.0, 'friction': 3.0, 'length': 0.005682110394099747}
+    machine = ms.load_scene('slider_crank', {
+        'gravity': [0.0, 0.0], 'links.rod.tilt': tilt, 'start': 'seated',
+        'joints.crank_rod.clearance': play,
+        'drive': {'coordinate': 'crank', 'start_angle': -0.16083314017036265,
+                  'speed': -9.61641285811463},
+    })  # fmt: skip
+    with pytest.raises(RunError, match=r'without progress in time \(t = 0\.16'):
+        ms.simulate(machine, duration=0.2)
