@@ -54,7 +54,7 @@ _ROUNDED = 8.0
 """times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20
 _SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row lead nowhere
-_LONGEST = 0.1
+_LONGEST = 0.1  # [s] of a piece in which time itself counts, or no drive moves
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
@@ -94,6 +94,7 @@ class NominalRun:
         slope: Array | None = None,
         turns: Sequence[int] | None = None,
         steep: SteepLoads | None = None,
+        timed: bool = True,
     ) -> None:
         self.steps = 0
         self.events = 0
@@ -104,7 +105,7 @@ class NominalRun:
         guards = edges.ranges(ideal.driven) if edges else None
         self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
         self._loads = LoadsOnPieces(steep, names, parameters, _NODES) if steep else None
-        self._laws = list(laws)
+        self._laws, self._timed = list(laws), timed
         #: the laws about a time, which is another object where they change
         self._about: tuple[Fraction | None, list[tuple[int, tuple[float, ...]]]] = None, []
         self._scale = np.array(
@@ -221,11 +222,11 @@ class NominalRun:
 
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
-        widths = [_LONGEST]
+        widths = [_LONGEST] if self._timed else []
         for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
-        return float(min(widths))
+        return float(min(widths, default=_LONGEST))
 
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""

@@ -26,8 +26,10 @@ Vector: TypeAlias = list[Term]
 Matrix: TypeAlias = list[list[Term]]
 
 
-_MOST = 100_000
+_MOST = 40_000
 """Expressions that are kept: a scene has some thousands."""
+_SMALL = 20_000
+"""Nodes of an expression made elsewhere that is compared with others: as trees, without end."""
 
 _first: dict[hy.expression, hy.expression] = {}  # of all that are equal
 _own: dict[int, hy.expression] = {}  # those that stand for themselves, by identity
@@ -45,9 +47,17 @@ def _same(x: Term) -> hy.expression:
     if id(x) in _own:
         return x
     x = x if isinstance(x, hy.expression) else hy.expression(float(x))
-    x = _first.setdefault(x, x)
+    if _is_small(x):
+        x = _first.setdefault(x, x)
     _own[id(x)] = x
     return x
+
+
+def _is_small(x: hy.expression) -> bool:
+    try:
+        return 0 < len(x) <= _SMALL  # 0: too many to count
+    except OverflowError:
+        return False
 
 
 def kept(key: object, make: Callable[..., T], *terms: Term) -> T:

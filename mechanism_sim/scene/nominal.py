@@ -203,6 +203,9 @@ class Nominal:
             edges = self.inverse_dynamics.edges  # those of the closures among them
         elif isinstance(self.motion, LinkageMotion):
             edges = self.motion.kinematics.edges
+        asked = {*(edges.outside if edges else ())}
+        if self.forces:
+            asked |= {*self.inverse_dynamics.outside}
         return NominalRun(
             self.motion,
             prescribed,
@@ -212,4 +215,5 @@ class Nominal:
             slope=at.slope,
             steep=self.inverse_dynamics.steep if loads and self.forces else None,
             turns=[self.plan.turned.get(c, 0) for c in ideal.coordinates],
+            timed='time' in asked,
         )
