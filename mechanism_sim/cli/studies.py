@@ -275,7 +275,7 @@ def _outputs(options: argparse.Namespace) -> tuple[Path | None, Path | None, Pat
     for file in options.output:
         ending = Path(file).suffix
         if ending in ('.yaml', '.yml'):
-            kind, path = 0, check_path('--output', file, ending)
+            kind, path = 0, check_path('--output', file, ending, new=True)
         elif ending in tables.ENDINGS:
             kind, path = 1, tables.check_file('--output', file)
         elif ending in figures.SUFFIXES:

@@ -82,6 +82,7 @@ class NominalRun:
     Attributes
     ----------
     steps, events : pieces made, and none
+    timed : whether something depends on time itself: then no piece is long
     """
 
     def __init__(
@@ -94,7 +95,6 @@ class NominalRun:
         slope: Array | None = None,
         turns: Sequence[int] | None = None,
         steep: SteepLoads | None = None,
-        timed: bool = True,
     ) -> None:
         self.steps = 0
         self.events = 0
@@ -105,7 +105,7 @@ class NominalRun:
         guards = edges.ranges(ideal.driven) if edges else None
         self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
         self._loads = LoadsOnPieces(steep, names, parameters, _NODES) if steep else None
-        self._laws, self._timed = list(laws), timed
+        self._laws, self.timed = list(laws), True
         #: the laws about a time, which is another object where they change
         self._about: tuple[Fraction | None, list[tuple[int, tuple[float, ...]]]] = None, []
         self._scale = np.array(
@@ -222,7 +222,7 @@ class NominalRun:
 
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
-        widths = [_LONGEST] if self._timed else []
+        widths = [_LONGEST] if self.timed else []
         for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]

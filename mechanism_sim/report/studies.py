@@ -171,6 +171,8 @@ def exponents_text(found: LyapunovExponents) -> str:
             f'chaotic: small changes grow by {math.exp(found.values[0] * found.period):.4g} a '
             f'turn; of 16 digits none is left after {turns:.3g} turns ({found.horizon:.3g} s)'
         )
+    if found.undecided:
+        lines.append('whether small changes grow is not decided: more revolutions tell')
     return '\n'.join(lines)
 
 

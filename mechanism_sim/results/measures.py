@@ -260,7 +260,8 @@ class Window:
             over = self._turn + 1 < len(edges)
             end = edges[self._turn + 1] if over else math.inf
             slack = 1e-9 * (abs(begin) + 1e-3)
-            counts = begin >= since - slack and (end <= until + slack or not over)
+            counts = begin >= max(since, self._turns.begin) - slack
+            counts = counts and (end <= until + slack or not over)
             if counts:
                 self._tally.add(piece, begin, end)
             if not over:
@@ -292,7 +293,9 @@ class Window:
 
     def _outside(self, since: float, until: float) -> str:
         """How much of the window [s] the run does not reach, in words."""
-        slack = 1e-9 * (abs(self._last) + 1e-3)
+        slack, begin = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
+        if since < begin - slack:
+            return f'from {begin:.6g} s on, where the run was resumed'
         if since > self._last - slack:
             return f'the run ends at {self._last:.6g} s, before the window begins'
         if math.isfinite(self._until.value) and until > self._last + slack:

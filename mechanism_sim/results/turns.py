@@ -64,7 +64,12 @@ def impacts_by_turn(
 
 
 class DriveTurns:
-    """When the drive has turned so many times, known as far as the motion is."""
+    """When the drive has turned so many times, known as far as the motion is.
+
+    Attributes
+    ----------
+    begin, end : of what was seen [s]: a run that is resumed begins later than its first turn
+    """
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -72,14 +77,15 @@ class DriveTurns:
         self._index = machine.physics.coordinates.index(machine.plan.main)
         self._start: Place | None = None
         self._edges: list[float] = []
-        self.end = 0.0
+        self.begin = self.end = 0.0
 
     def add(self, piece: Piece) -> None:
         """Look for whole turns in the piece that follows."""
         curve = piece.motion.curve
         begin, self.end = float(curve.start[0]), curve.end
         if self._start is None:
-            self._start, self._edges = beginning(curve, self._index), [begin]
+            self._start, self.begin = beginning(curve, self._index), begin
+            self._edges = [0.0 if self._known else begin]
         if self._known:
             try:
                 time_of, end = self._machine.drive.time_of, self.end * (1.0 + 1e-12)
@@ -87,6 +93,7 @@ class DriveTurns:
                     self._edges.append(min(t, self.end))
             except InputError:
                 self._known = False
+                self._edges = self._edges if len(self._edges) > 1 else [self.begin]
             else:
                 return
         ends = np.append(curve.start, self.end)
@@ -110,6 +117,12 @@ class DriveTurns:
     def edges(self) -> list[float]:
         """The start of the run, and the ends of its whole turns so far [s]."""
         return self._edges
+
+    @property
+    def unseen(self) -> int:
+        """Turns of which the run has seen nothing, or not the beginning."""
+        first = self.begin - 1e-9 * self.begin
+        return sum(edge < first for edge in self._edges)
 
     def time(self, bound: Bound) -> float:
         """A bound in seconds; infinite if it is not reached yet."""
@@ -185,5 +198,5 @@ class ImpactTally:
 
         Nor are there any of a machine without loose joints, or whose drive slides.
         """
-        count, impulse = self._table[:-1].T
+        count, impulse = self._table[self._turns.unseen : -1].T
         return impact_means(count, impulse) if len(count) > 1 else None

@@ -206,7 +206,7 @@ class Nominal:
         asked = {*(edges.outside if edges else ())}
         if self.forces:
             asked |= {*self.inverse_dynamics.outside}
-        return NominalRun(
+        run = NominalRun(
             self.motion,
             prescribed,
             at.q,
@@ -215,5 +215,6 @@ class Nominal:
             slope=at.slope,
             steep=self.inverse_dynamics.steep if loads and self.forces else None,
             turns=[self.plan.turned.get(c, 0) for c in ideal.coordinates],
-            timed='time' in asked,
         )
+        run.timed = 'time' in asked
+        return run

@@ -273,9 +273,19 @@ def follow(
     """
     state: State | None = None
     before: Machine | None = None
-    found = []
+    found: list[dict[str, Any]] = []
     for value, scene in zip(values, scenes, strict=True):
         machine = Machine(name, scene)
+        if not machine.drive.fastest:
+            none = {
+                'note': 'the crank is at rest',
+                'value': value,
+                'branch': branch,
+                'state': None,
+            }
+            found.append(_NOTHING | none)
+            state = None
+            continue
         # where this machine cannot begin as the one before ended, it begins as its scene says
         for begin in dict.fromkeys((state, None)):
             try:

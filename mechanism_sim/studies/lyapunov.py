@@ -51,10 +51,17 @@ class LyapunovExponents:
     def horizon(self) -> float:
         """Time [s] after which no digit of a run is that of the machine; infinite if it is stable.
 
-        A run begins with 16 digits, and loses ``exponent / ln 10`` of them in a second.
+        A run begins with 16 digits, and loses ``exponent / ln 10`` of them in a second. Infinite,
+        too, where the interval of the exponent holds zero, so that it is not decided.
         """
         largest = self.values[0]
-        return _DIGITS * math.log(10.0) / largest if largest > 0.0 else math.inf
+        grows = largest - self.half_widths[0] > 0.0
+        return _DIGITS * math.log(10.0) / largest if grows else math.inf
+
+    @property
+    def undecided(self) -> bool:
+        """True if the interval of the largest exponent holds zero."""
+        return math.isfinite(self.values[0]) and abs(self.values[0]) <= self.half_widths[0]
 
 
 def lyapunov(

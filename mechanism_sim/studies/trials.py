@@ -220,6 +220,6 @@ class Aims:
         return np.where(worst > HELD, worst, 0.0)
 
     def order(self, figures: Array) -> NDArray[np.intp]:
-        """The rows (N,) from the best to the worst: constraints first, then the cost."""
-        cost = self.costs(figures).sum(axis=1)
-        return np.lexsort((cost, self.excess(figures)))
+        """The rows (N,) from the best to the worst: runs, constraints, then the cost."""
+        cost, failed = self.costs(figures).sum(axis=1), ~np.isfinite(figures).all(axis=1)
+        return np.lexsort((cost, self.excess(figures), failed))

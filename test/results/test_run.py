@@ -14,7 +14,9 @@ from mechanism_sim.engine import audit
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import RunError
+from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.run import Batch, Runner, run
+from mechanism_sim.results.turns import ImpactTally
 from mechanism_sim.studies.floquet import station
 from mechanism_sim.studies.periodic import find_periodic
 from mechanism_sim.studies.plan import Extent
@@ -168,3 +170,20 @@ def test_a_shooting_method_fails_where_it_ends(monkeypatch):
         station(ms.load_scene('four_bar_nominal', TURNED), turning=True)
     with pytest.raises(RunError, match='J remain'):
         find_periodic(damped, transient=1)
+
+
+def test_means_and_measures_of_a_resumed_run_are_of_what_it_saw():
+    """Turns before the snapshot counted as turns without impacts."""
+    machine = loose()
+    first = ms.simulate(machine, revolutions=3)
+    figures = Measurement(machine, ['rms(drive_torque)'])
+    tally, struck = ImpactTally(machine), 0
+    for piece in run(machine, 6.0 * machine.drive.period, resume=first.snapshot):
+        tally.add(piece)
+        figures.add(piece)
+        struck += len(piece.impacts)
+    impacts, *_ = tally.means
+    assert impacts.revolutions == 3
+    assert impacts.mean == struck / 3
+    (torque,) = figures.found()
+    assert 's on, where the run was resumed' in torque.resolution

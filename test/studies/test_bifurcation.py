@@ -212,3 +212,10 @@ def test_responses_ten_thousand_turns_away_are_those_of_the_start():
     for near, far in zip(*(x.responses for x in found), strict=True):
         assert near.period == far.period == 1
         assert far.points == pytest.approx(near.points, rel=1e-9)
+
+
+def test_a_crank_at_rest_is_told_and_has_no_response():
+    limits = {'drive.speed': ('-100 rpm', '100 rpm', 3)}
+    found = ms.bifurcation('four_bar_clearance', limits, transient=2, keep=2)
+    assert {r.note for r in found.responses if r.value == 0.0} == {'the crank is at rest'}
+    assert len(found.responses) == 6

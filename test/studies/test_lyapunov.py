@@ -11,7 +11,8 @@ from gear_rattle import ExactRattle, rattle
 from running import run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim.studies.lyapunov import horizon
+from mechanism_sim.report.studies import exponents_text
+from mechanism_sim.studies.lyapunov import LyapunovExponents, horizon
 
 
 def test_exponents_of_a_ball_that_bounces_once_a_turn():
@@ -87,3 +88,13 @@ def test_solve_says_until_when_its_digits_hold():
     found = run_json('solve', 'four_bar_clearance', '--revolutions', '14', '--horizon')['horizon']
     assert 1.0 < found['time'] < 2.4
     assert found['left'] == 0.0
+
+
+def test_an_interval_that_holds_zero_decides_nothing():
+    found = LyapunovExponents(40, 5, 0.1, (0.009,), (0.9,))
+    assert found.undecided
+    assert math.isinf(found.horizon)
+    assert 'not decided' in exponents_text(found)
+    sure = LyapunovExponents(40, 5, 0.1, (0.9,), (0.009,))
+    assert not sure.undecided
+    assert 'chaotic' in exponents_text(sure)
