@@ -151,7 +151,7 @@ class Revolutions:
         if first + skip >= last:
             raise InputError(
                 f'{self.machine.name}: the run has {max(0, last - first)} whole turns of '
-                f'{self.machine.plan.main}; {skip + 1} are needed'
+                f'{self.machine.plan.main} from angle zero to angle zero; {skip + 1} are needed'
             )
         return first + skip, last
 

@@ -328,6 +328,7 @@ def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
         if value and text.strip()[-1] in '0123456789.':
             break  # a bare number: in degrees, radians, seconds?
         return value, unit
+    of = ' or '.join(repr(unit) for unit in units)
     raise InputError(
-        f"{option} '{text}' is not a quantity with a unit: write for example {example}"
+        f"{option} '{text}' is not a quantity with a unit of {of}: write for example {example}"
     )

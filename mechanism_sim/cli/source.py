@@ -19,7 +19,7 @@ from mechanism_sim.cli.options import (
     time_option,
 )
 from mechanism_sim.errors import InputError
-from mechanism_sim.recording.runs import BAG_ENDINGS
+from mechanism_sim.recording.runs import BAG_ENDINGS, MCAP
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
@@ -43,11 +43,17 @@ def namespace_option(sub: argparse.ArgumentParser) -> None:
 
 
 def is_bag(source: str) -> bool:
-    """True if a name is that of a bag: a file of one of its endings, or a folder with one."""
+    """True if a name is that of a bag: of one of its endings or beginnings, or a folder of one."""
     path = Path(source)
-    return source.endswith(BAG_ENDINGS) or (
-        path.is_dir() and any(file.name.endswith(BAG_ENDINGS) for file in path.iterdir())
-    )
+    if source.endswith(BAG_ENDINGS):
+        return True
+    try:
+        if path.is_file():
+            with path.open('rb') as stream:
+                return stream.read(len(MCAP)) == MCAP
+        return path.is_dir() and any(f.name.endswith(BAG_ENDINGS) for f in path.iterdir())
+    except (OSError, ValueError):  # whoever opens it says why it cannot be
+        return False
 
 
 def refuse_overrides(options: argparse.Namespace) -> None:

@@ -63,7 +63,7 @@ def left_out(machine: Machine) -> list[str]:
             found.append(f'{element.name}: left out: its force is not constant')
         elif not isinstance(element, AppliedForce) and not _is_linear(element):
             found.append(f'{element.name}: left out: MuJoCo has no force of this kind')
-    return found
+    return found + [f'{name}: this sensor is left out' for name in machine.scene.sensors]
 
 
 class _MjcfWriter:

@@ -74,6 +74,7 @@ def left_out(machine: Machine) -> list[str]:
     motors = [motor.coordinate for motor in plan.motors]
     drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients) or c in motors]
     found += [f'{c}: its drive is left out: drives are for plugins' for c in drives]
+    found += [f'{name}: this sensor is left out' for name in machine.scene.sensors]
     return [*found, 'all links start at rest']
 
 

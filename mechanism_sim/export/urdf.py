@@ -136,11 +136,17 @@ def left_out(machine: Machine) -> list[str]:
         for link, rotor in machine.mechanism.having(Rotor).items()
         if rotor.angles
     ]
-    return tilted + [
+    circles = [
         f'{joint.name}: its profile is drawn as a circle'
         for joint in machine.plan.joints
         if isinstance(joint, HigherPair) and joint.discs() and not joint.coupling
     ]
+    plan, scene = machine.plan, machine.scene
+    forces = ['gravity'] * any(scene.gravity) + [e.name for e in plan.elements(plan.ideal)]
+    forces += [f'the drive of {c}' for c in plan.laws]
+    rest = forces + [f'the sensor {name}' for name in scene.sensors]
+    shows = [f'left out, for URDF has links and joints: {", ".join(rest)}'] if rest else []
+    return tilted + circles + shows
 
 
 def closing(machine: Machine) -> list[str]:

@@ -9,6 +9,9 @@ from pathlib import Path
 BAG_ENDINGS = '.mcap', '.db3', '.mcap.zstd', '.db3.zstd'
 """Of the files of bags."""
 
+MCAP = b'\x89MCAP'
+"""With which an MCAP file begins."""
+
 
 def realtime_factor(simulated: float, wall_time: float | None) -> float | None:
     """Simulated seconds per second.

@@ -144,7 +144,7 @@ def _shown(key: Parameter, value: Any, digits: int = 12) -> str:
     """A value in the unit in which its limits are written."""
     if not isinstance(value, float):
         return str(value)
-    return f'{key.scale * value:.{digits}g} {key.unit}'.rstrip()
+    return f'{key.scale * value:.{digits}g} {key.unit or key.si}'.rstrip()
 
 
 def _front_lines(found: Optimum) -> list[str]:
@@ -153,13 +153,15 @@ def _front_lines(found: Optimum) -> list[str]:
     chosen = np.unique(np.linspace(0, len(front) - 1, _MOST).round().astype(int))
     largest = {n: max(abs(d.measures[n]) for d in front) for n in names}
     shown = {n: for_people(found.units[n], largest[n]) for n in names}
-    keys = {f'{p.path} [{p.unit}]' if p.unit else p.path: p for p in found.parameters}
+    units = {p.path: p.unit or p.si for p in found.parameters}
+    keys = [f'{path} [{u}]' if u else path for path, u in units.items()]
     rows = [[*keys, *(f'{n} [{u}]' if u else n for n, (u, _) in shown.items())]]
     for k in chosen:
         figures = [f'{scale * front[k].measures[n]:.6g}' for n, (_, scale) in shown.items()]
         values = [front[k].values[p.path] for p in found.parameters]
         numbers = [
-            _shown(replace(p, unit=''), x, 6) for p, x in zip(keys.values(), values, strict=True)
+            _shown(replace(p, unit='', si=''), x, 6)
+            for p, x in zip(found.parameters, values, strict=True)
         ]
         rows.append([*numbers, *figures])
     some = f', {len(chosen)} of them are' if len(chosen) < len(front) else ''

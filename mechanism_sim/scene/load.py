@@ -79,6 +79,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | str | No
     if revolutions is not None and duration is not None:
         raise InputError('give either revolutions or a duration, not both')
     duration = argument('duration', duration, 's')
+    revolutions = argument('revolutions', revolutions, '')
     asked = revolutions if revolutions is not None else duration
     if asked is not None and not (asked > 0.0 and math.isfinite(asked)):
         raise InputError(f'the length of a run must be positive and finite, not {asked:g}')

@@ -150,7 +150,18 @@ def _rows(parameters: Any) -> list[dict[str, Any]]:
                 f'ensemble: parameters: row {k} is {row!r}, not values by dotted path: give a '
                 'dictionary of columns, a list of dictionaries, or a data frame'
             )
-    return [dict(_value(str(name), x) for name, x in row.items()) for row in rows]
+    return [_overrides(row) for row in rows]
+
+
+def _overrides(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a run by path; refused if there are two of one."""
+    found: dict[str, Any] = {}
+    for name, x in row.items():
+        path, value = _value(str(name), x)
+        if path in found:
+            raise InputError(f"ensemble: parameters: there are two columns of '{path}': keep one")
+        found[path] = value
+    return found
 
 
 def _by_rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:

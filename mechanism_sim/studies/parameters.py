@@ -104,7 +104,10 @@ def parameters(
         path = _path(machine, name, sensor, joint)
         si = unit_at(machine.scene, path)
         if name in given and (choices := _choices(machine, content, path, given[name])):
-            found.append(Parameter(name, path, 0.0, 1.0, choices, si=si))
+            texts = _listed(given[name])
+            alike = len(texts) == len(choices) and all(isinstance(x, float) for x in choices)
+            unit, scale = _written(texts, choices) if alike else ('', 1.0)
+            found.append(Parameter(name, path, 0.0, 1.0, choices, unit, scale, si))
             continue
         if name in given:
             low, high = (_read(machine, content, path, text) for text in given[name])
@@ -169,11 +172,15 @@ def _path(machine: Machine, name: str, sensor: str, joint: str | None) -> str:
     return f'joints.{chosen}.clearance.{name}'
 
 
+def _listed(given: Limits) -> list[Any]:
+    return [*(given['values'] if isinstance(given, Mapping) else given)]
+
+
 def _choices(
     machine: Machine, content: Mapping[str, Any], path: str, given: Limits
 ) -> tuple[Any, ...]:
     """The values of a list as the scene has them, whole numbers between limits, or none."""
-    listed = [*(given['values'] if isinstance(given, Mapping) else given)]
+    listed = _listed(given)
     understood = [
         _value(check_scene(machine.name, content, {path: x}).to_document(), path) for x in listed
     ]

@@ -14,6 +14,7 @@ import mechanism_sim as ms
 from mechanism_sim.cli.entry import make_parser
 from mechanism_sim.cli.options import ros_args
 from mechanism_sim.cli.overview import GROUPS
+from mechanism_sim.cli.source import is_bag
 from mechanism_sim.errors import InputError
 from zenoh_rclpy.arguments import parse_arguments
 
@@ -299,3 +300,13 @@ def test_parameters_of_one_node_reach_it_below_a_namespace():
         here = space.strip('/')
         assert found.parameters_of(f'/{here}/crank_drive') == {'lead': 0.5, 'use_sim_time': True}
         assert found.parameters_of(f'/{here}/linkage') == {'use_sim_time': True}
+
+
+def test_a_bag_is_one_by_its_ending_or_its_beginning(tmp_path):
+    """`run --record x.bag` was read by `analyze`, and was a scene that is no text for `plot`."""
+    bag, scene = tmp_path / 'x.bag', tmp_path / 'x.yaml'
+    bag.write_bytes(b'\x89MCAP0\r\n')
+    scene.write_text('title: x\n', encoding='utf-8')
+    assert [is_bag(str(x)) for x in (bag, scene, tmp_path, 'slider_crank', 'no.mcap')] == [
+        True, False, False, False, True,
+    ]  # fmt: skip

@@ -13,6 +13,7 @@ import mechanism_sim as ms
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
+from mechanism_sim.export import mjcf, sdf, urdf
 from mechanism_sim.export.ideal import Ideal
 from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
@@ -462,3 +463,14 @@ def test_exports_that_cannot_be_are_refused(args, says, capsys):
     assert left.value.code == 2
     told = capsys.readouterr().err
     assert says in told.splitlines()[-1]
+
+
+def test_what_no_format_has_is_said():
+    """Gravity, springs, loads and sensors went without a word."""
+    machine = ms.load_scene('rubbing_compressor', {'sensors': {'pick_up': {
+        'link': 'rod', 'at': '10 mm', 'axis': 'across', 'sample_rate': '10 kHz'}}})  # fmt: skip
+    (said,) = [x for x in urdf.left_out(machine) if x.startswith('left out, for URDF')]
+    named = 'gravity', *(e.name for e in machine.plan.elements(machine.plan.ideal)), 'pick_up'
+    assert all(name in said for name in named)
+    for others in (mjcf.left_out, sdf.left_out):
+        assert 'pick_up: this sensor is left out' in others(machine)

@@ -13,7 +13,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.engine import audit
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.physics import DynamicPhysics
-from mechanism_sim.errors import RunError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.run import Batch, Runner, run
 from mechanism_sim.results.turns import ImpactTally
@@ -187,3 +187,11 @@ def test_means_and_measures_of_a_resumed_run_are_of_what_it_saw():
     assert impacts.mean == struck / 3
     (torque,) = figures.found()
     assert 's on, where the run was resumed' in torque.resolution
+
+
+def test_revolutions_may_be_written():
+    assert ms.simulate('slider_crank', revolutions='2').duration == (
+        ms.simulate('slider_crank', revolutions=2).duration
+    )
+    with pytest.raises(InputError, match="revolutions = 'two' is not a number"):
+        ms.simulate('slider_crank', revolutions='two')

@@ -169,3 +169,9 @@ def test_numbers_without_a_unit_have_that_of_their_key():
     assert {path: unit_at(machine.scene, path) for path in units} == units
     table = ms.ensemble('pendulum', {'links.bar.mass': [1.0, 1.5]}, duration=0.1, columns=())
     assert table.units['links.bar.mass'] == 'kg'
+
+
+def test_two_columns_of_one_value_are_refused():
+    twice = {'drive.speed': ['300 rpm'], 'drive.speed [rpm]': [30]}
+    with pytest.raises(InputError, match=r"two columns of 'drive\.speed': keep one"):
+        ms.ensemble('slider_crank', twice, revolutions=1)

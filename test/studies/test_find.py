@@ -564,3 +564,23 @@ def test_mistakes_of_several_keys_are_one_sentence(args, said):
     assert done.returncode == 2
     assert said in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_design_that_cannot_run_is_never_the_best_and_values_have_their_unit():
+    """Costs of designs that hardly differ, over the range of these, were above that of none."""
+    goal = '--minimise', 'largest(velocity.piston)'
+    done = run('find', 'slider_crank', '--vary', 'drive.speed=0 rpm,59.99999 rpm,60 rpm', *goal)
+    assert done.stdout.splitlines()[0] == 'drive.speed = 59.99999 rpm'
+    assert 'not at drive.speed = 0' in done.stdout
+    bare = run('find', 'slider_crank', '--vary', 'drive.speed=2,1', *goal).stdout
+    assert bare.splitlines()[0] == 'drive.speed = 1 rad/s'
+
+
+def test_a_scene_that_is_there_is_not_overwritten(tmp_path):
+    file = tmp_path / 'best.yaml'
+    args = 'find', 'slider_crank', '--vary', 'drive.speed=2,1', '--minimise', 'rms(drive_torque)'
+    assert run(*args, '-o', str(file)).returncode == 0
+    text = file.read_text(encoding='utf-8')
+    again = run(*args, '-o', str(file))
+    assert (again.returncode, file.read_text(encoding='utf-8')) == (2, text)
+    assert 'exists already, not overwriting' in again.stderr
