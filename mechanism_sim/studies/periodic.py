@@ -23,7 +23,6 @@ from mechanism_sim.engine.snapshot import State
 from mechanism_sim.engine.totals import Totals
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
-from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine
 
@@ -77,10 +76,8 @@ class PoincareMap:
                 f'{machine.name}: the state {machine.plan.states[0].label} of first order has no '
                 'part in the section of states here: leave states out'
             )
-        if not machine.has_contacts and not machine.mechanism.having(Beam):
-            raise InputError(
-                f'{machine.name}: without clearance every revolution is like the other'
-            )
+        if not machine.level.dynamic or not machine.equations.system.free:
+            raise InputError(f'{machine.name}: without a free motion every turn is like the other')
         run = machine.start()
         if not isinstance(run, EventLoop):
             raise InputError(f'{machine.name}: a compliant machine has no section of states')

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+from builders import made
 from four_bars import loose
 from running import run, run_json
 
@@ -162,7 +163,7 @@ def test_contact_is_lost_where_the_thesis_has_its_disturbance():
     'study', [find_periodic, statistics, losses, starts], ids=lambda study: study.__name__
 )
 def test_studies_refuse_what_they_cannot_say(study):
-    with pytest.raises(InputError, match=r'constant speed|clearance'):
+    with pytest.raises(InputError, match=r'constant speed|clearance|free motion'):
         study(ms.load_scene('four_bar_nominal'))
     torque = {'drive': {'speed': 36.0, 'torque': {'constant': 0.1}}}
     with pytest.raises(InputError, match='constant speed'):
@@ -263,3 +264,23 @@ def test_a_quotient_of_single_values_has_no_interval():
     assert math.isnan(half)
     assert quotient(np.array([6.0, 6.0]), np.array([2.0])) == (3.0, 0.0)
     assert all(map(math.isnan, quotient(np.array([1.0, 2.0]), np.zeros(2))))
+
+
+def test_a_free_machine_without_clearance_has_multipliers_too():
+    """Of a damped bar on a steady crank, their product is ``exp(-c T / J)`` (Liouville)."""
+    machine = made({
+        'title': 'swing', 'mechanism': 'linkage',
+        'links': {'crank': {'length': 0.01, 'mass': 1.0, 'inertia': 1e-4},
+                  'arm': {'length': 0.3, 'cog': 0.15, 'mass': 0.5, 'inertia': 4e-3}},
+        'joints': {'j1': {'revolute': ['ground', 'crank']},
+                   'j2': {'revolute': ['crank.end', 'arm']}},
+        'drive': {'coordinate': 'crank', 'speed': '-60 rpm'},
+        'springs': {'s': {'between': ['ground', 'arm'], 'stiffness': '0.5 N m/rad',
+                          'damping': '0.05 N m s/rad'}},
+        'initial': {'position': {'arm': '-80 deg'}},
+    })  # fmt: skip
+    response = find_periodic(machine, transient=20)
+    assert response.period == 1
+    assert response.stable
+    product = np.prod(response.multipliers)
+    assert product == pytest.approx(math.exp(-0.05 / (4e-3 + 0.5 * 0.15**2)), rel=1e-9)
