@@ -295,7 +295,7 @@ class Window:
         """How much of the window [s] the run does not reach, in words."""
         slack, begin = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
         if since < begin - slack:
-            return f'from {begin:.6g} s on, where the run was resumed'
+            return f'from {begin:.6g} s on, where what was run begins'
         if since > self._last - slack:
             return f'the run ends at {self._last:.6g} s, before the window begins'
         if math.isfinite(self._until.value) and until > self._last + slack:

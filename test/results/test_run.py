@@ -186,7 +186,7 @@ def test_means_and_measures_of_a_resumed_run_are_of_what_it_saw():
     assert impacts.revolutions == 3
     assert impacts.mean == struck / 3
     (torque,) = figures.found()
-    assert 's on, where the run was resumed' in torque.resolution
+    assert 's on, where what was run begins' in torque.resolution
 
 
 def test_revolutions_may_be_written():
