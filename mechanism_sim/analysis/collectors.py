@@ -80,6 +80,7 @@ class FieldRange(PublishedRange):
 
     unit: str
     samples: int
+    unknown: int  #: of them, not a number or infinite
     start: float  #: [s] of the first of them
     end: float  #: [s]
 
@@ -98,11 +99,14 @@ def field_ranges(bag: Bag) -> tuple[FieldRange, ...]:
         raise InputError(f'{bag.path} holds nothing that can be analysed: {bag.contents()}')
     found = []
     for s in (s for group in recorded(bag, paths) for s in group):
-        if np.isfinite(s.values).any():
+        known = np.isfinite(s.values)
+        if known.any():
             low, high = int(np.nanargmin(s.values)), int(np.nanargmax(s.values))
             ends = [(float(s.values[k]), float(s.t[k])) for k in (low, high)]
+            count, first, last = len(s.t), float(s.t[0]), float(s.t[-1])
+            unknown = count - int(known.sum())
             found.append(
-                FieldRange(s.name, *ends[0], *ends[1], s.unit, len(s.t), *map(float, s.t[[0, -1]]))
+                FieldRange(s.name, *ends[0], *ends[1], s.unit, count, unknown, first, last)
             )
     return tuple(found)
 

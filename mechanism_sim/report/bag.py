@@ -189,7 +189,10 @@ def _ends(r: PublishedRange) -> tuple[Cell, ...]:
 
 def _fields(fields: tuple[FieldRange, ...]) -> Section:
     head = 'field', 'unit', 'samples', 'lowest', 'at [s]', 'highest', 'at [s]'
-    rows = [(f.quantity, f.unit, f.samples, *_ends(f)) for f in fields]
+    rows: list[Sequence[Cell]] = []
+    for f in fields:
+        count = f'{f.samples - f.unknown} of {f.samples}' if f.unknown else f.samples
+        rows.append((f.quantity, f.unit, count, *_ends(f)))
     return Section('numbers in its messages', table=[head, *rows], left=2)
 
 

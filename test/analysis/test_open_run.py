@@ -8,8 +8,10 @@ from bags import write_bag
 from builders import simulated
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.collectors import field_ranges
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import JointState, serialize
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
 from ros_interfaces.stamps import stamp
@@ -17,14 +19,15 @@ from ros_interfaces.stamps import stamp
 NAMES = 'reaction.coupler_rocker.size', 'position.coupler.cog.x'
 
 
-def foreign(path, velocities):
-    """A bag of a pendulum's angle as any program may write it."""
+def foreign(path, velocities, unknown=()):
+    """A bag of a pendulum's angle as any program may write it, its rate unknown at times."""
     with BagWriter(path) as bag:
         bag.add_topic('/joint_states', 'sensor_msgs/msg/JointState', Qos())
         for t in np.linspace(0.0, 2.0, 81):
             message = JointState(name=['rod', 'slide'], position=[np.sin(3.0 * t), t])
             if velocities:
-                message.velocity = [3.0 * np.cos(3.0 * t), 1.0]
+                rate = np.nan if t in unknown else 3.0 * np.cos(3.0 * t)
+                message.velocity = [rate, 1.0]
             message.header.stamp = stamp(t)
             bag.write('/joint_states', serialize(message), int(t * 1e9))
     return path
@@ -71,3 +74,10 @@ def test_joint_states_of_another_program_are_a_run(tmp_path, velocities, error):
         run.columns(['position.rods'], t)
     with pytest.raises(InputError, match='is recorded from 0 s to 2 s'):
         run.columns(['position.rod'], np.array([3.0]))
+
+
+def test_samples_without_a_value_are_counted(tmp_path):
+    found = field_ranges(read_bag(foreign(tmp_path / 'other.mcap', True, unknown=(0.5, 1.0))))
+    known = {f.quantity: (f.samples, f.unknown) for f in found}
+    assert known['/joint_states.velocity[rod]'] == (81, 2)
+    assert known['/joint_states.position[rod]'] == (81, 0)
