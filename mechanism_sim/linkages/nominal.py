@@ -82,7 +82,8 @@ class NominalRun:
     Attributes
     ----------
     steps, events : pieces made, and none
-    timed : whether something depends on time itself: then no piece is long
+    timed : whether no piece is long: something depends on time itself, or friction may lock it
+        between nodes
     """
 
     def __init__(
