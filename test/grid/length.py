@@ -32,7 +32,7 @@ OFTEN = 100_000
 STEPS = 400
 """Of a run that is compared with the same far from its start."""
 
-REVOLUTIONS, PIECES = 40, 4000
+REVOLUTIONS, PIECES = 40, 1500
 """Of an ideal machine under a steady drive: fewer where loads vary so fast that a revolution has
 more pieces."""
 
