@@ -54,7 +54,8 @@ _ROUNDED = 8.0
 """times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20
 _SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row lead nowhere
-_LONGEST = 0.1  # [s] of a piece in which time itself counts, or no drive moves
+_LONGEST = 0.1  # [s] of a piece: what a run that is watched holds back at most
+_SLOW = 40.0  # parts of a usual piece of a slow drive, if they are longer than that
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
@@ -82,8 +83,7 @@ class NominalRun:
     Attributes
     ----------
     steps, events : pieces made, and none
-    timed : whether no piece is long: something depends on time itself, or friction may lock it
-        between nodes
+    timed : whether something depends on time itself: then no piece of a slow drive is longer
     """
 
     def __init__(
@@ -223,11 +223,12 @@ class NominalRun:
 
     def _width(self) -> float:
         """Time [s] in which the fastest drive goes through one usual piece, or a short while."""
-        widths = [_LONGEST] if self.timed else []
+        widths: list[float] = []
         for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
-        return float(min(widths, default=_LONGEST))
+        width = min(widths, default=_LONGEST)
+        return float(min(width, _LONGEST if self.timed else max(_LONGEST, width / _SLOW)))
 
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""

@@ -216,5 +216,5 @@ class Nominal:
             steep=self.inverse_dynamics.steep if loads and self.forces else None,
             turns=[self.plan.turned.get(c, 0) for c in ideal.coordinates],
         )
-        run.timed = 'time' in asked or bool(self.plan.frictions(ideal))
+        run.timed = 'time' in asked
         return run

