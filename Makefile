@@ -4,6 +4,9 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 SCENE ?= four_bar_clearance
 BENCH ?= all
+# Bytecode is kept whatever the environment says: tests start hundreds of processes, and each would
+# compile the package from its source, a second of CPU.
+export PYTHONDONTWRITEBYTECODE =
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
 .PHONY: run test test-all lint bench docs evidence install clean

@@ -11,6 +11,7 @@ from mechanism_sim import ending
 def main() -> None:
     """The command line."""
     ending.begin()
+    ending.one_thread()
     from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
 
     try:

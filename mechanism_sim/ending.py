@@ -93,14 +93,21 @@ def owned(env: Mapping[str, str]) -> dict[str, str]:
     return {**env, PARENT: str(os.getpid())}
 
 
+def one_thread() -> None:
+    """For libraries of linear algebra: one for each core would wait busily, and round otherwise.
+
+    They read it when they are loaded; who has loaded them before keeps his own.
+    """
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+
 @contextmanager
 def workers(count: int) -> Iterator[ProcessPoolExecutor]:
     """Processes that compute for this one: they end at once when the block does."""
     from concurrent.futures import ProcessPoolExecutor  # noqa: PLC0415
     from multiprocessing import active_children, get_context  # noqa: PLC0415
 
-    # Libraries of linear algebra would take a thread for every core in every process.
-    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    one_thread()
     before = set(active_children())
     pool = ProcessPoolExecutor(count, get_context('spawn'), follow, (os.getpid(),))
     try:

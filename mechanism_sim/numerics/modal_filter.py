@@ -79,6 +79,12 @@ class ModalFilter:
     def __len__(self) -> int:
         return len(self._poles)
 
+    @property
+    def numbers(self) -> Array:
+        """All (n,) of which the system is made."""
+        parts = self._poles, self._residues, self.direct
+        return np.concatenate([x.astype(complex).ravel().view(float) for x in parts])
+
     def advance(self, durations: Array, polynomials: Array, impulses: Array) -> ModalResponse:
         """Go on through N pieces.
 

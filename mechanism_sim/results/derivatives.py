@@ -141,10 +141,15 @@ class RunDerivative:
         slopes = self._of_whole(taken)
         return dict(zip(names, slopes.tolist(), strict=True))
 
-    def of(self, taken: Callable[[Piece], Array]) -> Array:
+    def of(self, taken: _Taken, seen: _Taken | None = None) -> Array:
         """Derivatives of numbers taken of the whole motion, to some 1e-6 of them.
 
         Not of works and other sums over the motion, for which `sample` and `measures` are.
+
+        Parameters
+        ----------
+        taken : the numbers, of a run
+        seen : cheaper ones, that are the same of two machines only if those taken are, too
         """
         raise NotImplementedError
 
@@ -243,7 +248,7 @@ class _Integrated(RunDerivative):
             found = found + weight * (taken(moved) - base)
         return np.asarray(found / step) + self._partial(lambda x: taken(self._rebalanced(x)))
 
-    def of(self, taken: Callable[[Piece], Array]) -> Array:
+    def of(self, taken: _Taken, seen: _Taken | None = None) -> Array:
         """Central differences along the derivatives of the motion, and of the machine."""
         if self.end:
             return np.full_like(taken(self._piece), np.nan)
@@ -252,8 +257,11 @@ class _Integrated(RunDerivative):
             taken(self._displaced(np.full(len(self._shift), x), shifted=True))
             for x in (step, -step)
         )
-        more, less = (taken(_with_machine(self._piece, m)) for m in self._key.beside[:2])
-        return np.asarray((some - other) / (2.0 * step) + (more - less) / (2.0 * self._key.step))
+        along = np.asarray((some - other) / (2.0 * step))
+        more, less = (_with_machine(self._piece, m) for m in self._key.beside[:2])
+        if seen and np.array_equal(seen(more), seen(less)):
+            return along
+        return along + (taken(more) - taken(less)) / (2.0 * self._key.step)
 
     def _rebalanced(self, piece: Piece) -> Piece:
         """The piece with works of its own motion."""
@@ -307,7 +315,7 @@ class _Ideal(RunDerivative):
         end = self._piece.motion.curve.end
         return [_whole(machine, end) for machine in self._key.beside]
 
-    def of(self, taken: Callable[[Piece], Array]) -> Array:
+    def of(self, taken: _Taken, seen: _Taken | None = None) -> Array:
         """Of runs with other values."""
         return self._of_whole(taken)
 

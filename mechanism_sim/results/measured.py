@@ -61,12 +61,19 @@ class SensorRecord:
 
     def of_run(self, run: Piece, t: Array) -> Array:
         """Samples (M,) of a run from its start on at times [s], without noise and converter."""
-        keys = run.machine.scene.sensors[self.sensor]
-        return Analogue(keys.source(run.machine), keys.chain()).response(run.motion)(t)
+        return self._analogue(run).response(run.motion)(t)
 
     def slope(self, run: RunDerivative, t: Array) -> Array:
         """Derivative (M,) of `of_run`."""
-        return run.of(lambda piece: self.of_run(piece, t))
+
+        def seen(piece: Piece) -> Array:
+            return self._analogue(piece).numbers(piece.motion)
+
+        return run.of(lambda piece: self.of_run(piece, t), seen)
+
+    def _analogue(self, run: Piece) -> Analogue:
+        keys = run.machine.scene.sensors[self.sensor]
+        return Analogue(keys.source(run.machine), keys.chain())
 
     @property
     def rate(self) -> float:

@@ -102,6 +102,13 @@ class Analogue:
             self._last = motion, self._response(motion)
         return self._last[1]
 
+    def numbers(self, motion: Motion) -> Array:
+        """All (n,) of which the first response is made: as another's, if that has the same."""
+        every = np.arange(len(motion.curve))
+        inputs = self._source.read(motion, every, NODES), self._source.impulses(motion)
+        pulses = [self._pulses.numbers] if self._pulses else []
+        return np.concatenate([self._filter.numbers, *pulses, *(x.ravel() for x in inputs)])
+
     def _response(self, motion: Motion) -> Callable[[Array], Array]:
         """Output of the chain at times (M,) [s] within a motion."""
         curve, filtered, pulses = motion.curve, self._filter, self._pulses
@@ -209,6 +216,11 @@ class _Pulses:
         inputs = system.state.shape[1]
         self._times = np.zeros((2, 0))  # of what is still to come, and what rounding takes away
         self._sizes = np.zeros((0, inputs))
+
+    @property
+    def numbers(self) -> Array:
+        """All (n,) of which the response is made, but for impacts."""
+        return np.append(self._system.numbers, self._duration)
 
     def take(self, motion: Motion, impulses: Array) -> Callable[[Array], Array]:
         """The response at times (M,) [s] within a motion with impulses (m, inputs)."""

@@ -134,7 +134,7 @@ class LeastSquares:
         """The longest window that a run explains, else the best of the first."""
         part, fits = self._first(), []
         for place in self._starts(part):
-            fits.append(self._solve(place, part, self._scales))
+            fits.append(self._solve(self._at(place, part), self._scales))
             if self.explains(fits[-1]):
                 return self._settled(self._grow(fits[-1]))
         return min(fits, key=self._cost)
@@ -182,10 +182,16 @@ class LeastSquares:
             part = min(1.0, longer * fit.part)
             steps = np.minimum(1e-3, _STEP * np.sqrt(fit.covariance().diagonal()))
             found: list[WindowFit] = []
-            for place in self._continuations(fit, part, sizes):
+            for place, residuals in self._continuations(fit, part, sizes):
                 try:
-                    more = self._solve(place, part, sizes, steps)
+                    if found:  # from elsewhere, with the derivatives that are known
+                        begun = WindowFit(place, part, residuals, found[0].slopes)
+                        more = self._solve(begun, sizes, steps, found, fresh=False)
+                    else:
+                        more = self._solve(self._at(place, part, steps), sizes, steps)
                 except RunError:
+                    continue
+                if any(more is x for x in found):
                     continue
                 if self._follows(more, sizes, fit.white):
                     found.append(more)
@@ -200,7 +206,7 @@ class LeastSquares:
 
     def _settled(self, fit: WindowFit) -> WindowFit:
         """The minimum itself, by the derivatives that are known."""
-        return self._solve(fit.place, fit.part, self._sizes(fit), begun=fit)
+        return self._solve(fit, self._sizes(fit), settle=True)
 
     def _sizes(self, fit: WindowFit, noise: Sequence[float] = ()) -> list[float]:
         """Of residuals, at least of the noise, and of rounding where a signal has none at all."""
@@ -210,19 +216,22 @@ class LeastSquares:
 
     def _continuations(
         self, fit: WindowFit, part: float, sizes: Sequence[float]
-    ) -> Iterator[Array]:
+    ) -> Iterator[tuple[Array, list[Array]]]:
         """Places from which a longer window is tried: where it was, then the best around there.
+
+        With residuals, but for the first.
 
         What the signal has not told yet, the longer window may tell, and where one run has no
         derivatives, its neighbours do: around is where the parameters may be.
         """
-        yield fit.place
+        yield fit.place, []
         random = np.random.default_rng(self._seed)
         places = random.multivariate_normal(fit.place, fit.covariance(), _DRAWS, method='eigh')
         evenly = qmc.Sobol(len(fit.place), rng=self._seed).random(_DRAWS)
         places = np.clip(np.where(fit.widths() > 1.0, evenly, places), 0.0, 1.0)
-        order = np.argsort([self._sum(self._residuals(u, part), sizes) for u in places])
-        yield from places[order[:_TRIED]]
+        residuals = [self._residuals(u, part) for u in places]
+        order = np.argsort([self._sum(r, sizes) for r in residuals])
+        yield from [(places[k], residuals[k]) for k in order[:_TRIED]]
 
     @staticmethod
     def _sum(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
@@ -238,13 +247,20 @@ class LeastSquares:
                 return False
         return True
 
+    def _at(self, place: Array, part: float, steps: Array | float = 1e-4) -> WindowFit:
+        """What a run and its derivatives say at a place; `steps` as in `_slopes`."""
+        place = np.clip(place, 0.0, 1.0)
+        return WindowFit(place, part, *self._slopes(place, part, steps))
+
     def _solve(
         self,
-        place: Array,
-        part: float,
+        begun: WindowFit,
         sizes: Sequence[float],
         steps: Array | float = 1e-4,
-        begun: WindowFit | None = None,
+        known: Sequence[WindowFit] = (),
+        *,
+        fresh: bool = True,
+        settle: bool = False,
     ) -> WindowFit:
         """Least squares of a window from a place on, by damped steps within the ranges.
 
@@ -253,17 +269,22 @@ class LeastSquares:
         Parameters
         ----------
         steps : (k,) of differences where there are no derivatives
-        begun : of this place and window, to be made as exact as its derivatives allow
+        known : minima of this window: what comes within the limits of one is that one
+        fresh : derivatives are those of the place where it begins
+        settle : make it as exact as these derivatives allow
         """
 
         def weighted(parts: Sequence[Array]) -> Array:
             return np.concatenate([r / s for r, s in zip(parts, sizes, strict=True)])
 
-        u, spare = np.clip(place, 0.0, 1.0), _SPARE if begun else _ROUGH
-        found, slopes = (begun.residuals, begun.slopes) if begun else self._slopes(u, part, steps)
-        r, fresh, damping = weighted(found), True, 0.0
+        limits = [0.5 * x.widths() for x in known]
+        u, part, found, slopes = begun.place, begun.part, begun.residuals, begun.slopes
+        r, damping, spare = weighted(found), 0.0, _SPARE if settle else _ROUGH
         q, upper = np.linalg.qr(weighted(slopes))
         for _ in range(_STEPS):
+            for other, limit in zip(known, limits, strict=True):
+                if (np.abs(u - other.place) < limit).all():
+                    return other
             size = max(1.0, float(r @ r) / len(r))  # the signal may have more noise than is known
             step, promised = _bounded_step(u, upper, q.T @ r, damping)
             if promised < spare * size:
@@ -274,13 +295,13 @@ class LeastSquares:
             taken = gain > _GOOD
             if taken:
                 u, r, found, damping = u + step, new, others, damping / 10.0
-            if gain < _LIKE and not begun and (taken or not fresh):
+            if gain < _LIKE and not settle and (taken or not fresh):
                 found, slopes = self._slopes(u, part, steps)
                 r, fresh = weighted(found), True
                 q, upper = np.linalg.qr(weighted(slopes))
             elif taken:
                 fresh = False
-            elif begun:
+            elif settle:
                 break
             else:
                 damping = max(10.0 * damping, 1e-3)

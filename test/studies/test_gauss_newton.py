@@ -125,17 +125,27 @@ def test_a_method_that_does_not_apply_is_refused(paths, method, words):
         identify([record], wanted(record, limits), method)
 
 
-def test_derivatives_of_samples_are_those_of_whole_runs():
-    """Through impacts and the filters of a measurement chain."""
-    path = 'joints.coupler_rocker.clearance.radial'
+@pytest.mark.parametrize(
+    ('path', 'step', 'link'),
+    [
+        ('joints.coupler_rocker.clearance.radial', 1e-10, 'rocker'),
+        ('links.crank.length', 1e-9, 'coupler'),
+    ],
+)
+def test_derivatives_of_samples_are_those_of_whole_runs(path, step, link):
+    """Through impacts and the filters of a measurement chain, whichever of them they depend on."""
     machine = ms.load_scene(
-        'bearing_run_up', {'drive.profile.points': [['0 s', '500 rpm'], ['1 s', '700 rpm']]}
+        'bearing_run_up',
+        {
+            'drive.profile.points': [['0 s', '500 rpm'], ['1 s', '700 rpm']],
+            'sensors.rocker.link': link,  # the place of the coupler follows the crank's length
+        },
     )
     t = np.arange(0.0, 0.25, 1e-4)
     record = SensorRecord(machine, 'rocker', 0.0, np.zeros(len(t)))
     whole = ms.simulate(machine, duration=0.25, derivatives=[path])
     slope = record.slope(whole.derivatives[path], t)
-    step, value = 1e-10, whole.derivatives[path].value
+    value = whole.derivatives[path].value
     more, less = (
         record.of_run(ms.simulate(ms.load_scene(machine, {path: value + x}), duration=0.25), t)
         for x in (step, -step)
