@@ -47,7 +47,7 @@ def add(command: Command) -> None:
         sub, '--at', 'ANGLE|WAY',
         "all quantities at a position of the drive, as '30 deg' or '60 mm'; a turn begins there",
     )  # fmt: skip
-    option(sub, '--revolutions', 'N', 'number of turns of the drive', 1)
+    option(sub, '--revolutions', 'N', 'number of turns of the drive (default: 1)', int)
     time_option(sub, '--duration', 'length, for a drive without a constant speed')
     sub.add_argument(
         '--points', nargs='+', action='extend', default=[], metavar='LINK.POINT',

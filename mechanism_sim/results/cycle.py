@@ -325,7 +325,7 @@ def cycle(
     scene: Source,
     samples: int = 360,
     start: float | str | None = None,
-    periods: int = 1,
+    periods: int | None = None,
     duration: float | str | None = None,
     points: Sequence[str] = (),
     local: bool = False,
@@ -343,7 +343,7 @@ def cycle(
     scene : all that `load_scene` takes
     samples : intervals between samples in a cycle
     start : position of the drive where the cycle begins [rad]; where the scene begins if not
-    periods : turns of the drive
+    periods : turns of the drive; one if not given
     duration : [s] instead, where the drive has no constant speed; that of the scene if not
     points : whose paths are wanted, ``LINK.POINT``
     local : forces on each link along and across it too
@@ -359,9 +359,9 @@ def cycle(
         If the run fails.
     """
     machine, start = load_scene(scene), argument('start', start, 'rad')
-    if samples < 2 or periods < 1:
+    if samples < 2 or (periods is not None and periods < 1):
         raise InputError('a cycle needs at least 2 samples and 1 period')
-    if duration is not None and periods != 1:
+    if duration is not None and periods is not None:
         raise InputError('a cycle has a number of periods or a duration, not both')
     if local and not machine.physics.has_forces:
         raise InputError(
@@ -376,7 +376,7 @@ def cycle(
     machine, begin, end = cycle_window(machine, start, periods, duration)
     steady = is_steady(machine)
     solution = simulate(machine, duration=end)
-    t = np.linspace(begin, end, samples * (periods if steady else 1) + 1)
+    t = np.linspace(begin, end, samples * (periods or 1 if steady else 1) + 1)
     repeats = steady and duration is None
     return Cycle(machine, solution, t, repeats, chosen, local, static, machine is not whole)
 
@@ -384,7 +384,7 @@ def cycle(
 def cycle_window(
     machine: Machine,
     start: float | None = None,
-    periods: int = 1,
+    periods: int | None = None,
     duration: float | str | None = None,
 ) -> tuple[Machine, float, float]:
     """The machine that runs in a cycle, and the instants [s] between which the cycle is."""
@@ -398,8 +398,8 @@ def cycle_window(
         begin = math.remainder(start - angle, 2.0 * math.pi) / speed
         begin += machine.drive.period if begin < 0.0 else 0.0
     if steady and duration is None:
-        return machine, begin, begin + periods * machine.drive.period
-    return machine, begin, begin + span(machine, periods if periods != 1 else None, duration)
+        return machine, begin, begin + (periods or 1) * machine.drive.period
+    return machine, begin, begin + span(machine, periods, duration)
 
 
 def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:
@@ -410,7 +410,7 @@ def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float
     """
     if not found.repeats:
         there, asked = placed(machine, value), ([*found.points], found.local, found.static)
-        found = cycle(there, 2, None, 1, _MOMENT, *asked)
+        found = cycle(there, 2, None, None, _MOMENT, *asked)
     known = catalogue(found.machine)
     names = [name for name in found.names if name != 't' and not known[name].cumulative]
     return {name: float(x[0]) for name, x in found.at(found.t[:1], names).items()}

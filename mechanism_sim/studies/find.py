@@ -143,6 +143,8 @@ def find(
         )
     limits = read_limits('vary', vary, lists=True)
     varied = parameters(machine, [*limits], '', limits=limits)
+    if how.get('duration') is None:
+        _admit_speeds(varied, machine.plan.main)
     trial, file = CycleTrial.of(machine, goals, how), asked['file']
     with ExitStack() as stack:
         rows = FinishedRows()
@@ -162,6 +164,17 @@ def find(
         if file:
             tables.write(file, trials.columns(), {'title': machine.scene.title})
     return found
+
+
+def _admit_speeds(varied: Sequence[Parameter], main: str) -> None:
+    """Refuse speeds of the main drive about zero: its turns, over which cycles go, never end."""
+    for p in varied:
+        of_main = p.path in ('drive.speed', f'drives.{main}.speed')
+        if of_main and not p.choices and p.low <= 0.0 <= p.high:
+            raise InputError(
+                f'{p.path}: its limits include standstill, in which a turn never ends; give limits '
+                'on one side of zero, or a duration'
+            )
 
 
 def _along(trials: Trials, samples: int) -> Finding:

@@ -133,6 +133,15 @@ def test_a_path_that_is_none_is_refused():
         find(rotor(), {'links.bar.lenth': ('1', '2')}, minimise='mean(drive_torque)')
 
 
+@pytest.mark.parametrize('limits', [('-10 rpm', '10 rpm'), ('0 rpm', '10 rpm')])
+def test_speeds_about_zero_are_refused_where_cycles_are_turns(limits):
+    speeds = {'drive.speed': limits}
+    with pytest.raises(InputError, match='standstill'):
+        find(rotor(), speeds, minimise='mean(drive_torque)')
+    found = find(rotor(), speeds, minimise='mean(drive_torque)', samples=2, duration=0.1)
+    assert len(found.curve) >= 2
+
+
 def test_a_figure_without_a_value_is_no_figure():
     """The cycle of a bar is one turn: a window in the second is not reached."""
     goal = 'mean(drive_torque, from 1 revolutions to 2 revolutions) = 1 N m'
