@@ -144,7 +144,10 @@ def left_out(machine: Machine) -> list[str]:
     plan, scene = machine.plan, machine.scene
     forces = ['gravity'] * any(scene.gravity) + [e.name for e in plan.elements(plan.ideal)]
     forces += [f'the drive of {c}' for c in plan.laws]
-    rest = forces + [f'the sensor {name}' for name in scene.sensors]
+    loose = [f'the clearance of {joint}' for joint in plan.clearances]
+    stops = [f'the stops of {joint.name}' for joint in plan.joints if joint.name in plan.touching]
+    rubs = [f'the friction of {friction.name}' for friction in plan.frictions(plan.ideal)]
+    rest = [*loose, *stops, *rubs, *forces, *(f'the sensor {name}' for name in scene.sensors)]
     shows = [f'left out, for URDF has links and joints: {", ".join(rest)}'] if rest else []
     return tilted + circles + shows
 

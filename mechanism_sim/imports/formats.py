@@ -94,6 +94,12 @@ def import_machine(
     notes = list(made.notes)
     if 'drive' not in data:
         notes.append("the file defines no drive: --set 'drive.speed=60 rpm' adds one to the crank")
+    if 'gravity' not in data and any(
+        isinstance(link, dict) and 'mass' in link for link in data['links'].values()
+    ):
+        notes.append(
+            "the file has no gravity: --set 'gravity=[0 m/s^2, -9.81 m/s^2]' adds it where y is up"
+        )
     try:
         build(stem, check_scene(stem, data))
     except InputError as error:  # it is written all the same: people mend it there

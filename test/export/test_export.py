@@ -467,10 +467,25 @@ def test_exports_that_cannot_be_are_refused(args, says, capsys):
 
 def test_what_no_format_has_is_said():
     """Gravity, springs, loads and sensors went without a word."""
-    machine = ms.load_scene('rubbing_compressor', {'sensors': {'pick_up': {
+    machine = ms.load_scene('rubbing_compressor', {
+        'joints.rod_piston': {
+            'revolute': ['rod.end', 'piston'],
+            'clearance': {'radial': '0.1 mm', 'restitution': 0.5},
+        },
+        'sensors': {'pick_up': {
         'link': 'rod', 'at': '10 mm', 'axis': 'across', 'sample_rate': '10 kHz'}}})  # fmt: skip
     (said,) = [x for x in urdf.left_out(machine) if x.startswith('left out, for URDF')]
-    named = 'gravity', *(e.name for e in machine.plan.elements(machine.plan.ideal)), 'pick_up'
+    rubs = [
+        f'the friction of {friction.name}'
+        for friction in machine.plan.frictions(machine.plan.ideal)
+    ]
+    named = (
+        'gravity',
+        'the clearance of rod_piston',
+        *rubs,
+        *(e.name for e in machine.plan.elements(machine.plan.ideal)),
+        'pick_up',
+    )
     assert all(name in said for name in named)
     for others in (mjcf.left_out, sdf.left_out):
         assert 'pick_up: this sensor is left out' in others(machine)

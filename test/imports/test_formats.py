@@ -166,3 +166,17 @@ def test_types_of_joints_may_be_words(tmp_path):
         for kinds in (('R', 'R', 'R', 'P'), ('Revolute', 'pin', '', 'prismatic'))
     )  # fmt: skip
     assert words == letters
+
+
+def test_a_file_without_gravity_says_so(tmp_path):
+    """Masses swung as if they had no weight, without a word."""
+    file = tmp_path / 'arm.urdf'
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    mass = f'<inertial><mass value="2"/>{inertia}</inertial>'
+    text = URDF.format(HINGE.format('continuous', 'b', '0 0 1'))
+    file.write_text(text.replace('<link name="b"/>', f'<link name="b">{mass}</link>'))
+    assert mass in file.read_text()
+    (said,) = [x for x in import_machine(file).notes if 'gravity' in x]
+    override = {'gravity': ['0 m/s^2', '-9.81 m/s^2']}
+    assert '--set' in said
+    assert not any('gravity' in x for x in import_machine(file, overrides=override).notes)
