@@ -86,7 +86,7 @@ class PiecewisePolynomial:
         if not len(self):
             raise ValueError('there is no motion to sample: the solution is empty')
         slack = self._slack
-        if t.size and (t.min() < self.start[0] - slack or t.max() > self.end + slack):
+        if t.size and not (t.min() >= self.start[0] - slack and t.max() <= self.end + slack):
             raise ValueError(
                 f'time outside of the solution: asked [{t.min():.9g}, {t.max():.9g}] s, '
                 f'solved [{self.start[0]:.9g}, {self.end:.9g}] s'

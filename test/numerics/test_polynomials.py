@@ -57,7 +57,7 @@ def test_many_times_in_each_segment_are_the_same_as_one_by_one(curve):
     np.testing.assert_allclose(curve.at(segments, dt, 1), flat, rtol=1e-14)
 
 
-@pytest.mark.parametrize('t', [-1e-9, 3.0 + 1e-9])
+@pytest.mark.parametrize('t', [-1e-9, 3.0 + 1e-9, np.nan])
 def test_a_time_outside_is_refused_with_the_interval(curve, t):
     with pytest.raises(ValueError, match=r'outside of the solution.*solved \[0, 3\] s'):
         curve(np.array([1.0, t]))
