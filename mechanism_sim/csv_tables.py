@@ -7,6 +7,7 @@ without headings has the columns ``1``, ``2`` and so on.
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import re
@@ -131,20 +132,36 @@ def _rows(path: Path, where: str, largest: int) -> list[tuple[int, list[str]]]:
         data = documents.bytes_of(path, largest)
         if len(data) > largest:
             raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
-        lines = data.decode('utf-8-sig').splitlines()
+        lines = _text(data).splitlines()
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
         mark = next(s for s in _SEPARATORS if s in lines[kept[0]] or s == _SEPARATORS[-1])
         reader = csv.reader((lines[n] for n in kept), delimiter=mark, skipinitialspace=True)
         rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
     except InputError:
         raise
-    except (OSError, UnicodeDecodeError, csv.Error, ValueError, IndexError) as error:
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f'{where} cannot be read: it is not comma-separated text in UTF-8'
+        ) from error
+    except (OSError, csv.Error, ValueError, IndexError) as error:
         reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'
         raise InputError(f'{where} cannot be read: {reason}') from error
     # a separator after the last cell, as some programs write it, makes no column
     if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
         rows = [(n, row[:-1]) for n, row in rows]
     return rows
+
+
+def _text(data: bytes) -> str:
+    """The text of a file in UTF-8, or as programs of offices write it where asked for less."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode('utf-16')
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        if b'\0' in data:
+            raise
+        return data.decode('cp1252')
 
 
 def _is_number(cell: str) -> bool:

@@ -44,11 +44,14 @@ def add(command: Command) -> None:
     length_options(sub, '200 if not given')
     skip_option(sub, '20 if not given')
     measure_option(sub)
-    text = 'instead: N largest Lyapunov exponents, and how long digits of a run are significant'
+    text = (
+        'instead: N largest Lyapunov exponents, over turns behind those left out, and how long '
+        'digits of a run are significant'
+    )
     option(sub, '--exponents', 'N', text, int)
     sub = command('lyapunov', _exponents, 'how fast neighbouring motions part, with intervals')
     scene_options(sub)
-    length_options(sub, '200 if not given')
+    length_options(sub, 'behind those left out, 200 if not given')
     skip_option(sub, '20 if not given')
     option(sub, '--exponents', 'N', 'number of the largest Lyapunov exponents', 1)
     sub = command('find', _find, 'find values of keys that give wanted values of measures')
@@ -244,7 +247,8 @@ def _find_value(options: argparse.Namespace) -> int:
         write_text(scene, load_scene(machine, result.values).scene.to_yaml())
     if picture:
         figures.save(figures.paint(found.chart(result, machine.scene.title)), picture)
-    return print_result(options, result, found.to_json, found.text)
+    print_result(options, result, found.to_json, found.text)
+    return 0 if result.successful else 1
 
 
 def _path(options: argparse.Namespace) -> int:

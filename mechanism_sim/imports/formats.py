@@ -94,7 +94,7 @@ def import_machine(
     notes = list(made.notes)
     if 'drive' not in data:
         notes.append("the file defines no drive: --set 'drive.speed=60 rpm' adds one to the crank")
-    if 'gravity' not in data and any(
+    if thickness is None and 'gravity' not in data and any(
         isinstance(link, dict) and 'mass' in link for link in data['links'].values()
     ):
         notes.append(

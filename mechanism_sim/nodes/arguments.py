@@ -70,10 +70,13 @@ class Parser(argparse.ArgumentParser):
             known = nearest(name, [o for o in options if o.startswith('--')])
             self.error(f"there is no option '{name}'{known}; --help lists them")
         takes = [a.metavar or a.dest for a in self._get_positional_actions()]
+        before = ', before all options' * any(
+            a.nargs == '*' for a in self._get_positional_actions()
+        )
         self.error(
             f"'{word}' is one argument too many: it takes "
-            f'{" and ".join(map(str, takes)) or "options"}; values with blanks need quotes, for '
-            "example --set 'drive.speed=300 rpm'"
+            f'{" and ".join(map(str, takes)) or "options"}{before}; values with blanks need '
+            "quotes, for example --set 'drive.speed=300 rpm'"
         )
 
     def is_given(self, options: argparse.Namespace, name: str) -> bool:

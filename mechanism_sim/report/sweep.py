@@ -95,8 +95,7 @@ def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
                 for name, by in (('impacts', 1.0), ('impulse', scale), ('I_n', scale))
             ]
         said = ', '.join(
-            f'{k.rpartition(".")[2]} = {_given(v, plan.units.get(k, ""))}'
-            for k, v in run.given.items()
+            f'{_short(k)} = {_given(v, plan.units.get(k, ""))}' for k, v in run.given.items()
         )
         again = f', repetition {run.values[REPEAT]}' if REPEAT in run.values else ''
         table.append([str(run.index), *figures, said + again])

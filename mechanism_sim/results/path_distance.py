@@ -50,9 +50,9 @@ class TargetPath(NamedTuple):
     at: tuple[float, ...]
 
 
-def read_path(name: str) -> TargetPath:
+def read_path(name: str, where: str = 'distance') -> TargetPath:
     """Points of a file below the current folder, or one that is allowed."""
-    table = read_csv(allowed_file('distance', Path.cwd(), name), 'distance')
+    table = read_csv(allowed_file(where, Path.cwd(), name), where)
     timed = [c for c in table.cells if c in _TIMED][:1]
     others = [c for c in table.cells if c not in _TIMED]
     columns = ['x', 'y'] if 'x' in others or len(others) > 1 else others

@@ -7,7 +7,7 @@ what the key is.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -46,24 +46,28 @@ class SceneContent(NamedTuple):
 
 
 def content_of(
-    source: str | Path | Mapping[str, Any] | Scene | FourBarScene, name: str = 'scene'
+    source: str | Path | Mapping[str, Any] | Scene | FourBarScene,
+    name: str = 'scene',
+    overrides: Mapping[str, Any] | Iterable[str] = (),
 ) -> SceneContent:
     """Content of a scene by name, path or YAML text, as a dictionary or as a `Scene`.
 
     Parameters
     ----------
     name : of one that has none; files that it names are beside the current folder
+    overrides : for which it is meant: files that they replace are not read
     """
+    replaced = [path for path, _ in _pairs(overrides)]
     if isinstance(source, Scene | FourBarScene):
         return SceneContent(
             name, name, {'mechanism': source.mechanism, **_plain(source)}, Path.cwd()
         )
     if isinstance(source, Mapping):
-        data = with_files(name, Path.cwd(), _plain(source))
+        data = with_files(name, Path.cwd(), _plain(source), replaced=replaced)
         return SceneContent(name, name, data, Path.cwd())
     if isinstance(source, str) and ('\n' in source or source.lstrip().startswith('{')):
         try:
-            data = with_files(name, Path.cwd(), documents.parse(source))
+            data = with_files(name, Path.cwd(), documents.parse(source), replaced=replaced)
         except documents.DocumentError as error:
             raise InputError(f'{name}:{error}') from error
         return SceneContent(name, name, _keys_and_values(name, data, 'scene'), Path.cwd())
@@ -73,7 +77,7 @@ def content_of(
             'a Scene or a machine'
         )
     path = find_scene(str(source))
-    return SceneContent(path.name, path.stem, read_yaml(path, 'scene'), path.parent)
+    return SceneContent(path.name, path.stem, read_yaml(path, 'scene', replaced), path.parent)
 
 
 def _plain(data: Any) -> Any:
@@ -117,9 +121,9 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     return folder / f'{name}.yaml'
 
 
-def read_yaml(path: Path, kind: str) -> dict[str, Any]:
+def read_yaml(path: Path, kind: str, replaced: Collection[str] = ()) -> dict[str, Any]:
     """The keys and values of a scene, or of another `kind` of file, unchecked."""
-    data = with_files(path.name, path.parent, documents.read(path, kind))
+    data = with_files(path.name, path.parent, documents.read(path, kind), replaced=replaced)
     return _keys_and_values(path.name, data, kind)
 
 

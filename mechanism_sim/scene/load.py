@@ -59,7 +59,8 @@ def load_scene(
         if not overrides:
             return source
         source, name = source.scene, source.name
-    given = content_of(source, name)
+    overrides = overrides if isinstance(overrides, Mapping) else [*overrides]
+    given = content_of(source, name, overrides)
     content = overridden(given.file, given.data, overrides, given.folder)
     questions = tuple(length_questions(content))
     try:

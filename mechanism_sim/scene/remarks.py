@@ -30,6 +30,7 @@ _OTHER_UNIT = 100.0
 A wrong unit is a factor of 1000, on lengths that may be several times shorter than others.
 """
 _LEAST_PLAY, _MOST_PLAY = 1e-7, 0.1
+_PLAYS = 'lift_off', 'groove', 'backlash'
 """Radial clearance [m], and over the size of the machine."""
 _GRAVITY = 1.0, 30.0
 """[m/s^2] between that of the moon and that of Jupiter."""
@@ -150,10 +151,11 @@ def _plays(machine: Machine) -> Iterator[str]:
         if isinstance(pair, HigherPair) and pair.angular_play:
             continue
         if radial and not _LEAST_PLAY <= radial <= _MOST_PLAY * size:
-            yield (
-                f'joints.{joint}.clearance.radial = {_length(radial)} in a machine of '
-                f'{_length(size)}: is the unit right?'
-            )
+            part = machine.scene.joints[joint]
+            other = next((k for k in _PLAYS if getattr(part, k, None)), '')
+            between = f'{other} makes a play of {_length(2.0 * radial)}'
+            said = between if other else f'clearance.radial = {_length(radial)}'
+            yield (f'joints.{joint}.{said} in a machine of {_length(size)}: is the unit right?')
 
 
 def _others(machine: Machine) -> Iterator[str]:

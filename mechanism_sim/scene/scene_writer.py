@@ -19,7 +19,7 @@ from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.facts import Facts, facts_of, quantity
-from mechanism_sim.scene.files import as_given, check_scene, find_scene, overridden, read_yaml
+from mechanism_sim.scene.files import as_given, check_scene, content_of, find_scene, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.schema import AnyScene, LinkPart, Scene
 from mechanism_sim.units import QuantityValue
@@ -291,8 +291,9 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
         there = file.exists()
     if there:
         raise InputError(f"'{file}' exists already; choose another name")
+    overrides = overrides if isinstance(overrides, Mapping) else [*overrides]
     path = find_scene(source)
-    source_data = read_yaml(path, 'scene')
+    source_data = content_of(path, overrides=overrides).data
     data = overridden(path.name, source_data, overrides, path.parent)
     if data.get('title') == source_data.get('title'):
         data = {**data, 'title': file.stem.replace('_', ' ').strip().capitalize() or file.stem}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -17,7 +18,7 @@ from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.drawn_edges import drawn_edges
 from mechanism_sim.scene.motion_keys import PositionPart
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, to_si_text
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''
 _VALUES = 'N', 'N m', ''
@@ -68,21 +69,40 @@ class TablePart(Part):
         return through(points, self.interpolation or self.ramp, repeats, period)
 
 
-def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bool = False) -> Any:
+def with_files(
+    file: str,
+    folder: Path,
+    content: Any,
+    key: str = '',
+    instead: bool = False,
+    replaced: Collection[str] = (),
+) -> Any:
     """The keys and values of a scene with the points of the files that it names.
 
     Parameters
     ----------
     key : path of the content in the scene
     instead : whether points that are there already give way
+    replaced : paths whose values overrides will replace: no file is read for what they hold
     """
+    if key[1:] in replaced:
+        return content
     if isinstance(content, list):
-        return [with_files(file, folder, x, f'{key}.{i}', instead) for i, x in enumerate(content)]
+        return [
+            with_files(file, folder, x, f'{key}.{i}', instead, replaced)
+            for i, x in enumerate(content)
+        ]
     if not isinstance(content, dict):
         return content
     if isinstance(name := content.get('file'), str) and content.keys() <= _KEYS:
         where = f'{file}: {key[1:]}' if key else file
+        if key.endswith('.points') and content.keys() <= {*_OF_FILES}:
+            raise InputError(f"{where}: 'file' stands in place of 'points', not in it")
         made = 'edges' if name.lower().endswith('.dxf') else 'points'
+        if f'{key}.file'[1:] in replaced:
+            return {k: x for k, x in content.items() if k != 'file'}
+        if f'{key}.{made}'[1:] in replaced:
+            return {k: x for k, x in content.items() if k not in _OF_FILES}
         if made in content and not instead:
             raise InputError(f"{where}: 'file: {name}' and '{made}' exclude each other: keep one")
         rest = {k: x for k, x in content.items() if k not in (*_OF_FILES, made)}
@@ -90,7 +110,9 @@ def with_files(file: str, folder: Path, content: Any, key: str = '', instead: bo
         if made == 'edges':
             return rest | {made: drawn_edges(path, where, content.get('layer'), units)}
         return rest | {made: _points_of(path, where, content.get('columns'), units)}
-    return {k: with_files(file, folder, x, f'{key}.{k}', instead) for k, x in content.items()}
+    return {
+        k: with_files(file, folder, x, f'{key}.{k}', instead, replaced) for k, x in content.items()
+    }
 
 
 _OF_FILES = 'file', 'columns', 'layer', 'units'
@@ -111,11 +133,26 @@ def _points_of(path: Path, where: str, columns: Any, units: Any) -> list[list[st
     for key, given in (('columns', chosen), ('units', units or ['', ''])):
         if not isinstance(given, list) or len(given) != 2 or not all(map(_is_text, given)):
             raise InputError(f'{table.where}: {key} must be a list of two names')
-    units = units or [table.units[c] for c in chosen if table.column(c) is not None]
+    headed = [table.units[c] for c in chosen if table.column(c) is not None]
+    for name, said, asked in zip(chosen, headed, units or headed, strict=True):
+        if said and said != asked and not _alike(said, asked):
+            raise InputError(
+                f"{table.where}: its first line has column '{name}' in '{said}', and units in "
+                f"'{asked}': keep one"
+            )
+    units = units or headed
     return [
         [f'{x!r} {unit}'.strip() for x, unit in zip(row, units, strict=True)]
         for row in table.numbers(*chosen).tolist()
     ]
+
+
+def _alike(said: str, asked: str) -> bool:
+    """True if two units are the same, or one of them says nothing."""
+    try:
+        return to_si_text(f'1 {said}') == to_si_text(f'1 {asked}')
+    except ValueError:  # a heading may have another remark in brackets
+        return True
 
 
 def _is_text(x: Any) -> bool:

@@ -76,6 +76,11 @@ class Finding:
         return {self.parameter.path: self.found[0].value} if self.found else {}
 
     @property
+    def successful(self) -> bool:
+        """True if there is a value that gives what is wanted."""
+        return bool(self.found)
+
+    @property
     def measures(self) -> dict[str, float]:
         """The figure there, by the name of the measure."""
         return {self.goal.name: self.found[0].figure} if self.found else {}
@@ -172,8 +177,8 @@ def _admit_speeds(varied: Sequence[Parameter], main: str) -> None:
         of_main = p.path in ('drive.speed', f'drives.{main}.speed')
         if of_main and not p.choices and p.low <= 0.0 <= p.high:
             raise InputError(
-                f'{p.path}: its limits include standstill, in which a turn never ends; give limits '
-                'on one side of zero, or a duration'
+                f'{p.path}: its limits include standstill, in which a turn never ends; give '
+                'limits on one side of zero, or a duration'
             )
 
 

@@ -62,7 +62,7 @@ def find_four_bars(
     """
     least = argument('transmission', transmission, 'rad')
     if isinstance(path, str | Path):
-        path = read_path(str(path))
+        path = read_path(str(path), 'path')
     elif not isinstance(path, TargetPath):
         points = np.asarray(path, dtype=float)
         if points.ndim != 2 or points.shape[1] not in (2, 3) or not np.isfinite(points).all():

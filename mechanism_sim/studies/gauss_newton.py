@@ -248,7 +248,7 @@ class LeastSquares:
         return True
 
     def _at(self, place: Array, part: float, steps: Array | float = 1e-4) -> WindowFit:
-        """What a run and its derivatives say at a place; `steps` as in `_slopes`."""
+        """Residuals of a run at a place, and their derivatives; `steps` as in `_slopes`."""
         place = np.clip(place, 0.0, 1.0)
         return WindowFit(place, part, *self._slopes(place, part, steps))
 

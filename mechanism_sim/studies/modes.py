@@ -359,6 +359,8 @@ def derivatives(
             else "its drives prescribe the whole motion; give 'drive.torque' instead of a speed, "
             'or a link that moves on springs'
         )
+        if not held and machine.level.dynamic:
+            why = f'with joints without play and rigid contacts and teeth {why}'
         raise InputError(f'{machine.name}: nothing can vibrate: {why}')
     return found
 

@@ -100,6 +100,12 @@ class Optimum:
     table: list[Column]
 
     @property
+    def successful(self) -> bool:
+        """True if the values give what is wanted, and constraints hold."""
+        wanted = any(x is not None for x in self.wanted.values())
+        return all(c.holds for c in self.constraints) and (self.reached or not wanted)
+
+    @property
     def ends(self) -> list[str]:
         """Paths whose values are at one of their limits."""
         found = []

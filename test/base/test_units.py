@@ -182,6 +182,8 @@ def test_the_example_of_every_refusal_is_accepted(unit):
         ('5 mm', '', "has the unit 'mm' where a plain number belongs"),
         ('5 furlnog', 'm', "has the unknown unit 'furlnog': write for example '64 mm'"),
         ('5 mm)', 'm', "has the unknown unit 'mm)'"),
+        ('30 Grad', 'rad', "degrees are 'deg': write for example '30 deg'"),
+        ('60 Grad/s', 'rad/s', "has the unit 'Grad/s', in which Grad is"),
         ('1,5 mm', 'm', 'has a decimal comma, 1,5, where a point belongs, as in 1.5'),
         ('-1.500,25 mm', 'm', 'a decimal comma, -1.500,25, where a point belongs, as in -1500.25'),
         ('1,500 mm', 'm', 'where a point belongs, as in 1.500 or 1500'),

@@ -36,6 +36,14 @@ def test_what_is_a_thousand_times_off_is_questioned(override, said):
     assert any(said in doubt and doubt.endswith('is the unit right?') for doubt in doubts(machine))
 
 
+def test_a_play_of_teeth_is_named_by_its_own_key():
+    machine = ms.load_scene('gear_rattle')
+    (joint,) = machine.plan.clearances
+    tiny = ms.load_scene(machine, {f'joints.{joint}.backlash.width': '1e-9 m'})
+    (doubt,) = doubts(tiny)
+    assert doubt.startswith(f'joints.{joint}.backlash makes a play of')
+
+
 @pytest.mark.parametrize('name', one_of(12, ms.scene_names()))
 def test_no_scene_of_the_package_has_keys_without_effect(name):
     assert unused(ms.load_scene(name)) == []

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 
+import numpy as np
 import pytest
 import yaml
 from running import TIMEOUT, command
@@ -135,6 +137,44 @@ def test_a_bad_table_is_a_sentence(text, said, scene):
 @pytest.mark.parametrize('columns', ['a', ['a'], ['a', 1], ['a', ['b']], {'a': 'b'}, [None, 'a']])
 def test_columns_that_are_none_are_a_sentence(columns, scene):
     assert "'load.csv'" in refusal(scene(text='a [deg],b\n1,2\n2,3\n', columns=columns))
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-8-sig', 'utf-16', 'cp1252'])
+def test_a_table_is_read_as_spreadsheets_encode_it(encoding, scene):
+    file = scene(text='Winkel [°];Kraft [N]\n0;1\n180;2\n360;1\n'.encode(encoding))
+    assert load_scene(str(file)).scene.tables['load'].curve(np.array([math.pi])) == pytest.approx(
+        2.0
+    )
+
+
+def test_units_that_contradict_those_of_the_file_are_refused(scene):
+    assert load_scene(str(scene(units=['degree', 'N']))).scene.tables
+    assert "column 'force' in 'N', and units in 'kN'" in refusal(scene(units=['deg', 'kN']))
+    content = SCENE | {'tables': {'load': {'points': {'file': 'load.csv'}}}}
+    with pytest.raises(InputError, match="in place of 'points'"):
+        load_scene(content)
+
+
+POINTS = [['0 deg', '3 N'], ['360 deg', '3 N']]
+
+
+@pytest.mark.parametrize(
+    'override',
+    [
+        {'tables.load.file': 'other.csv'},
+        {'tables.load': {'file': 'other.csv'}},
+        {'tables.load': {'points': POINTS}},
+        {'tables.load.points': POINTS},
+    ],
+)
+def test_a_file_that_an_override_replaces_is_not_read(override, scene):
+    file = scene('missing.csv')
+    (file.parent / 'other.csv').write_text(GOOD.replace(',2', ',3').replace(',1', ',3'))
+    with pytest.raises(InputError, match=r'missing\.csv'):
+        load_scene(str(file))
+    assert load_scene(str(file), override).scene.tables['load'].curve(
+        np.array([1.0])
+    ) == pytest.approx(3.0)
 
 
 def test_a_table_as_we_write_it_is_read_again(scene):
