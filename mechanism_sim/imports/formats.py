@@ -94,8 +94,10 @@ def import_machine(
     notes = list(made.notes)
     if 'drive' not in data:
         notes.append("the file defines no drive: --set 'drive.speed=60 rpm' adds one to the crank")
-    if thickness is None and 'gravity' not in data and any(
-        isinstance(link, dict) and 'mass' in link for link in data['links'].values()
+    if (
+        thickness is None
+        and 'gravity' not in data
+        and any(isinstance(link, dict) and 'mass' in link for link in data['links'].values())
     ):
         notes.append(
             "the file has no gravity: --set 'gravity=[0 m/s^2, -9.81 m/s^2]' adds it where y is up"
