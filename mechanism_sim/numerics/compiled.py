@@ -76,7 +76,7 @@ def forget_for_others(crowded: Callable[[], bool]) -> None:
     _crowded[:] = [crowded]
 
 
-def _digest(*expressions: hy.expression) -> bytes:
+def _digest(expressions: Sequence[hy.expression]) -> bytes:
     # in one expression shared parts are pickled once; a sum alone would forget the order
     terms = [hy.make_vars(f'slot {k}') * x for k, x in enumerate(expressions)]
     return sha256(pickle.dumps(hy.sum(terms))).digest()
@@ -104,7 +104,8 @@ class _KeyedTerms:
         self.large = nodes > _LARGEST
         self._key: object = self.expressions
         if self.large:
-            self._key = symbolic.kept('digest', _digest, *self.expressions)
+            # of these themselves: equal ones that are kept may share other parts
+            self._key = symbolic.kept('digest', lambda *_: _digest(self.expressions), *expressions)
         self._hash = hash(self._key)
 
     def __hash__(self) -> int:
