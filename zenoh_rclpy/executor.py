@@ -5,7 +5,6 @@ in the queues.
 """
 
 import time
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from zenoh_rclpy import context as contexts
@@ -24,7 +23,7 @@ class SingleThreadedExecutor:
 
     def __init__(self) -> None:
         self._nodes: list[Node] = []
-        self._ready: Ready = SimpleQueue()
+        self._ready: Ready = Ready()
         self._is_shutdown = False
         self._ran_timer = False
         self._next_look = 0.0
@@ -50,7 +49,7 @@ class SingleThreadedExecutor:
             node.executor = None
             node.attach(None)
             # A new ready queue, without the entries of the node in the old one.
-            old, self._ready = self._ready, SimpleQueue()
+            old, self._ready = self._ready, Ready()
             for other in self._nodes:
                 other.attach(self._ready)
             old.put(None)
@@ -90,12 +89,12 @@ class SingleThreadedExecutor:
         while not self._is_shutdown:
             if not contexts.ok():
                 raise ExternalShutdownException('The process is not, or no longer, on the network')
-            if self._ready.qsize() and time.monotonic() < self._next_look:
+            if self._ready and time.monotonic() < self._next_look:
                 if self._execute(self._ready.get()):
                     return
                 continue
             received = contexts.received()
-            if received - self._received >= BUSY and not self._ready.qsize():
+            if received - self._received >= BUSY and not self._ready:
                 # Threads that wake each other up for every message cost more than the messages.
                 time.sleep(LOOK_AT_TIMERS)
             self._received = received
@@ -105,14 +104,14 @@ class SingleThreadedExecutor:
             ]
             due = [timer for timer in timers if timer.is_ready()]
             # After a timer it is the others' turn: one that is always due must not starve them.
-            if due and not (self._ran_timer and self._ready.qsize()):
+            if due and not (self._ran_timer and self._ready):
                 self._ran_timer = True
                 min(due, key=Timer.time_until_next_call).execute()
                 return
             self._ran_timer = False
             try:
                 entity = self._ready.get(timeout=_wait(timers, end))
-            except Empty:
+            except TimeoutError:
                 if end is not None and time.monotonic() >= end:
                     return
                 continue

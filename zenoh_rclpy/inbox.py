@@ -14,11 +14,12 @@ In these cases the queue grows beyond its limit. What comes from outside is judg
 here: see ``refusals``.
 """
 
+import time
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import Enum
-from queue import SimpleQueue
-from threading import Condition
+from threading import Condition, Lock
 from typing import Any, Protocol
 
 from zenoh_rclpy.callback_groups import CallbackGroup
@@ -36,7 +37,34 @@ class Entity(Protocol):
         """Handle one item that waits; False if there is none."""
 
 
-Ready = SimpleQueue[Entity | None]
+class Ready:
+    """Entities that have work, in the order in which it came.
+
+    CPython's `SimpleQueue` waits for ever if a time-out passes between its two looks at its lock,
+    as on a busy machine any may. Signal handlers may put here, too.
+    """
+
+    def __init__(self) -> None:
+        self._entities: deque[Entity | None] = deque()
+        self._news = Lock()  # free while there may be some
+
+    def __len__(self) -> int:
+        return len(self._entities)
+
+    def put(self, entity: Entity | None) -> None:
+        """Add one, or None to make who waits look around."""
+        self._entities.append(entity)
+        with suppress(RuntimeError):  # it is free already
+            self._news.release()
+
+    def get(self, timeout: float | None = None) -> Entity | None:
+        """Take the first, or wait for it at most so long [s], for ever if None; TimeoutError."""
+        end = None if timeout is None else time.monotonic() + timeout
+        while not self._entities:
+            left = -1.0 if end is None else max(0.0, end - time.monotonic())
+            if not self._news.acquire(timeout=left) and not self._entities:
+                raise TimeoutError
+        return self._entities.popleft()
 
 
 class Overflow(Enum):

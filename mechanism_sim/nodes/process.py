@@ -70,7 +70,7 @@ def run_nodes(
         if leaving and first:
             ending.later(PATIENCE_AFTER_INTERRUPT, ending.quit_now)
         for executor in executors:
-            # CPython 3.11 may forget the time-out of a queue when a signal interrupts it.
+            # It may wait for messages: it is to look at once.
             executor.wake()
         return None
 

@@ -1,12 +1,14 @@
 """Publishers, subscriptions and graph, across processes and inside one."""
 
 import signal
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
 from middleware_network import PATIENCE, Network, Process, eventually, spin_until
-from running import ROOT
+from running import ROOT, TIMEOUT
 
 from mechanism_sim.messages import Impact, JointState, serialize
 from mechanism_sim.nodes.middleware import (
@@ -444,3 +446,24 @@ def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
     assert not done.wait(1.0)  # were it not held up, it would be done by then
     stalled.kill()
     assert done.wait(PATIENCE)
+
+
+def test_a_wait_ends_when_its_time_is_over_between_two_looks():
+    """In a process of its own: CPython 3.11's `SimpleQueue` would wait for ever."""
+    waits = (
+        'import zenoh_rclpy.surface\n'
+        'from zenoh_rclpy.inbox import Ready\n'
+        'ready, ended = Ready(), 0\n'
+        'for k in range(20_000):\n'
+        '    ready.put(None)\n'
+        '    ready.get()\n'
+        '    try:\n'
+        '        ready.get(timeout=(k % 40) * 1e-6)\n'
+        '    except TimeoutError:\n'
+        '        ended += 1\n'
+        'print(ended)\n'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', waits], capture_output=True, text=True, timeout=TIMEOUT, check=True
+    )
+    assert done.stdout == '20000\n'
