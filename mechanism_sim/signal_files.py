@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, filterwarnings, simplefilter
 
 import numpy as np
 
@@ -59,6 +60,11 @@ class ChannelSamples:
         mean = float(gaps.sum() / count.sum()) if count.sum() else 0.0
         even = mean and np.abs(gaps - count * mean).max() <= _JITTER * mean
         return 1.0 / mean if even else None
+
+    @property
+    def missing(self) -> int:
+        """Samples that are missing between others, at an even rate."""
+        return int((self._intervals - 1.0).sum()) if self.rate else 0
 
     @property
     def runs(self) -> list[Array]:
@@ -167,7 +173,12 @@ def _wav(path: Path, full_scale: str) -> list[ChannelSamples]:
     from scipy.io import wavfile  # noqa: PLC0415 - slow to load
 
     try:
-        rate, data = wavfile.read(path)
+        with catch_warnings():
+            simplefilter('ignore', wavfile.WavFileWarning)  # of chunks that are no samples
+            filterwarnings('error', '.*EOF', wavfile.WavFileWarning)
+            rate, data = wavfile.read(path)
+    except wavfile.WavFileWarning as error:
+        raise InputError(f'{path} cannot be read: it ends before its last sample') from error
     except (ValueError, OSError, struct.error) as error:
         raise InputError(f'{path} cannot be read: {error}') from error
     values, unit = np.atleast_2d(data.T).astype(float), ''

@@ -46,7 +46,8 @@ def make_parser() -> argparse.ArgumentParser:
     common.add_argument('--json', action='store_true', help='JSON to standard output')
     common.add_argument(
         '--timeout', metavar='S', type=_positive, default=10.0,
-        help='wait at most so long for what is asked for (default: %(default)s)',
+        help='wait at most so long until what is asked for is there, and for answers '
+        '(default: %(default)s)',
     )  # fmt: skip
 
     def group(name: str, text: str) -> Callable[..., argparse.ArgumentParser]:

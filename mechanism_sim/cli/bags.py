@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -181,6 +182,14 @@ def _analyze_signals(options: argparse.Namespace) -> int:
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = _wanted(options)
     channels = read_signals(file, options.full_scale or '')
+    for name, channel in channels.items():
+        if channel.missing and (wanted or plots):
+            longest = max(len(x) for x in channel.runs)
+            print(
+                f'mechanism-sim: {name}: {channel.missing} samples are missing; spectra are of '
+                f'the longest run of those that are there, {longest} of {len(channel.values)}',
+                file=sys.stderr,
+            )
     even = [name for name, c in channels.items() if c.rate]
     drawn = wanted if wanted or not plots else replace(wanted, spectra=even, envelopes=even)
     details = channel_details(channels, drawn)

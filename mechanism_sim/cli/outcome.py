@@ -47,6 +47,8 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
         sys.exit(0)
     except Exception as error:
         refused = refusal(error)
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            refused = InputError(f"'{str(error.filename)[:60]}...' is too long a name for a file")
         if refused is not None:
             sys.exit(_report_failure(refused, 2, given))
         if not isinstance(error, OSError) or error.errno not in _GONE:

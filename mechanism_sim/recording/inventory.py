@@ -255,14 +255,17 @@ def recover(path: Path | str) -> RecoveredBag:
 def render_recovery(found: RecoveredBag) -> str:
     """Return the text that the command line shows."""
     if found.was_closed:
-        return f'{found.path} was closed properly: it is left as it is'
+        return f'{found.path} has been closed, with its index: it is left as it is'
     lines = [f'{found.path} is closed: {found.messages} messages, up to {found.end:.6g} s']
     if found.cut:
         lines.append(
-            f'its last {found.cut} bytes were cut off; {found.rescued} messages could be read of '
+            f'its last {found.cut} bytes had no index; {found.rescued} messages could be read of '
             'them'
         )
-    lines.append('lost is what was not yet on disk: less than the last half second')
+    lines.append(
+        'lost is what the file does not hold: where a recorder was killed, less than its last '
+        'half second'
+    )
     return '\n'.join(lines)
 
 

@@ -70,7 +70,11 @@ def sound(path: Path, what: str) -> Iterator[None]:
     except UnsupportedCompressionError as error:
         raise InputError(f'{path}: {error}.') from error
     except _DAMAGE as error:
-        why = 'text that is not UTF-8' if isinstance(error, UnicodeDecodeError) else quoted(error)
+        why = quoted(error)
+        if isinstance(error, UnicodeDecodeError):
+            why = 'text that is not UTF-8'
+        elif isinstance(error, CRCValidationError):
+            why = 'its checksum is not that of its content'
         raise DamagedBagError(f'{path}: {what} is damaged ({why}).') from error
 
 

@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+from running import run
 from scipy.io import wavfile
 
 from mechanism_sim.errors import InputError
@@ -102,6 +103,10 @@ def test_a_wav_that_is_none_is_refused(tmp_path):
     file.write_bytes(b'nothing of the kind')
     with pytest.raises(InputError, match=r'a.wav cannot be read'):
         read_signals(file, '1 N')
+    wavfile.write(file, 1000, np.zeros(1000, np.int16))
+    file.write_bytes(file.read_bytes()[:1000])
+    with pytest.raises(InputError, match='it ends before its last sample'):
+        read_signals(file, '1 N')
 
 
 @pytest.mark.parametrize('order', ['', '<', '>'])
@@ -169,6 +174,11 @@ def test_a_missing_sample_parts_a_signal_that_is_even_otherwise(tmp_path):
     signal = read_signal(file)
     assert signal.rate == pytest.approx(1000.0)
     assert [len(x) for x in signal.runs] == [50, 69, 78]
+    assert signal.missing == 3
+    said = run('analyze', str(file), '--spectrum', 'y').stderr
+    assert 'y: 3 samples are missing; spectra are of the longest run' in said
+    assert '78 of 197' in said
     assert (np.concatenate(signal.runs) == Y[kept]).all()
     file.write_text('t,y\n0,1\n0.001,2\n0.0025,3\n0.0035,4\n')
     assert read_signal(file).rate is None
+    assert read_signal(file).missing == 0

@@ -70,6 +70,7 @@ def test_a_name_that_moved_is_answered_by_the_new_one(capsys, monkeypatch):
         ('run.mcap', "a bag, not a command: try 'mechanism-sim analyze run.mcap'"),
         ('solve x --revolution 3', "no option '--revolution'; did you mean '--revolutions'?"),
         ('solve x --set drive.speed=300 rpm', "'rpm' is one argument too many"),
+        (f'analyze {"n" * 300}.mcap', "nnn...' is too long a name for a file"),
         ('response x --harmonics 1 y', 'takes SCENE and QUANTITY, before all options; values'),
         ('solve x --duration long', "solve: --duration: 'long' is not a number"),
         ('draw x --positions 1.5', "'1.5' is not a whole number"),
