@@ -30,6 +30,7 @@ from zenoh_rclpy.waits import Waits
 FAREWELL = '@mechanism_sim'
 ROUTER_PATIENCE = 5.0  # [s] for a router that accepts a connection to say who it is
 FLUSH_PATIENCE = 60.0  # [s]
+ASK_AGAIN = 5.0  # [s]: who left while he was asked never answers, and is not asked again
 
 
 class Closable(Protocol):
@@ -118,14 +119,20 @@ class Context:
 
         False if ``timeout`` [s] passes first.
         """
-        answers = self.session.get(
-            f'{FAREWELL}/{self.domain}/*',
-            target=zenoh.QueryTarget.ALL,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            timeout=timeout,
-        )
-        return all(answer.ok is not None for answer in answers)
+        end = time.monotonic() + timeout
+        while True:
+            left = max(0.0, end - time.monotonic())
+            answers = self.session.get(
+                f'{FAREWELL}/{self.domain}/*',
+                target=zenoh.QueryTarget.ALL,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+                timeout=min(left, ASK_AGAIN),
+            )
+            if all(answer.ok is not None for answer in answers):
+                return True
+            if left <= ASK_AGAIN:
+                return False
 
     def close(self, timeout: float = FLUSH_PATIENCE) -> bool:
         """End: no more samples in, what was published out (see ``flush``), session closed."""
