@@ -127,8 +127,8 @@ _TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
 _BY_WEIGHT = re.compile(r'(?<![A-Za-z])(lb|lbs|pounds?|oz|ounces?)(?![A-Za-z])')
 """Units of mass that are forces where a force is wanted, as in ft-lb and oz in."""
 _FORCES = {'l': 'lbf', 'p': 'lbf', 'o': 'ozf'}
-_LARGE_ANGLE = re.compile(r'(?<![A-Za-z])[kMGT]rads?(?![A-Za-z])')
-"""Angles that nobody means: ``Grad``, German for degree, would be a thousand million radians."""
+_GERMAN_DEGREE = re.compile(r'(?<![A-Za-z])Grad(?![A-Za-z])')
+"""It would be a thousand million radians."""
 _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
 
 _COMMA = re.compile(r'\s*[-+]?[\d.]*\d?,\d[\d.,]*')
@@ -613,10 +613,9 @@ def _other(given: str, unit: str, hint: str, fits: bool) -> str:
 
 
 def _converted_by_pint(number: str, read: str, given: str, unit: str, hint: str) -> float:
-    if found := _LARGE_ANGLE.search(read):
+    if _GERMAN_DEGREE.search(read):
         raise ValueError(
-            f"has the unit '{given}', in which {found[0]} is thousands of radians: degrees are "
-            f"'deg': {hint}"
+            f"has the unit '{given}', in which Grad is 1e9 radians: degrees are 'deg': {hint}"
         )
     ureg = _registry()
     try:

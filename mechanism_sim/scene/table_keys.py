@@ -96,7 +96,8 @@ def with_files(
         return content
     if isinstance(name := content.get('file'), str) and content.keys() <= _KEYS:
         where = f'{file}: {key[1:]}' if key else file
-        if key.endswith('.points') and content.keys() <= {*_OF_FILES}:
+        # a table may have any name
+        if key.endswith('.points') and key != '.tables.points' and content.keys() <= {*_OF_FILES}:
             raise InputError(f"{where}: 'file' stands in place of 'points', not in it")
         made = 'edges' if name.lower().endswith('.dxf') else 'points'
         if f'{key}.file'[1:] in replaced:
@@ -135,12 +136,12 @@ def _points_of(path: Path, where: str, columns: Any, units: Any) -> list[list[st
             raise InputError(f'{table.where}: {key} must be a list of two names')
     headed = [table.units[c] for c in chosen if table.column(c) is not None]
     for name, said, asked in zip(chosen, headed, units or headed, strict=True):
-        if said and said != asked and not _alike(said, asked):
+        if said and asked and not _alike(said, asked):
             raise InputError(
                 f"{table.where}: its first line has column '{name}' in '{said}', and units in "
                 f"'{asked}': keep one"
             )
-    units = units or headed
+    units = [asked or said for asked, said in zip(units or headed, headed, strict=True)]
     return [
         [f'{x!r} {unit}'.strip() for x, unit in zip(row, units, strict=True)]
         for row in table.numbers(*chosen).tolist()
@@ -148,7 +149,7 @@ def _points_of(path: Path, where: str, columns: Any, units: Any) -> list[list[st
 
 
 def _alike(said: str, asked: str) -> bool:
-    """True if two units are the same, or one of them says nothing."""
+    """True if two units are the same, or one of them is none."""
     try:
         return to_si_text(f'1 {said}') == to_si_text(f'1 {asked}')
     except ValueError:  # a heading may have another remark in brackets

@@ -148,8 +148,14 @@ def test_a_table_is_read_as_spreadsheets_encode_it(encoding, scene):
 
 
 def test_units_that_contradict_those_of_the_file_are_refused(scene):
-    assert load_scene(str(scene(units=['degree', 'N']))).scene.tables
+    for units in (['degree', 'N'], ['', 'N']):
+        curve = load_scene(str(scene(units=units))).scene.tables['load'].curve
+        assert curve(np.array([math.pi])) == pytest.approx(1.5)
     assert "column 'force' in 'N', and units in 'kN'" in refusal(scene(units=['deg', 'kN']))
+    file = scene()
+    named = file.read_text().replace('load:', 'points:').replace('load(', 'points(')
+    file.write_text(named)
+    assert load_scene(str(file)).scene.tables['points']
     content = SCENE | {'tables': {'load': {'points': {'file': 'load.csv'}}}}
     with pytest.raises(InputError, match="in place of 'points'"):
         load_scene(content)
