@@ -170,9 +170,18 @@ class Asked:
         return read_record(self._bag, self._namespace)
 
     def series(
-        self, names: Sequence[str], start: float | None = None, end: float | None = None
+        self,
+        names: Sequence[str],
+        start: float | None = None,
+        end: float | None = None,
+        also: Sequence[Series] = (),
     ) -> list[Series]:
-        """Series of these names, in their order, from `start` to `end` [s]."""
+        """Series of these names, in their order, from `start` to `end` [s].
+
+        Parameters
+        ----------
+        also : of another run, at whose instants quantities of the motion are wanted, too
+        """
         paths = [self._path(name) for name in names]
         if self._given is None and None in paths:
             self._refuse_strangers(names[paths.index(None)])
@@ -183,7 +192,7 @@ class Asked:
             for name, path in zip(names, paths, strict=True)
             if not path and name not in self.record.sensors
         }
-        motion = self._sampled(dict.fromkeys(chain(*of_motion.values())), start, end)
+        motion = self._sampled(dict.fromkeys(chain(*of_motion.values())), start, end, also)
         for name, path in zip(names, paths, strict=True):
             if path:
                 found += next(messages)
@@ -243,7 +252,11 @@ class Asked:
             ) from None
 
     def _sampled(
-        self, names: Iterable[str], start: float | None, end: float | None
+        self,
+        names: Iterable[str],
+        start: float | None,
+        end: float | None,
+        also: Sequence[Series],
     ) -> dict[str, Series]:
         """These quantities of the motion, at times that draw all of them."""
         if not (names := [*names]):
@@ -251,7 +264,7 @@ class Asked:
         record = self.record
         begin, finish = record.part(start, end)
         rate = 0.0 if record.slides else record.rate
-        return {s.name: s for s in drawn(record.piece, names, begin, finish, rate)}
+        return {s.name: s for s in drawn(record.piece, names, begin, finish, rate, also)}
 
     def _path(self, name: str) -> MessagePath | None:
         """The path into messages of the bag that a name stands for, if it does."""

@@ -217,13 +217,19 @@ def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]
 
 
 def drawn(
-    run: Piece | Cycle, names: Sequence[str], start: float, end: float, rate: float = 0.0
+    run: Piece | Cycle,
+    names: Sequence[str],
+    start: float,
+    end: float,
+    rate: float = 0.0,
+    also: Sequence[Series] = (),
 ) -> list[Series]:
     """Quantities of a run at instants that draw all of them, where they are extreme among them.
 
     Parameters
     ----------
     rate : turns of the drive a second [Hz]
+    also : of another run, at whose instants they are wanted, too
     """
     piece, known = run.solution if isinstance(run, Cycle) else run, catalogue(run.machine)
     t = instants(piece, start, end, _PER_TURN * abs(rate), _FEWEST, _MOST)
@@ -231,8 +237,8 @@ def drawn(
     own = [quantity for quantity in chosen if quantity.has_extremes and not quantity.cumulative]
     spans, size = piece.motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
     best = search(lambda x: _at(run, x, [quantity.name for quantity in own]), own, spans, size)
-    t = np.union1d(t, np.concatenate([best.least_time, best.greatest_time]))
-    return sampled(run, names, t[np.isfinite(t)])
+    t = np.unique(np.concatenate([t, best.least_time, best.greatest_time, *(s.t for s in also)]))
+    return sampled(run, names, t[(t >= start) & (t <= end)])
 
 
 def sampled(run: Piece | Cycle, names: Sequence[str], t: Array) -> list[Series]:

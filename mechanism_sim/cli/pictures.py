@@ -196,7 +196,12 @@ def _plot(options: argparse.Namespace) -> int:
             from mechanism_sim.analysis.deviation import ideal_record  # noqa: PLC0415
 
             beside = Asked(None, ideal_record(asked.record), options.namespace)
-            below = beside.series(options.what, start, end)
+            # Each at the instants of both: a table then has a value of each in every row.
+            known = {*beside.record.piece.catalogue, *beside.record.sensors}
+            if not (names := [s.name for s in series if s.name in known]):
+                raise InputError(f'--ideal: without clearance there is no {options.what[0]}')
+            below = beside.series(names, start, end, series)
+            series = asked.series(options.what, start, end, below)
             series = [*(replace(s, ideal=True) for s in below), *series]
     if not options.what:
         return _list(options, asked, bag)

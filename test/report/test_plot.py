@@ -130,6 +130,26 @@ def test_numbers_go_to_a_file(bag, tmp_path):
     assert picture.read_bytes().startswith(b'\x89PNG')
 
 
+def test_a_table_beside_the_ideal_machine_has_values_of_both_in_every_row(tmp_path):
+    """Without clearance there is no force of contact; the torques are those of either machine."""
+    file, names = tmp_path / 'both.csv', ('drive_torque', 'normal_force.coupler_rocker')
+    done = run('plot', 'four_bar_clearance', *names, '--ideal', '-o', str(file))
+    assert done.returncode == 0, done.stderr
+    with file.open() as lines_of_file:
+        heading = next(lines_of_file).strip().split(',')
+        rows = np.loadtxt(lines_of_file, delimiter=',')
+    assert heading[1:3] == ['ideal.drive_torque [N m]', 'drive_torque [N m]']
+    assert len(rows) > 1000
+    assert np.isfinite(rows).all()
+    nominal = ms.cycle(ms.load_scene('four_bar_nominal'))
+    expected = nominal.at(rows[::50, 0], ['drive_torque'])['drive_torque']
+    np.testing.assert_allclose(rows[::50, 1], expected, rtol=1e-9, atol=1e-12)
+    done = run('plot', 'four_bar_clearance', names[1], '--ideal', '-o', str(tmp_path / 'x.csv'))
+    assert (done.returncode, done.stderr) == (
+        2, f'mechanism-sim: --ideal: without clearance there is no {names[1]}\n'
+    )  # fmt: skip
+
+
 @pytest.mark.network
 def test_over_the_angle_of_the_drive(bag, tmp_path):
     """Messages over the angle the crank then has, which turns at a constant speed."""
