@@ -95,12 +95,13 @@ def _play(options: argparse.Namespace) -> int:
     bag = read_bag(options.bag)
     if not any(topic.count for topic in bag.topics.values()):
         raise InputError(f'{options.bag} holds nothing that can be played: it has no messages')
+    start, length = getattr(options, 'from'), (bag.end - bag.start) / 1e9
+    if not 0.0 <= start <= length:
+        raise InputError(f'--from {start:g}: {options.bag} has messages from 0 to {length:g} s')
     with player(options.timeout) as node:
         time.sleep(options.delay)
-        with progress.bar('play', (bag.end - bag.start) / 1e9, quiet=options.json) as show:
-            count = node.play(
-                bag, options.topics, options.rate, getattr(options, 'from'), options.clock, show
-            )
+        with progress.bar('play', length, quiet=options.json) as show:
+            count = node.play(bag, options.topics, options.rate, start, options.clock, show)
     if options.json:
         print_json({'bag': options.bag, 'messages': count})
     else:

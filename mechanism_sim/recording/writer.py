@@ -282,7 +282,9 @@ def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
     except FileExistsError:
         reason = 'exists already; choose another name or allow overwriting'
     except FileNotFoundError:
-        reason = f'cannot be created: there is no directory {path.parent}'
+        there = path.parent.is_dir()  # of the system's own folders no file can be made in some
+        why = '' if there else f': there is no directory {path.parent}'
+        reason = f'cannot be created{why}'
     except IsADirectoryError:
         reason = 'is a directory; name a file in it'
     except OSError as error:

@@ -349,3 +349,11 @@ def test_a_bag_without_messages_is_not_played(states):
     done = command('bag', 'play', str(states['empty']))
     assert done.returncode == 2
     assert 'holds nothing that can be played: it has no messages' in done.stderr
+
+
+@pytest.mark.network
+@pytest.mark.parametrize('start', ['100', '-1'])
+def test_a_bag_is_not_played_from_where_it_is_not(ended, start):
+    done = command('bag', 'play', str(ended[0]), f'--from={start}')
+    assert done.returncode == 2
+    assert f'--from {start}: {ended[0]} has messages from 0 to 0.20' in done.stderr

@@ -545,6 +545,8 @@ def test_paths_that_cannot_be_written_or_read(tmp_path):
     (tmp_path / 'text').write_text('not a bag')
     with pytest.raises(InputError, match='there is no directory'):
         BagWriter(tmp_path / 'nowhere' / 'a.mcap')
+    with pytest.raises(InputError, match=r'a\.mcap cannot be (created|written: [A-Z].*)\.$'):
+        BagWriter('/proc/a.mcap')  # there are folders in which no file can be made
     with pytest.raises(InputError, match='is a directory'):
         BagWriter(tmp_path, overwrite=True)
     with pytest.raises(InputError, match='cannot be written: Not a directory'):
