@@ -6,6 +6,7 @@ runs where rclpy is and Zenoh is not. The README beside this file says what is t
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
 def __getattr__(name: str) -> Any:
     """Names of the surface."""
-    if name.startswith('__') and name != '__all__':
+    # a module of ours, which is asked for before it is imported, is none of the names
+    if (name.startswith('__') and name != '__all__') or find_spec(f'{__name__}.{name}'):
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     return getattr(import_module('zenoh_rclpy.surface'), name)

@@ -451,7 +451,6 @@ def test_a_subscriber_that_is_killed_does_not_hold_up_its_publisher(joined):
 def test_a_wait_ends_when_its_time_is_over_between_two_looks():
     """In a process of its own: CPython 3.11's `SimpleQueue` would wait for ever."""
     waits = (
-        'import zenoh_rclpy.surface\n'
         'from zenoh_rclpy.inbox import Ready\n'
         'ready, ended = Ready(), 0\n'
         'for k in range(20_000):\n'

@@ -1,9 +1,12 @@
 """Names, keys, tokens and attachments, against literal examples of rmw_zenoh's documents."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from running import TIMEOUT
 
 import zenoh_rclpy
 from mechanism_sim import nodes
@@ -179,3 +182,20 @@ def test_both_back_ends_offer_the_same_names():
     assert offered['rclpy'] == offered['zenoh']
     assert set(middleware.__all__) == offered['zenoh'] | {'backend'}
     assert set(zenoh_rclpy.__all__) == offered['zenoh']
+
+
+def test_every_module_can_be_the_first_that_is_imported():
+    """``from zenoh_rclpy import config`` asks the package before there is such a module."""
+    first = (
+        'import importlib, sys\n'
+        'for module in sys.argv[1:]:\n'
+        '    for name in [*sys.modules]:\n'
+        '        if name.startswith("zenoh_rclpy"): del sys.modules[name]\n'
+        '    importlib.import_module(module)\n'
+    )
+    files = Path(zenoh_rclpy.__file__).parent.glob('*.py')
+    modules = [f'zenoh_rclpy.{file.stem}' for file in files if not file.stem.startswith('__')]
+    assert len(modules) > 20
+    command = [sys.executable, '-c', first, *modules]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
