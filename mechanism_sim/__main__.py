@@ -1,17 +1,22 @@
 """The programs: ``mechanism-sim``, ``python -m mechanism_sim``, executables of the nodes."""
 
 import atexit
+import gc
 import os
 import sys
 from pathlib import PurePath
 
 from mechanism_sim import ending
 
+_GARBAGE = 10_000
+"""Objects between two looks for garbage: of the usual 700 a twentieth of a short command is."""
+
 
 def main() -> None:
     """The command line."""
     ending.begin()
     ending.one_thread()
+    gc.set_threshold(_GARBAGE, 10, 10)
     from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
 
     try:
