@@ -96,11 +96,18 @@ _KNOWN = {
     'MPa': (Decimal(1_000_000), -1, 1, -2),
     'GPa': (Decimal(1_000_000_000), -1, 1, -2),
     'deg': (Decimal('0.01745329251994329576923690768'), 0, 0, 0),
+    'mrad': (Decimal('1e-3'), 0, 0, 0),
     'rpm': (Decimal('0.1047197551196597746154214461'), 0, 0, -1),
+    'mPa': (Decimal('1e-3'), -1, 1, -2),
+    'in': (Decimal('0.0254'), 1, 0, 0),
+    'ft': (Decimal('0.3048'), 1, 0, 0),
+    'lb': (Decimal('0.45359237'), 0, 1, 0),
+    'lbf': (Decimal('4.4482216152605'), 1, 1, -2),
+    'kgf': (Decimal('9.80665'), 1, 1, -2),
 }
 """Factors to SI and powers of metre, kilogram and second, as pint has them: common units."""
 
-_ANGULAR, _HERTZ = ('rad', 'deg', 'rpm'), ('Hz', 'kHz')
+_ANGULAR, _HERTZ = ('rad', 'mrad', 'deg', 'rpm'), ('Hz', 'kHz')
 
 _PER_MINUTE = re.compile(r'1?\s*/\s*min|min\s*(?:\^|\*\*)\s*-\s*1|min⁻¹', re.IGNORECASE)
 """Units that catalogues of motors and machines write where they mean revolutions per minute.
@@ -130,6 +137,9 @@ _FORCES = {'l': 'lbf', 'p': 'lbf', 'o': 'ozf'}
 _GERMAN_DEGREE = re.compile(r'(?<![A-Za-z])Grad(?![A-Za-z])')
 """It would be a thousand million radians."""
 _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
+
+_OPERATION = re.compile(r'\*|/\d')
+"""As of ``0.5*bar_rate`` and ``7/41``, which no unit begins with."""
 
 _COMMA = re.compile(r'\s*[-+]?[\d.]*\d?,\d[\d.,]*')
 _ROTATION = 'rad/s', 'rad/s^2', 'rad/s^3'
@@ -245,7 +255,8 @@ COMMON = tuple(_KNOWN)
 _SI_NAMES = {
     'cm': 'm', 'mm': 'm', 'um': 'm', 't': 'kg', 'g': 'kg', 'ms': 's', 'us': 's', 'min': 's',
     'kHz': 'Hz', 'kN': 'N', 'kPa': 'Pa', 'bar': 'Pa', 'MPa': 'Pa', 'GPa': 'Pa', 'kJ': 'J',
-    'kW': 'W', 'deg': 'rad', 'rpm': 'rad/s',
+    'kW': 'W', 'deg': 'rad', 'mrad': 'rad', 'rpm': 'rad/s', 'mPa': 'Pa', 'in': 'm', 'ft': 'm',
+    'lb': 'kg', 'lbf': 'N', 'kgf': 'N',
 }  # fmt: skip
 
 
@@ -563,7 +574,7 @@ def _converted(number: str, read: str, given: str, unit: str, hint: str) -> floa
     """A number in a unit, `given` as it is written and `read` as libraries spell it."""
     written_in, wanted = _common_unit(read), _common_unit(unit)
     if written_in is None or wanted is None:
-        if read[0] == '*':  # of a formula; loading pint, which says so too, takes most of a second
+        if _OPERATION.match(read):  # loading pint, which says so too, takes most of a second
             raise ValueError(f"has the unknown unit '{given}': {hint}")
         return _converted_by_pint(number, read, given, unit, hint)
     fits = written_in.powers == wanted.powers
@@ -607,7 +618,7 @@ def _other(given: str, unit: str, hint: str, fits: bool) -> str:
     weight = _KILOGRAM.sub('kgf', _respelled(given))
     if not fits and weight != _respelled(given):
         with suppress(ValueError):
-            _converted_by_pint('1', weight, weight, unit, '')
+            _converted('1', weight, weight, unit, '')
             said = f" (a mass; its weight is in '{weight}')"
     return f"has the unit '{given}', which is not a unit of '{unit}'{said}: {hint}"
 

@@ -251,7 +251,10 @@ class _ExpressionReader:
                 self._at += self._now.kind == 'number' or self._refuse()
         behind, text = self._now.text, quoted(self._text)
         if self._now.kind == 'name' and behind not in _WORDS:
-            products = [f'{a} {b}' for a in COMMON for b in COMMON if a + b == behind]
+            called = self._tokens[self._at + 1].text == '('
+            products = [
+                f'{a} {b}' for a in COMMON for b in COMMON if a + b == behind and not called
+            ]
             hint = f"; did you mean '{products[0]}'? A" if products else ': a'
             raise InputError(
                 f"'{behind}' behind {number} in {text} is not a unit{hint} product is written "
