@@ -75,6 +75,11 @@ class Physics(Protocol):
         `segments` (N,) with `dt` (N,) [s] are N instants; with `dt` (N, K) or `Nodes` K in each.
         """
 
+    def moved(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, Array]:
+        """Coordinates without whole turns and rates (n, N), as observed, whatever the forces."""
+
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
 
@@ -205,13 +210,19 @@ class DynamicPhysics:
         """Compliant contacts then."""
         return self.observer.touch(self.inputs(motion, segments, dt))
 
+    def moved(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, Array]:
+        """Coordinates without whole turns, and rates (n, N)."""
+        curve = motion.curve
+        if isinstance(dt, Nodes):
+            return curve.at_nodes(segments, dt)
+        return curve.local(segments, dt).T, curve.local(segments, dt, 1).T
+
     def inputs(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
         """Instants as `Observer.observe` takes them, angles without their whole turns."""
         curve, driven = motion.curve, self.system.prescribed_index
-        if isinstance(dt, Nodes):
-            q, v = curve.at_nodes(segments, dt)
-        else:
-            q, v = (curve.local(segments, dt, derivative).T for derivative in (0, 1))
+        q, v = self.moved(motion, segments, dt)
         names = self.system.outside
         steady = self.system.degree <= 1
         powered = self.system.driven_index[len(driven) :]

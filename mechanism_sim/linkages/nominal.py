@@ -581,6 +581,12 @@ class NominalPhysics:
         closed_by = rows(self._ideal.edges, self.coordinates, curve, segments, dt)
         return self._ideal.motion(fitted, v[driven], a[driven], (v, a), closed_by)
 
+    def moved(
+        self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> tuple[Array, Array]:
+        """Coordinates without whole turns, and rates (n, N)."""
+        return self._motion(motion.curve, segments, dt)[:2]
+
     def _outside(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Array:

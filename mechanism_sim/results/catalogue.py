@@ -24,7 +24,7 @@ from mechanism_sim.results.quantities.motion import (
 )
 from mechanism_sim.results.quantities.shafts import of_shafts
 from mechanism_sim.results.quantities.transmission import of_transmission
-from mechanism_sim.results.quantity import Quantity, Shown, View
+from mechanism_sim.results.quantity import Quantity, Shown, View, evaluated
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
@@ -127,7 +127,7 @@ class Catalogue(Mapping[str, Quantity]):
 
     def columns(self, names: Iterable[str], view: View) -> dict[str, Array]:
         """Quantities (N,) by name in a view of N instants."""
-        return {name: self._known[name].evaluate(view) for name in names}
+        return evaluated({name: self._known[name] for name in names}, view)
 
 
 def catalogue(machine: Machine) -> Catalogue:

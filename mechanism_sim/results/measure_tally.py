@@ -27,7 +27,7 @@ from mechanism_sim.numerics.quadrature import (
 )
 from mechanism_sim.results.measure_text import EXTREMES, Figure, as_row
 from mechanism_sim.results.path_distance import PathDistances
-from mechanism_sim.results.quantity import Quantity, View
+from mechanism_sim.results.quantity import Quantity, View, evaluated
 from mechanism_sim.results.ranges import travel
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
@@ -125,7 +125,7 @@ class FigureTally:
     def _seen(self, piece: Piece, k: NDArray[np.intp], dt: Array | Nodes) -> dict[str, Array]:
         """The quantities (N,) by name, at instants as those of ``curve.at(k, dt)``."""
         view = View(self._machine, piece.motion, k, dt, piece.balance, static=self._static)
-        return {name: quantity.evaluate(view) for name, quantity in self._quantities.items()}
+        return evaluated(self._quantities, view)
 
     def _values(
         self, piece: Piece, arguments: Sequence[str], k: NDArray[np.intp], dt: Array | Nodes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
@@ -16,7 +16,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms, energy_so_far
 from mechanism_sim.engine.physics import each_instant
-from mechanism_sim.numerics.polynomials import Nodes
+from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint
@@ -87,6 +87,32 @@ class View:
     def observed(self) -> Observation:
         """Accelerations, forces and energies."""
         return self._physics.observe(self._motion, self._segments, self._dt)
+
+    def course(self, derivatives: int) -> tuple[Array, ...]:
+        """Coordinates (n, N) without whole turns and so many derivatives, at most two.
+
+        The first needs no forces, which the second follows from.
+        """
+        if derivatives < 2 and not self.is_observed:
+            return self._moved[: 1 + derivatives]
+        o = self.observed
+        return (o.local, o.velocity, o.acceleration)[: 1 + derivatives]
+
+    @property
+    def is_observed(self) -> bool:
+        """True if something has been asked for that needs accelerations or forces."""
+        return 'observed' in self.__dict__
+
+    @cached_property
+    def _moved(self) -> tuple[Array, Array]:
+        return self._physics.moved(self._motion, self._segments, self._dt)
+
+    @cached_property
+    def position(self) -> Array:
+        """Coordinates (n, N), with their whole turns."""
+        turns = self._motion.curve.turns_at(self._segments, self._dt).T
+        (place,) = self.course(0)
+        return place + TWO_PI * turns if turns.any() else place
 
     def states(self, derivative: int = 0) -> Array:
         """The states of first order (k, N), or their rates."""
@@ -201,6 +227,16 @@ class Quantity:
     def has_extremes(self) -> bool:
         """True if its least and greatest values make sense."""
         return not self.counted and self.part != 'direction'
+
+
+def evaluated(quantities: Mapping[str, Quantity], view: View) -> dict[str, Array]:
+    """Values (N,) by name: those first that need forces, for the others then need nothing more."""
+    last = 'position', 'velocity'
+    found = {
+        name: quantities[name].evaluate(view)
+        for name in sorted(quantities, key=lambda name: quantities[name].kind in last)
+    }
+    return {name: found[name] for name in quantities}
 
 
 def vector(

@@ -31,14 +31,14 @@ _WORDS = {
 """Names of a coordinate and of its rates, by its unit."""
 
 
-def tracks(mechanism: Mechanism, places: Sequence[LinkPoint | Point]) -> Callable[[View], Array]:
-    """Positions, velocities and accelerations (P, 3, 2, N) of points."""
+def tracks(
+    mechanism: Mechanism, places: Sequence[LinkPoint | Point], derivatives: int = 0
+) -> Callable[[View], Array]:
+    """Positions of points, and so many derivatives: (P, 1 + derivatives, 2, N)."""
 
     def track(view: View) -> Array:
-        o = view.observed
-        return np.array([
-            mechanism.trace(place, o.local, o.velocity, o.acceleration) for place in places
-        ])  # fmt: skip
+        course = view.course(derivatives)
+        return np.array([mechanism.trace(place, *course) for place in places])
 
     return track
 
@@ -50,11 +50,13 @@ def of_coordinates(machine: Machine) -> Iterator[Quantity]:
         for i, coordinate in enumerate(physics.coordinates):
             unit = 'm' if coordinate in physics.displacements else 'rad'
             words = f'{_WORDS[unit][k]} of {coordinate}'
-            yield Quantity(f'{kind}.{coordinate}', unit + per, words, coordinate, _row(kind, i))
+            yield Quantity(f'{kind}.{coordinate}', unit + per, words, coordinate, _row(k, i))
 
 
-def _row(kind: str, i: int) -> Callable[[View], Array]:
-    return lambda view: getattr(view.observed, kind)[i]
+def _row(derivative: int, i: int) -> Callable[[View], Array]:
+    if derivative:
+        return lambda view: view.course(derivative)[derivative][i]
+    return lambda view: view.position[i]
 
 
 def named_points(machine: Machine) -> dict[str, LinkPoint]:
@@ -82,10 +84,9 @@ def of_points(machine: Machine) -> Iterator[Quantity]:
         yield from _rates(name, name, _track(machine.mechanism, place), Shown.ASKED)
 
 
-def _track(mechanism: Mechanism, place: LinkPoint) -> Callable[[View], Array]:
-    """One point (3, 2, N)."""
-    track = tracks(mechanism, [place])
-    return lambda view: track(view)[0]
+def _track(mechanism: Mechanism, place: LinkPoint) -> Callable[[View, int], Array]:
+    """One point (1 + derivatives, 2, N)."""
+    return lambda view, derivatives: tracks(mechanism, [place], derivatives)(view)[0]
 
 
 def of_mass_centre(machine: Machine) -> Iterator[Quantity]:
@@ -94,21 +95,25 @@ def of_mass_centre(machine: Machine) -> Iterator[Quantity]:
     masses = np.array([body.mass for body in bodies])
     if not machine.physics.has_forces or not masses.any():
         return
-    centres = tracks(machine.mechanism, [machine.mechanism.centre(body.name) for body in bodies])
+    centres = [machine.mechanism.centre(body.name) for body in bodies]
 
-    def centre(view: View) -> Array:
-        return np.asarray(np.tensordot(masses, centres(view), 1) / masses.sum())
+    def centre(view: View, derivatives: int) -> Array:
+        track = tracks(machine.mechanism, centres, derivatives)
+        return np.asarray(np.tensordot(masses, track(view), 1) / masses.sum())
 
     yield from _rates('mass_centre', 'the mass centre', centre, Shown.CYCLE)
 
 
 def _rates(
-    name: str, words: str, track: Callable[[View], Array], shown: Shown
+    name: str, words: str, track: Callable[[View, int], Array], shown: Shown
 ) -> Iterator[Quantity]:
-    """Position, velocity and acceleration of a point, which `track` gives as (3, 2, N)."""
+    """Position, velocity and acceleration of a point: `track` gives (1 + derivatives, 2, N)."""
+
+    def rates(view: View, most: int) -> Array:
+        return view.once(('track', name, most), lambda: track(view, most))
 
     def rate(k: int) -> Callable[[View], Array]:
-        return lambda view: view.once(('track', name), lambda: track(view))[k]
+        return lambda view: rates(view, 2 if view.is_observed else max(k, 1))[k]
 
     for k, (kind, per) in enumerate(RATES.items()):
         yield from vector(f'{kind}.{name}', f'm{per}', f'{kind} of {words}', name, rate(k), shown)
