@@ -109,7 +109,7 @@ class Listener:
         self.until(answer.done)
         self.node.destroy_client(client)
         (value,) = answer.result().values
-        return value.string_value or value.double_value
+        return value.double_value if value.type == 3 else value.string_value  # PARAMETER_DOUBLE
 
     def crank(self) -> float:
         """Speed [rad/s] of the crank at the end of the newest motion."""
