@@ -310,14 +310,16 @@ class EventLoop:
     @property
     def state(self) -> State:
         """The present state; after a call of `advance` with `final` that at its end."""
-        f = len(self._system.free)
+        f, tau, now = len(self._system.free), self._ta.time, self._state.tolist()
+        if self._pending:  # a step that begins where the solution ends
+            tau, now = self._pending.tau, self._output.next[:, 0].tolist()
         return State(
-            self._present.base.time + Fraction(self._ta.time),
+            self._present.base.time + Fraction(tau),
             tuple(self._present.base.turns[c] for c in self._system.free),
-            tuple(self._state[:f].tolist()),
-            tuple(self._state[f : 2 * f].tolist()),
+            tuple(now[:f]),
+            tuple(now[f : 2 * f]),
             tuple(self._gaps.closed(i) for i in range(len(self._system.gaps))),
-            tuple(self._state[2 * f :].tolist()),
+            tuple(now[2 * f :]),
         )
 
     def restart(self, state: State) -> None:

@@ -46,6 +46,33 @@ def test_a_pendulum_has_the_matrix_of_its_differences() -> None:
     assert np.abs(matrix - np.array(columns).T).max() < 1e-9
 
 
+OSCILLATOR = """
+title: Oscillator shaken by a load that follows a crank, with a stop that it never reaches
+mechanism: linkage
+links: {crank: {length: 10 mm, mass: 1 kg, inertia: 1e-3 kg m^2}, m: {mass: 1 kg}}
+joints:
+  gc: {revolute: [ground, crank]}
+  g: {prismatic: [ground, m], axis: 0 deg, stops: {upper: 50 mm, restitution: 0.5}}
+springs: {sp: {coordinate: m, stiffness: 400 N/m, damping: 6 N s/m}}
+loads: {f: {at: m, force: ['3*cos(crank)', 0]}}
+drive: {coordinate: crank, speed: 12 rad/s}
+"""
+
+
+@pytest.mark.parametrize('speed', [10.0, 11.0, 12.0, 13.0, 15.0])
+def test_steps_as_long_as_a_part_of_a_turn_end_with_it(speed: float) -> None:
+    """Rounding puts the end of an eighth of a turn, eight times, just before or after it."""
+    machine = ms.load_scene(OSCILLATOR, {'drive.speed': f'{speed} rad/s'})
+    found = find_periodic(machine)
+    assert found is not None
+    assert found.period == 1
+    decay = np.exp(-3.0 * 2.0 * np.pi / speed)
+    assert [*map(abs, found.multipliers)] == pytest.approx([decay, decay], rel=1e-9)
+    place = 3.0 / (400.0 - speed**2 + 6.0j * speed)
+    assert found.state.q[0] == pytest.approx(place.real, rel=1e-9)
+    assert found.state.v[0] == pytest.approx((1j * speed * place).real, rel=1e-9)
+
+
 def test_multipliers_are_known_to_their_last_digits() -> None:
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})
     response = find_periodic(machine)
