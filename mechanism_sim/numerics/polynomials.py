@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
@@ -15,6 +15,7 @@ from mechanism_sim.arrays import Array
 
 TWO_PI = 2.0 * np.pi
 _GATHERED = 2048  # instants whose coefficients are gathered at once
+_SAME_RATES = 1e-12  # of the largest of the rates: between two that only rounding tells apart
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,26 @@ class PiecewisePolynomial:
 
         ``len(self)`` at the end, where none begins any more.
         """
-        return np.searchsorted(self.start, np.asarray(t, dtype=float) - self._slack)
+        found = np.searchsorted(self.start, np.asarray(t, dtype=float) - self._slack)
+        return self._after_no_time[found] if len(self._after_no_time) else found
+
+    @cached_property
+    def _after_no_time(self) -> NDArray[np.intp]:
+        """Of each segment itself, or the one behind it (m + 1,); empty if there is none such.
+
+        Where a step happens to end at an event but for rounding, the next finds it at once: a
+        segment of no time that goes on without a jump of rates is before the event.
+        """
+        short = 1 + np.flatnonzero(self.duration[1:] <= self._slack)
+        ends = self.local(short - 1, self.duration[short - 1], 1)
+        jump = np.abs(self.coefficients[short, :, 1] - ends).max(axis=1, initial=0.0)
+        short = short[jump <= _SAME_RATES * np.abs(ends).max(axis=1, initial=0.0)]
+        if not len(short):
+            return short
+        behind = np.arange(len(self) + 1)
+        for k in short[::-1]:
+            behind[k] = behind[k + 1]
+        return behind
 
     def spans(self, start: float, end: float) -> tuple[Array, Array]:
         """First and last times (k,) [s] from `start` to `end` that are held by each segment.
