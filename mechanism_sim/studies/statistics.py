@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.energy_terms import work_since_start
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
+from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement, per_turn
 from mechanism_sim.results.run import Piece
@@ -48,7 +50,7 @@ class StatisticsTally:
     ----------
     table : (n, 5) impacts, sum of normal impulses [N s], losses of contact, time in flight [s],
         energy dissipated by impacts, friction and dampers or taken by loads [J]; flight is the
-        mean over the loose joints, and a step counts where it begins
+        mean over the loose joints
     """
 
     def __init__(self, edges: Array) -> None:
@@ -67,11 +69,39 @@ class StatisticsTally:
             if c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
         ]
         np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
-        k = self._intervals(motion.curve.start)
+        curve, lost_in = motion.curve, piece.balance.work.friction
+        k = self._intervals(curve.start)
+        cut, edge, dt = self._cuts(curve, k)
         if motion.modes.shape[1]:
-            flying = (~motion.closed).mean(axis=1) * motion.curve.duration
-            np.add.at(self.table[:, 3], k, flying)
-        np.add.at(self.table[:, 4], k, piece.balance.work.friction)
+            share = (~motion.closed).mean(axis=1)
+            np.add.at(self.table[:, 3], k, share * curve.duration)
+            self._pass_on(3, edge, share[cut] * (curve.duration[cut] - dt))
+        np.add.at(self.table[:, 4], k, lost_in)
+        if len(cut) and piece.machine.physics.has_forces:
+            before = work_since_start(piece.machine.physics, motion, cut, dt).friction
+            self._pass_on(4, edge, lost_in[cut] - before)
+
+    def _cuts(
+        self, curve: PiecewisePolynomial, k: NDArray[np.intp]
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+        """Segments (C,) with an edge within them, the edge, and the time until it [s].
+
+        Parameters
+        ----------
+        k : the interval (m,) in which each segment begins
+        """
+        ends = np.searchsorted(self.edges[:-1], curve.start + curve.duration, side='left') - 1
+        more = np.maximum(ends - k, 0)
+        cut = np.repeat(np.arange(len(k)), more)
+        first = np.repeat(np.cumsum(more) - more, more)
+        edge = np.repeat(k, more) + 1 + np.arange(len(cut)) - first
+        dt = (self.edges[edge] - curve.start[cut]) - curve.start_low[cut]
+        return cut, edge, np.clip(dt, 0.0, curve.duration[cut])
+
+    def _pass_on(self, figure: int, edge: NDArray[np.intp], later: Array) -> None:
+        """Count what of a segment comes after an edge in the interval that begins there."""
+        np.add.at(self.table[:, figure], edge - 1, -later)
+        np.add.at(self.table[:, figure], edge, later)
 
     def _intervals(self, t: Array | Sequence[float]) -> NDArray[np.intp]:
         k = np.searchsorted(self.edges, np.asarray(t, dtype=float), side='right') - 1

@@ -175,3 +175,40 @@ def test_two_columns_of_one_value_are_refused():
     twice = {'drive.speed': ['300 rpm'], 'drive.speed [rpm]': [30]}
     with pytest.raises(InputError, match=r"two columns of 'drive\.speed': keep one"):
         ms.ensemble('slider_crank', twice, revolutions=1)
+
+
+BEAD = """
+title: A bead in oil, thrown at a stop beside a crank that turns
+mechanism: linkage
+links:
+  crank: {length: 10 mm, mass: 0.1 kg, inertia: 1e-5 kg m^2}
+  bead: {mass: 1 kg}
+joints:
+  gc: {revolute: [ground, crank]}
+  guide: {prismatic: [ground, bead], axis: 0 deg, stops: {upper: 5 m, restitution: 0}}
+gravity: [0, 0]
+drive: {coordinate: crank, speed: 20 rad/s}
+loads: {damper: {at: bead, force: [-0.5*vx, 0]}}
+initial: {velocity: {bead: 4 m/s}}
+"""
+
+
+@pytest.mark.parametrize(('since', 'until'), [(0.25, 0.4), (0.27, 0.281), (0.55, 1.0)])
+def test_windows_that_end_within_steps_hold_what_is_lost_in_them(since, until):
+    """Energy of the bead: ``8 J exp(-t / 1 s)``; steps are 39 ms long."""
+    found = ms.ensemble(BEAD, {'links.bead.mass': ['1 kg']}, duration=until, skip=f'{since} s')
+    lost = 8.0 * (np.exp(-since) - np.exp(-until))
+    assert found['dissipated'][0] * found['revolutions'][0] == pytest.approx(lost, rel=1e-12)
+
+
+@pytest.mark.parametrize(('since', 'until'), [(0.25, 0.4), (0.28, 0.36)])
+def test_windows_that_end_within_steps_hold_the_flight_in_them(since, until):
+    """Pushed with 20 N it comes to a stop 1 m ahead after ``sqrt(0.1) s``, and stays there."""
+    pushed = {
+        'joints.guide.stops.upper': '1 m', 'loads.damper.force': [20.0, 0.0],
+        'initial.velocity.bead': '0 m/s',
+    }  # fmt: skip
+    machine = ms.load_scene(BEAD, pushed)
+    found = ms.ensemble(machine, {'links.bead.mass': ['1 kg']}, duration=until, skip=f'{since} s')
+    share = (np.sqrt(0.1) - since) / (until - since)
+    assert found['share_of_flight'][0] == pytest.approx(share, rel=1e-12)
