@@ -17,7 +17,7 @@ from mechanism_sim.engine.audit import Energy
 from mechanism_sim.engine.events import StopReason
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.engine.totals import Totals
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics.compiled import spent
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.results.derivatives import AskedDerivatives
@@ -63,6 +63,7 @@ class Stream(Runner):
         self._end, self._progress, self._observers = end, progress, tuple(observers)
         self._snapshot: Snapshot | None = None
         self._last: Piece | None = None
+        self._amid = False
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
@@ -78,10 +79,6 @@ class Stream(Runner):
         """Run on to the end; the snapshot is that before the last step is cut off."""
         pieces = self.to(self._end, [self._count], held=self._keep)
         while piece := self._next(pieces):
-            if self._progress:
-                self._progress(min(self.engine.time, self._end), self.totals.impacts)
-            for observe in self._observers:
-                observe(piece)
             yield piece
 
     def _keep(self) -> None:
@@ -89,8 +86,20 @@ class Stream(Runner):
             self._snapshot = self.machine.snapshot(self.engine)
 
     def _next(self, pieces: Iterator[Piece]) -> Piece | None:
+        if self._amid:
+            raise RunError(
+                f'{self.machine.name}: this run was interrupted amid a piece, or another thread '
+                'is taking it: begin a new one'
+            )
+        self._amid = True  # also when Ctrl-C comes meanwhile: then nobody knows what is missing
         with self._timed():
-            return next(pieces, None)
+            piece = next(pieces, None)
+        if piece and self._progress:
+            self._progress(min(self.engine.time, self._end), self.totals.impacts)
+        for observe in self._observers if piece else ():
+            observe(piece)
+        self._amid = False
+        return piece
 
     def finish(self, observers: Iterable[Observer] = ()) -> Self:
         """Run on to the end, for its observers and these; returns itself."""
