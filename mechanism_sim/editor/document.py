@@ -86,6 +86,11 @@ class Document:
         return self.text != self._clean
 
     @property
+    def base(self) -> str:
+        """The text of the file from which it was changed; empty if there is no such file."""
+        return self._saved
+
+    @property
     def steps(self) -> tuple[int, int]:
         """How often one can undo, and redo."""
         return len(self._before), len(self._after)

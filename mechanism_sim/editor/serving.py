@@ -264,22 +264,18 @@ class Desk:
         """Another document was opened by a page."""
         if self._keeping:
             wait_for([self._keeping])  # it is of the document before
-        text = self._recovery.give_back(document)
-        self._notice = ''
+        text, self._notice = self._recovery.give_back(document)
         if text:
             self._todo.appendleft(('page', {'type': 'text', 'text': text}))
-            self._notice = _GIVEN_BACK
+        if self._notice:
             self._say(self._notice)
 
     def _given_back(self, document: Document) -> str:
         """Give a document back what was not saved of it; a sentence if there was something."""
-        text = self._recovery.give_back(document)
+        text, said = self._recovery.give_back(document)
         if text:
             document.replace(text)
-        return _GIVEN_BACK if text else ''
-
-
-_GIVEN_BACK = 'unsaved changes have been restored; undo returns to the file as saved'
+        return said
 
 
 def _busy(whether: bool) -> str:

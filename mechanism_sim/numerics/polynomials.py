@@ -104,8 +104,12 @@ class PiecewisePolynomial:
 
         ``len(self)`` at the end, where none begins any more.
         """
-        found = np.searchsorted(self.start, np.asarray(t, dtype=float) - self._slack)
-        return self._after_no_time[found] if len(self._after_no_time) else found
+        times = np.asarray(t, dtype=float)
+        found: NDArray[np.intp] = np.searchsorted(self.start, times - self._slack)
+        if not len(self._after_no_time):
+            return found
+        later: NDArray[np.intp] = self._after_no_time[found]
+        return later
 
     @cached_property
     def _after_no_time(self) -> NDArray[np.intp]:

@@ -94,10 +94,11 @@ class Stream(Runner):
         self._amid = True  # also when Ctrl-C comes meanwhile: then nobody knows what is missing
         with self._timed():
             piece = next(pieces, None)
-        if piece and self._progress:
-            self._progress(min(self.engine.time, self._end), self.totals.impacts)
-        for observe in self._observers if piece else ():
-            observe(piece)
+        if piece:
+            if self._progress:
+                self._progress(min(self.engine.time, self._end), self.totals.impacts)
+            for observe in self._observers:
+                observe(piece)
         self._amid = False
         return piece
 

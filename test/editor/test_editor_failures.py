@@ -157,12 +157,56 @@ def test_what_is_not_saved_is_kept_and_given_back(tmp_path, monkeypatch):
     assert [x.name for x in tmp_path.iterdir()] == ['m.yaml']
     Path('elsewhere').write_text('title: planted\n')
     place(document).symlink_to('elsewhere')
-    assert UnsavedEdits().give_back(document) == ''
+    assert UnsavedEdits().give_back(document) == ('', '')
     place(document).unlink()
     os.mkfifo(place(document))
-    assert UnsavedEdits().give_back(document) == ''
+    assert UnsavedEdits().give_back(document) == ('', '')
     document.replace('title: once more\n')
     assert 'cannot be kept' in recovery.keep(document)
+
+
+def test_unsaved_changes_of_a_file_that_another_program_changed_are_put_aside(
+    tmp_path, monkeypatch
+):
+    """Neither's work is lost: given back as the text, they would be saved over the other's."""
+    monkeypatch.chdir(tmp_path)
+    file = Path('m.yaml')
+    file.write_text('title: first\n')
+    document = Document.open('m.yaml')
+    document.replace('title: mine\n')
+    UnsavedEdits().keep(document)
+    file.write_text('title: of another\n')
+    again = Document.open('m.yaml')
+    desk = Desk(again)
+    assert again.text == 'title: of another\n'
+    assert (
+        "was changed by another program after an edit that was not saved: that is in 'm.uns"
+        in (''.join(desk.greeting))
+    )
+    assert Path('m.unsaved1.yaml').read_text() == 'title: mine\n'
+    assert not place(again).exists()
+
+
+def test_unsaved_changes_are_kept_where_another_editor_saved_its_own(tmp_path, monkeypatch):
+    """Who saves removes what he wrote, not what another one did; and what is gone is not kept."""
+    monkeypatch.chdir(tmp_path)
+    Path('m.yaml').write_text('title: first\n')
+    one, other = Document.open('m.yaml'), Document.open('m.yaml')
+    ones, others = UnsavedEdits(), UnsavedEdits()
+    one.replace('title: one\n')
+    ones.keep(one)
+    other.replace('title: other\n')
+    others.keep(other)
+    one.save()
+    ones.keep(one)
+    assert place(other).read_text().endswith('\ntitle: other\n')
+    place(other).unlink()
+    assert others.keep(other) == ''
+    assert place(other).read_text().endswith('\ntitle: other\n')
+    place(other).unlink()
+    place(other).mkdir()
+    assert 'cannot be kept' in others.keep(other)
+    assert 'cannot be kept' in others.keep(other)  # nor is it the second time
 
 
 class Editor:
@@ -421,7 +465,8 @@ def test_whoever_serves_waits_for_no_disk(tmp_path, monkeypatch):
     free.set()
     document.replace('title: newest\n')
     assert desk.keep() == ''
-    assert place(document).read_text() == 'title: newest\n'
+    again = Document('title: old\n', Path('m.yaml'), 'm')
+    assert UnsavedEdits().give_back(again)[0] == 'title: newest\n'
 
 
 @pytest.mark.parametrize('message', [
