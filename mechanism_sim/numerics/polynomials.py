@@ -108,8 +108,7 @@ class PiecewisePolynomial:
         found: NDArray[np.intp] = np.searchsorted(self.start, times - self._slack)
         if not len(self._after_no_time):
             return found
-        later: NDArray[np.intp] = self._after_no_time[found]
-        return later
+        return np.asarray(self._after_no_time[found], np.intp)
 
     @cached_property
     def _after_no_time(self) -> NDArray[np.intp]:
@@ -123,7 +122,7 @@ class PiecewisePolynomial:
         jump = np.abs(self.coefficients[short, :, 1] - ends).max(axis=1, initial=0.0)
         short = short[jump <= _SAME_RATES * np.abs(ends).max(axis=1, initial=0.0)]
         if not len(short):
-            return short
+            return np.zeros(0, np.intp)
         behind = np.arange(len(self) + 1)
         for k in short[::-1]:
             behind[k] = behind[k + 1]

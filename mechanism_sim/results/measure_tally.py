@@ -55,12 +55,12 @@ def speed_of(machine: Machine, f: Figure) -> str:
     return f'velocity.{coordinate or driven[0]}'
 
 
-def _apart(rows: Sequence[R], steep: Collection[str]) -> list[list[R]]:
-    """Arguments, or pairs of a form and an argument: those of each steep one by themselves."""
+def _apart(rows: Sequence[R], own: Collection[str]) -> list[list[R]]:
+    """Arguments, or pairs of a form and an argument: those with parts of their `own` apart."""
     groups: dict[str, list[R]] = {}
     for row in rows:
         argument = row if isinstance(row, str) else row[1]
-        groups.setdefault(argument if argument in steep else '', []).append(row)
+        groups.setdefault(argument if argument in own else '', []).append(row)
     return list(groups.values())
 
 
@@ -106,7 +106,7 @@ class FigureTally:
         )
         self._integrals = [
             (own, TimeIntegrals(len(own), machine.physics.corners))
-            for own in _apart(rows, self._steep)
+            for own in _apart(rows, {f.argument for f in figures if f.steep or f.corners})
         ]
         self._true = {f.argument: 0.0 for f in figures if f.function == 'share'}
         self._span = 0.0
@@ -114,7 +114,7 @@ class FigureTally:
         self._parts: dict[str, list[Monotone]] = {
             f.argument: [] for f in figures if f.function == 'percentile'
         }
-        self._largest: dict[str, float] = {}  # magnitudes so far of what is cut into parts
+        self._largest: dict[Hashable, float] = {}  # magnitudes so far of what is cut into parts
         self._first: Array | None = None
         self._last: Array | None = None
 
@@ -152,10 +152,11 @@ class FigureTally:
         parts = {a: self._steep_parts(piece, f, every) for a, f in self._steep.items()}
         self._look_for_extremes(piece, parts, since, until)
         for rows, integrals in self._integrals:
+            of, own = self._by_argument[rows[0][1]], parts.get(rows[0][1], every)
             integrals.add(
                 lambda k, dt, rows=rows: self._integrands(piece, rows, k, dt),  # type: ignore[misc]
                 motion,
-                parts.get(rows[0][1], every),
+                self._cut(piece, of.argument, of.corners, own) if of.corners else own,
             )
         for a, kept in self._parts.items():
             part, self._largest[a] = monotone(
@@ -170,12 +171,11 @@ class FigureTally:
                 for a in self._struck:
                     self._struck[a] += impact.drive_work
         if self._ends:
-            for t, first in ((start[:1], True), (end[-1:], False)):
-                row = self._values(piece, self._arguments, *curve.find(t))[0][:, 0]
-                if not first:
-                    self._last = row
-                elif self._first is None:
-                    self._first = row
+            first, self._last = (
+                self._values(piece, self._arguments, *curve.find(t))[0][:, 0]
+                for t in (start[:1], end[-1:])
+            )
+            self._first = first if self._first is None else self._first
 
     def _look_for_extremes(
         self, piece: Piece, steep: Mapping[str, Parts], since: float, until: float
@@ -249,26 +249,33 @@ class FigureTally:
         self._span += float((all_parts.end - all_parts.begin).sum())
         for name in self._true:
             every = steep.get(name, all_parts)
-            places, owners = [every.begin, every.end], [every.segment, every.segment]
-            for i, difference in enumerate(self._by_argument[name].compared):
-                key = f'{name} {i}'
-                part, self._largest[key] = monotone(
-                    self._of_text(piece, difference), every, self._largest.get(key, 0.0)
-                )
-                of = np.flatnonzero(np.sign(part.first) * np.sign(part.last) < 0.0)
-                share = 0.5 * (part.crossings(0.0, of) + 1.0)
-                places.append(part.begin[of] + part.width[of] * share)
-                owners.append(part.segment[of])
-            segment, place = np.concatenate(owners), np.concatenate(places)
-            order = np.lexsort((place, segment))
-            segment, place = segment[order], place[order]
-            same = np.flatnonzero(segment[1:] == segment[:-1])
-            if not len(same):
+            k, begin, end, _ = self._cut(piece, name, self._by_argument[name].compared, every)
+            if not len(k):
                 continue
-            width = place[same + 1] - place[same]
-            middle = 0.5 * (place[same + 1] + place[same])
-            holds = self._values(piece, [name], segment[same], middle[:, None])[0][0] != 0.0
-            self._true[name] += float(width[holds].sum())
+            holds = self._values(piece, [name], k, 0.5 * (begin + end)[:, None])[0][0] != 0.0
+            self._true[name] += float((end - begin)[holds].sum())
+
+    def _cut(
+        self, piece: Piece, name: str, nodes: Sequence[ExpressionNode], every: Parts
+    ) -> Parts:
+        """Parts that end where expressions in the text of an argument are zero, too."""
+        places, owners = [every.begin, every.end], [every.segment, every.segment]
+        for node in nodes:
+            key = name, node
+            part, self._largest[key] = monotone(
+                self._of_text(piece, node), every, self._largest.get(key, 0.0)
+            )
+            of = np.flatnonzero(np.sign(part.first) * np.sign(part.last) < 0.0)
+            share = 0.5 * (part.crossings(0.0, of) + 1.0)
+            places.append(part.begin[of] + part.width[of] * share)
+            owners.append(part.segment[of])
+        segment, place = np.concatenate(owners), np.concatenate(places)
+        order = np.lexsort((place, segment))
+        segment, place = segment[order], place[order]
+        kept = np.flatnonzero((segment[1:] == segment[:-1]) & (place[1:] > place[:-1]))
+        segment, begin, end = segment[kept], place[kept], place[kept + 1]
+        alone = np.bincount(segment, minlength=len(piece.motion))[segment] == 1
+        return Parts(segment, begin, end, alone & np.isin(segment, every.segment[every.whole]))
 
     def result(self, f: Figure) -> tuple[float, str]:
         """The value of a figure of this window, and its resolution."""

@@ -111,6 +111,14 @@ class Figure:
         found = [n.args for n in self.tree.walk() if n.kind == 'compare']
         return [ExpressionNode('-', pair) for sides in found for pair in pairwise(sides)]
 
+    @cached_property
+    def corners(self) -> list[ExpressionNode]:
+        """Expressions at whose zeros this one has a corner, or jumps."""
+        calls = [n for n in self.tree.walk() if n.kind == 'call']
+        found = [n.args[0] for n in calls if n.name in ('abs', 'sign')]
+        found += [ExpressionNode('-', n.args) for n in calls if n.name in ('min', 'max')]
+        return [node for node in [*found, *self.compared] if node.names]
+
     def unit(self, units: Mapping[str, str]) -> str:
         """The SI unit of the expression, by those of its names."""
         return expressions.unit_of(self.tree, units, self.argument) or ''

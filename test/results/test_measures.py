@@ -279,6 +279,35 @@ def test_a_tangent_near_its_pole_is_seen_beside_what_is_larger():
     assert found.value - 1.0 == pytest.approx(math.pi * math.sqrt(W), rel=1e-3)
 
 
+@pytest.mark.parametrize('stiffness', [9.0, 37.0, 123.0])
+def test_corners_of_a_text_are_where_intervals_end(stiffness):
+    """A mass on a spring, 20 periods: corners lie anywhere in steps, also near their ends."""
+    scene = f"""
+title: A mass on a spring
+mechanism: linkage
+links: {{m: {{mass: 1 kg}}}}
+joints: {{g: {{prismatic: [ground, m], axis: 0 deg}}}}
+gravity: [0, 0]
+springs: {{s: {{coordinate: m, stiffness: {stiffness} N/m}}}}
+initial: {{position: {{m: 0.3 m}}}}
+"""
+    w, x = math.sqrt(stiffness), 0.3
+    run = ms.simulate(scene, duration=20.0 * 2.0 * math.pi / w)
+    for text, expected in {
+        'integral(abs(velocity.m))': 80.0 * x,
+        'integral(max(velocity.m, 0 m/s))': 40.0 * x,
+        'integral(velocity.m if velocity.m > 0 m/s else 0 m/s)': 40.0 * x,
+        'mean(sign(velocity.m) * velocity.m)': 2.0 * x * w / math.pi,
+        'mean(abs(abs(position.m) - 0.15 m))': (
+            2.0 * x / math.pi * (math.sqrt(3.0) - 1.0 - math.pi / 12.0)
+        ),
+        'rms(min(position.m, 0 m))': 0.5 * x,
+    }.items():
+        found = one((run.machine, run), text)
+        assert found.value == pytest.approx(expected, rel=1e-11), text
+        assert found.resolution == EXACT
+
+
 @pytest.mark.parametrize(
     ('name', 'same'),
     [('max', 'highest'), ('greatest', 'highest'), ('min', 'lowest'), ('least', 'lowest'),
