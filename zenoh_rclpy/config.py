@@ -82,6 +82,12 @@ def router_attempts() -> int | None:
     return _number('ZENOH_ROUTER_CHECK_ATTEMPTS', text) if text else None
 
 
+def opens_router() -> bool:
+    """True if a process opens a router on this machine where none answers."""
+    here = is_loopback(router_endpoint()) and not connects_elsewhere()
+    return here and router_attempts() is None
+
+
 def domain_id() -> int:
     """The ROS domain."""
     return _number('ROS_DOMAIN_ID', os.environ.get('ROS_DOMAIN_ID') or '0')

@@ -2,8 +2,8 @@
 
 **Router.** Peers find each other through a router and then talk directly. If none answers, the
 first process opens one; whoever comes second connects to it. When that process ends, the links
-between the others stay; the next process to start opens a new router, which the others find
-within a second or two.
+between the others stay, and one of them opens a new router within a second or two, which the
+others find: clients of a router, and whoever comes later, need one.
 
 **Nothing is lost at the end.** ``close`` first stops to take in samples, then asks every other
 process of this package for a sign of life that travels behind everything published so far, and
@@ -12,7 +12,9 @@ subscriptions. Nodes of ROS cannot be asked; for them counts what Zenoh does at 
 """
 
 import time
+from contextlib import suppress
 from itertools import count
+from threading import Event, Thread
 from typing import Any, Protocol
 
 import zenoh
@@ -30,6 +32,7 @@ from zenoh_rclpy.waits import Waits
 FAREWELL = '@mechanism_sim'
 ROUTER_PATIENCE = 5.0  # [s] for a router that accepts a connection to say who it is
 FLUSH_PATIENCE = 60.0  # [s]
+ROUTER_LOOK = 0.5  # [s] after which it is looked whether there is a router still
 ASK_AGAIN = 5.0  # [s]: who left while he was asked never answers, and is not asked again
 
 
@@ -61,6 +64,10 @@ class Context:
         self._hashed = config.has_type_hashes()
         self._ids = count()
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
+        self._ends = Event()
+        self._keeper = Thread(target=self._keep_router, daemon=True)
+        if config.opens_router():
+            self._keeper.start()
         self._farewell = self.session.declare_queryable(
             f'{FAREWELL}/{self.domain}/{self.zid}', direct(_answer)
         )
@@ -69,6 +76,15 @@ class Context:
             direct(self._on_token),
             history=True,
         )
+
+    def _keep_router(self) -> None:
+        """Open a router where that of another process has gone."""
+        while not self._ends.wait(ROUTER_LOOK):
+            with suppress(zenoh.ZError):  # another process was faster
+                if self.router or self.session.info.routers_zid():
+                    continue
+                if not config.answers(config.router_endpoint()):
+                    self.router = zenoh.open(config.router_config())
 
     def _readers(self, topic: str) -> list[str]:
         """Nodes of other processes that subscribe to a topic."""
@@ -138,6 +154,9 @@ class Context:
         """End: no more samples in, what was published out (see ``flush``), session closed."""
         if not self.is_open:
             return True
+        self._ends.set()
+        if self._keeper.is_alive():
+            self._keeper.join()
         self.waits.close()
         for inbox in list(self.inboxes):
             inbox.close()

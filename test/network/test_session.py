@@ -116,6 +116,8 @@ def test_the_others_go_on_when_the_process_with_the_router_ends(network):
         assert hears(other, 'host', 'a', 'b')
     host.interrupt()
     host.finish()
+    # one of them opens a router, which clients need that are no peers
+    assert eventually(lambda: session._is_router(session.config.router_endpoint()))
     late = network.start(TALK, 'late')
     assert hears(late, 'a', 'b', 'late')
     for other in others:
