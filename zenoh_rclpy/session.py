@@ -49,7 +49,8 @@ class Context:
     def __init__(self, domain: int | None = None, arguments: Arguments | None = None) -> None:
         self.arguments = arguments or Arguments()
         self.domain = config.domain_id() if domain is None else domain
-        self.router, self.session = _join()
+        router, self.session = _join()
+        self._router = RouterKeeper(self.session, router)
         self.zid = str(self.session.zid())
         self.graph = Graph()
         self.is_open = True
@@ -64,10 +65,6 @@ class Context:
         self._hashed = config.has_type_hashes()
         self._ids = count()
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
-        self._ends = Event()
-        self._keeper = Thread(target=self._keep_router, daemon=True)
-        if config.opens_router():
-            self._keeper.start()
         self._farewell = self.session.declare_queryable(
             f'{FAREWELL}/{self.domain}/{self.zid}', direct(_answer)
         )
@@ -76,15 +73,6 @@ class Context:
             direct(self._on_token),
             history=True,
         )
-
-    def _keep_router(self) -> None:
-        """Open a router where that of another process has gone."""
-        while not self._ends.wait(ROUTER_LOOK):
-            with suppress(zenoh.ZError):  # another process was faster
-                if self.router or self.session.info.routers_zid():
-                    continue
-                if not config.answers(config.router_endpoint()):
-                    self.router = zenoh.open(config.router_config())
 
     def _readers(self, topic: str) -> list[str]:
         """Nodes of other processes that subscribe to a topic."""
@@ -154,9 +142,7 @@ class Context:
         """End: no more samples in, what was published out (see ``flush``), session closed."""
         if not self.is_open:
             return True
-        self._ends.set()
-        if self._keeper.is_alive():
-            self._keeper.join()
+        self._router.stop()
         self.waits.close()
         for inbox in list(self.inboxes):
             inbox.close()
@@ -167,8 +153,8 @@ class Context:
             ended = _close(self.session)
             if ended:
                 self._kept.clear()
-            if self.router is not None:
-                _close(self.router)
+            if self._router.own is not None:
+                _close(self._router.own)
         if not ended:
             raise MiddlewareError('the session cannot be closed: a process on the network hangs')
         return flushed
@@ -186,6 +172,36 @@ class Context:
                 self.refuse(f'{wire.TOKENS}/{self.domain}', 'token', f'{key[:200]!r} is no token')
         else:
             self.graph.remove(key)
+
+
+class RouterKeeper:
+    """Opens a router where that of another process has gone.
+
+    Attributes
+    ----------
+    own : that of this process, if it has one
+    """
+
+    def __init__(self, session: zenoh.Session, own: zenoh.Session | None) -> None:
+        self._session, self.own = session, own
+        self._stopped = Event()
+        self._thread = Thread(target=self._look, daemon=True)
+        if config.opens_router():
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Open none from now on."""
+        self._stopped.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _look(self) -> None:
+        while not self._stopped.wait(ROUTER_LOOK):
+            with suppress(zenoh.ZError):  # another process was faster
+                if self.own or self._session.info.routers_zid():
+                    continue
+                if not config.answers(config.router_endpoint()):
+                    self.own = zenoh.open(config.router_config())
 
 
 def _close(session: Any) -> bool:

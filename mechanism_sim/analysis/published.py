@@ -90,6 +90,8 @@ class EnergySummary:
     """
 
     samples: int
+    start: float  #: [s] of the first published instant
+    end: float  #: [s] of the last, to which all that follows goes
     initial: float
     final: float
     drive_work: float
@@ -184,6 +186,7 @@ class PublishedEnergies:
         self._first = self._last = np.zeros(4)
         self._residual, self._worst, self._worst_time, self._scale = 0.0, 0.0, 0.0, 0.0
         self._exchanged = 0.0
+        self._start = self._end = 0.0
 
     def add(self, message: Any) -> None:
         """Enter one instant; without masses in the scene there are no energies to balance."""
@@ -193,8 +196,9 @@ class PublishedEnergies:
         terms = np.array([m.kinetic_energy, m.potential_energy, m.drive_work, m.dissipated])
         if not self.samples:
             self._first = self._last = terms
-            self._worst_time = float(m.time)
+            self._start = self._worst_time = float(m.time)
         self.samples += 1
+        self._end = float(m.time)
         self._exchanged += float(np.abs(terms - self._last).sum())
         self._last = terms
         # Term by term against the first instant: large energies do not hide small changes.
@@ -210,6 +214,8 @@ class PublishedEnergies:
             return None
         return EnergySummary(
             samples=self.samples,
+            start=self._start,
+            end=self._end,
             initial=float(self._first[:2].sum()),
             final=float(self._last[:2].sum()),
             drive_work=float(self._last[2] - self._first[2]),

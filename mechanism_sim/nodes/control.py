@@ -181,7 +181,7 @@ class Entities:
     def _begun(self, response: Any) -> bool:
         if self._integration.begun:
             return True
-        reason = 'the run has not begun: try again in a moment'
+        reason = 'the run has not begun: play or step it, or try again in a moment'
         code = message_class(f'{PACKAGE}/msg/Result').RESULT_INCORRECT_STATE
         return _answer(response, code, reason)
 

@@ -240,7 +240,8 @@ def recover(path: Path | str) -> RecoveredBag:
         if not lock(stream):
             raise InputError(f'{file} is still being recorded: end its recorder first.')
         layout = survey(file)
-        cut = 0 if layout.complete else stream.seek(0, os.SEEK_END) - layout.readable
+        left = stream.seek(0, os.SEEK_END) - layout.readable
+        cut = 0 if layout.complete else max(0, left)
         rescued = sum(1 for _ in messages(layout.rest))
         if not layout.complete:
             with beside(file) as part, part.open('wb') as out:

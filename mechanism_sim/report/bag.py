@@ -170,7 +170,8 @@ def _energy(e: EnergySummary) -> Section:
         f'among {e.samples} published instants at most {e.largest_residual:.3g} J are missing '
         f'({share:.1g} of what was exchanged), at {instant(e.largest_residual_time)} s'
     )
-    return Section('energy', [*energy_rows(*balance)], notes=[note])
+    title = f'energy from {instant(e.start)} s to {instant(e.end)} s'
+    return Section(title, [*energy_rows(*balance)], notes=[note])
 
 
 def _parts(title: str, parts: tuple[PartSummary, ...]) -> Iterator[Section]:
