@@ -100,6 +100,7 @@ _KNOWN = {
     'rpm': (Decimal('0.1047197551196597746154214461'), 0, 0, -1),
     'mPa': (Decimal('1e-3'), -1, 1, -2),
     'in': (Decimal('0.0254'), 1, 0, 0),
+    'inch': (Decimal('0.0254'), 1, 0, 0),
     'ft': (Decimal('0.3048'), 1, 0, 0),
     'lb': (Decimal('0.45359237'), 0, 1, 0),
     'lbf': (Decimal('4.4482216152605'), 1, 1, -2),
@@ -255,8 +256,8 @@ COMMON = tuple(_KNOWN)
 _SI_NAMES = {
     'cm': 'm', 'mm': 'm', 'um': 'm', 't': 'kg', 'g': 'kg', 'ms': 's', 'us': 's', 'min': 's',
     'kHz': 'Hz', 'kN': 'N', 'kPa': 'Pa', 'bar': 'Pa', 'MPa': 'Pa', 'GPa': 'Pa', 'kJ': 'J',
-    'kW': 'W', 'deg': 'rad', 'mrad': 'rad', 'rpm': 'rad/s', 'mPa': 'Pa', 'in': 'm', 'ft': 'm',
-    'lb': 'kg', 'lbf': 'N', 'kgf': 'N',
+    'kW': 'W', 'deg': 'rad', 'mrad': 'rad', 'rpm': 'rad/s', 'mPa': 'Pa', 'in': 'm', 'inch': 'm',
+    'ft': 'm', 'lb': 'kg', 'lbf': 'N', 'kgf': 'N',
 }  # fmt: skip
 
 
