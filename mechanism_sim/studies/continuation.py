@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -52,6 +52,8 @@ _CLOSE = 0.1
 """Change of a multiplier's size from point to point, beside 1 and itself, without a grazing."""
 _STEEP = 2e3
 """Multiplier of an impact that all but grazes; nearer, rounding is larger than its speed."""
+_HALVED = 0.1
+"""Of the largest change in half a period along a branch: nearer to a flip, rounding decides."""
 _STABLE = 1e-7
 """Of a multiplier, by which its size must be below 1."""
 
@@ -294,6 +296,17 @@ class _Shooting:
         points = np.array(rows, dtype=float).reshape(-1, len(plan.of))
         return BranchPoint(orbit.value, points, multipliers, len(orbit.impacts))
 
+    def halves(self, orbit: _Orbit) -> Array:
+        """Change of the state (2 f,) in half of the period, over the scales; empty if it is odd.
+
+        It vanishes where the branch has come back to the flip of another of half its period.
+        """
+        if self.period % 2:
+            return np.zeros(0)
+        section = self.at(orbit.value)
+        later = self.run(orbit.state, orbit.value, self.period / 2)[1]
+        return np.asarray(section.scale / self.scale * section.difference(orbit.state, later))
+
     def gap_left(self, orbit: _Orbit, joint: str) -> float:
         """The least gap [m] of a joint within its flights, not at the impacts that end them."""
         name, k = f'gap.{joint}', self.machine(orbit.value).physics.clearances.index(joint)
@@ -366,8 +379,16 @@ def _trace(
     events: list[BranchEvent] = []
     ahead, eased = _FIRST, 0
     other: _Orbit | None = None  # beyond a grazing impact, from where it was seen last
+    halves: dict[float, float] = {}
     while len(points) < _MOST:
         base, new = orbits[-1], shooting.step(orbits[-1], ahead)
+        if new and (whole := shooting.halves(base)).size:
+            if float(whole @ shooting.halves(new)) < 0.5 * float(whole @ whole) and ahead > _LEAST:
+                ahead, eased = 0.5 * ahead, 3
+                continue
+            halves[base.value] = float(whole @ whole)
+            if (flip := _where_halved(halves)) is not None:
+                return points, [*events, BranchEvent('flip', flip)], None
         alike = new is not None and _alike(new, base)
         steep = float(np.abs(base.multipliers).max(initial=0.0)) > _STEEP
         turned = new is not None and float(new.tangent @ base.tangent) < _TURNED
@@ -393,6 +414,18 @@ def _trace(
     else:
         events.append(BranchEvent('cut', orbits[-1].value))
     return points, events, None
+
+
+def _where_halved(halves: Mapping[float, float]) -> float | None:
+    """Value at which the change in half a period is zero, if it is near; its squares by value.
+
+    Near the flip the value goes with the square; what follows there is the branch once more.
+    """
+    values, squares = np.array([*halves.items()][-_SEEN:]).T
+    if squares[-1] > _HALVED**2 * max(halves.values()) or not (np.diff(squares) < 0.0).all():
+        return None
+    flip = float(scipy.interpolate.BarycentricInterpolator(squares, values)(0.0))
+    return flip if abs(flip - values[-1]) < abs(values[-1] - values[0]) else None
 
 
 def _recentred(shooting: _Shooting, orbits: list[_Orbit]) -> tuple[_Shooting, list[_Orbit]]:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+from bouncing_ball import E, ball, speed
 from impact_oscillator import (
     DAMPING,
     MASS,
@@ -125,3 +126,21 @@ def test_a_load_a_thousandth_of_a_turn_wide_is_in_each_section():
         assert response.period == 1
         assert np.abs(kicked).max() > 1e-3
         assert response.points == pytest.approx(np.add(kicked, [[X.imag, w * X.real]]), abs=1e-7)
+
+
+@pytest.mark.slow
+def test_a_branch_of_two_periods_ends_at_the_flip_that_it_comes_from():
+    """Behind it the same branch follows once more, its turns exchanged: there are no folds.
+
+    The flip is that of Tufillaro et al., see `test_bifurcation`.
+    """
+    flip = math.hypot(math.pi * (1 - E) / (1 + E), 2.0 * (1 + E**2) / (1 + E) ** 2)
+    found = ms.bifurcation(
+        ball(flip), {'drive.speed': (speed(flip - 0.04), speed(flip + 0.04), 3)},
+        transient=200, keep=40,
+    )  # fmt: skip
+    events = {b.period: [(e.kind, e.value) for e in b.events] for b in ms.branches(found)}
+    assert set(events) == {1, 2}
+    for ((kind, value),) in events.values():
+        assert kind == 'flip'
+        assert value == pytest.approx(speed(flip), rel=1e-7)
