@@ -106,8 +106,10 @@ class Snapshot:
             return cls(**data)
         except OSError as error:
             raise InputError(f"the snapshot '{path}' cannot be read: {error.strerror}") from error
-        except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError) as error:
+        except ValueError as error:
             raise InputError(f"'{path}' is not a snapshot of a run: {error}") from error
+        except (KeyError, TypeError, AttributeError, ArithmeticError) as error:
+            raise InputError(f"'{path}' is not a snapshot of a run, as --save writes it") from error
 
 
 def _checksum(data: dict[str, Any]) -> str:

@@ -104,14 +104,16 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
             f"'{path}' is a bag, not a {kind}: 'mechanism-sim analyze' shows its contents"
         )
     try:
-        is_file = path.is_file()
+        is_file, is_other = path.is_file(), path.exists() and not path.is_dir()
     except (OSError, ValueError):  # longer than the file system allows, or with a null character
-        is_file = False
+        is_file = is_other = False
     if is_file:
         return path
+    known = sorted(path.stem for path in folder.glob('*.yaml'))
+    if is_other and name not in known:  # a pipe
+        raise InputError(f"'{name}' is not a regular file: write the {kind} into one")
     if path.suffix in ('.yaml', '.yml'):
         raise InputError(f"there is no {kind} file '{name}'")
-    known = sorted(path.stem for path in folder.glob('*.yaml'))
     if name not in known:
         hint = nearest(name, known)
         raise InputError(

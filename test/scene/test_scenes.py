@@ -168,6 +168,7 @@ def test_unreadable_files_are_refused_by_name_and_line(tmp_path, content, said):
         ('nothing.yaml', "there is no scene file 'nothing.yaml'"),
         ('', 'there is no scene'),
         ('/', 'there is no scene'),
+        ('/dev/null', 'is not a regular file'),
         ('x' * 400, 'there is no scene'),
         ('a\0b', 'there is no scene'),
     ],
