@@ -109,7 +109,7 @@ class Snapshot:
         except ValueError as error:
             raise InputError(f"'{path}' is not a snapshot of a run: {error}") from error
         except (KeyError, TypeError, AttributeError, ArithmeticError) as error:
-            raise InputError(f"'{path}' is not a snapshot of a run, as --save writes it") from error
+            raise InputError(f"'{path}' is no snapshot, as --save writes it") from error
 
 
 def _checksum(data: dict[str, Any]) -> str:
