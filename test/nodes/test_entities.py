@@ -140,7 +140,8 @@ def test_links_are_entities_and_scenes_are_worlds(tmp_path):
     assert found['late'][0] == 3
     assert found['overrides'].startswith('initial.position.crank=0.25 rad')
     third = analyze(bag.with_name('run-3.mcap'))
-    alone = run_json('solve', str(other), '--duration', '0.1', '--set', found['overrides'])
+    given = [x for line in found['overrides'].splitlines() for x in ('--set', line)]
+    alone = run_json('solve', str(other), '--duration', '0.1', *given)
     assert third.digest == alone['digest']
 
 
