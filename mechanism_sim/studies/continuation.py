@@ -403,7 +403,8 @@ def _trace(
             return points, events, (shooting, other) if other else None
         if not low <= new.value <= high:
             limit = low if new.value < low else high
-            end = shooting.solved(new.state, limit)
+            near = shooting.step(base, ahead * (limit - base.value) / (new.value - base.value))
+            end = shooting.solved((near or new).state, limit)
             points += [shooting.point(end)] if end else []
             break
         events += _between(shooting, base, new, ahead)
