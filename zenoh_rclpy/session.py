@@ -175,11 +175,12 @@ class Context:
 
 
 class RouterKeeper:
-    """Opens a router where that of another process has gone.
+    """Opens a router on this machine where that of another process has gone.
 
-    Attributes
+    Parameters
     ----------
-    own : that of this process, if it has one
+    session : of this process, which knows what routers there are
+    own : the router of this process, if it has one; an attribute, too
     """
 
     def __init__(self, session: zenoh.Session, own: zenoh.Session | None) -> None:
@@ -197,7 +198,8 @@ class RouterKeeper:
 
     def _look(self) -> None:
         while not self._stopped.wait(ROUTER_LOOK):
-            with suppress(zenoh.ZError):  # another process was faster
+            # another process was faster, or no router can be had here: the links stay
+            with suppress(zenoh.ZError, MiddlewareError):
                 if self.own or self._session.info.routers_zid():
                     continue
                 if not config.answers(config.router_endpoint()):

@@ -265,11 +265,7 @@ class DynamicPhysics:
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The gaps (m, N) [m] then, infinite where closed."""
-        curve = motion.curve
-        if isinstance(dt, Nodes):
-            q, _ = curve.at_nodes(segments, dt)
-        else:
-            q = curve.local(segments, dt).T
+        curve, (q, _) = motion.curve, self.moved(motion, segments, dt)
         edges, states = self.system.edges, motion.state_curve
         known = rows(edges, self.coordinates, curve, segments, dt, states)
         beside = outside(self.system.outside, self.coordinates, curve, segments, dt, states)

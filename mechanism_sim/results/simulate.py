@@ -33,6 +33,8 @@ Progress = Callable[[float, int], None]
 class Stream(Runner):
     """A run in pieces, each forgotten when the next one is asked for; iterate over it once.
 
+    After a break between pieces it goes on; where an exception came amid one, by `RunError` not.
+
     What does not grow with the run is kept here, and is up to date after every piece.
 
     Parameters

@@ -411,7 +411,10 @@ def _trace(
         points.append(shooting.point(new))
         orbits, other = [*orbits[1 - _SEEN :], new], None
         ahead, eased = (ahead, eased - 1) if eased else (min(1.4 * ahead, _LONGEST), 0)
+        before = shooting
         shooting, orbits = _recentred(shooting, orbits)
+        if shooting is not before:  # half a period is seen from elsewhere
+            halves.clear()
     else:
         events.append(BranchEvent('cut', orbits[-1].value))
     return points, events, None
