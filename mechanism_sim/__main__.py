@@ -2,6 +2,7 @@
 
 import atexit
 import gc
+import io
 import os
 import sys
 from pathlib import PurePath
@@ -17,6 +18,8 @@ def main() -> None:
     ending.begin()
     ending.one_thread()
     gc.set_threshold(_GARBAGE, 10, 10)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without umlauts gets them as \xfc
+        sys.stdout.reconfigure(errors='backslashreplace')
     from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
 
     try:

@@ -7,7 +7,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import PRINTED, print_json
@@ -28,7 +28,10 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
     PRINTED.clear()
     try:
         with ending.working():
-            code = work()
+            try:
+                code: Any = work()
+            except SystemExit as ended:  # after --help
+                code = ended.code
             sys.stdout.flush()
         sys.exit(code)
     except InputError as error:

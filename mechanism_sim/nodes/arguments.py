@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from mechanism_sim.errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -61,6 +65,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse the command line."""
         raise InputError(self._context() + _plain(message))
+
+    def print_help(self, file: SupportsWrite[str] | None = None) -> None:
+        """Print the help; that of argparse is silent where the output is full."""
+        (file or sys.stdout).write(self.format_help())
 
     def refuse(self, rest: Sequence[str]) -> NoReturn:
         """Refuse arguments that nothing takes; raises `InputError`, as `error` does."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,12 @@ def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
             period = first.note or (str(first.period) if first.period else 'none found')
             rows.append((branch, low, high, count, period, f'{first.impacts:.4g}'))
     head = 'branch', 'from', 'to', 'values', 'period [turns]', 'impacts a turn there'
-    places = [f'{found.scale * x:.6g}' for x in found.coexisting]
+    values, several = sorted({r.value for r in found.responses}), {*found.coexisting}
+    stretches = [[*group] for one, group in groupby(values, several.__contains__) if one]
+    places = [
+        ' to '.join(f'{found.scale * x:.6g}' for x in dict.fromkeys((group[0], group[-1])))
+        for group in stretches
+    ]
     notes = [f'several responses at {", ".join(places)}{unit}'] if places else []
     for followed in branches:
         ends = sorted(p.value for p in followed.points)

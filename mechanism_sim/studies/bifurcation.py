@@ -9,10 +9,10 @@ joint. A. H. Nayfeh and B. Balachandran, Applied Nonlinear Dynamics, Wiley 1995,
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.planar.configuration import converted
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
@@ -59,6 +60,12 @@ _SEEN = 4
 """Turns at least, over which a transient is compared with as many before."""
 _SETTLED = 1e-3
 """Of the distance within which sections are the same: what may be left of a transient."""
+_BENT = 0.5
+"""Of a step from one response to the next: what steps of one branch differ by, at most."""
+_SEEN_AHEAD, _NUDGE = 2, 1e-5
+"""Where a run begins on the line of the responses before: turns that are compared, and of
+the distance within which sections are the same, how far off it begins. That is seen to grow where
+what the line foretells has become unstable."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,8 @@ class SectionPlan:
     of : names of the quantities of a section
     joint : at whose impacts it is taken; once a turn of the drive if empty
     transient, keep : turns of the drive until the motion has settled, and of the section; fewer
-        where it repeats itself before, and of more than 100 values of `bifurcation` if not given
+        where it repeats itself before, and of more than 100 values of `bifurcation` if not given,
+        but for those that begin as the scene does
     longest : period that is looked for [turns]
     """
 
@@ -192,7 +200,7 @@ def bifurcation(
     scenes = [check_scene(machine.name, content, {path: value}) for value in values]
     shared = paced(plan, len(values), when)
     tasks = [
-        Call(way, follow, (machine.name, values[::sign], scenes[::sign], shared, way))
+        Call(way, follow, (machine.name, values[::sign], scenes[::sign], plan, way, shared))
         for way, sign in zip(DIRECTIONS, (1, -1), strict=True)
     ]
     if starts:
@@ -265,14 +273,21 @@ def paced(plan: SectionPlan, count: int, asked: Collection[str]) -> SectionPlan:
 
 
 def follow(
-    name: str, values: Sequence[float], scenes: Sequence[Scene], plan: SectionPlan, branch: str
+    name: str,
+    values: Sequence[float],
+    scenes: Sequence[Scene],
+    plan: SectionPlan,
+    branch: str,
+    shared: SectionPlan | None = None,
 ) -> Row:
     """Responses at values in their order, each from where the one before came to.
 
-    Those of the branch `START` begin as their scenes say.
+    Those of the branch `START` begin as their scenes say. `shared` is the plan of those that begin
+    near to where they settle.
     """
     state: State | None = None
     before: Machine | None = None
+    line = _Line()
     found: list[dict[str, Any]] = []
     for value, scene in zip(values, scenes, strict=True):
         machine = Machine(name, scene)
@@ -284,59 +299,132 @@ def follow(
                 'state': None,
             }
             found.append(_NOTHING | none)
-            state = None
+            state, line = None, _Line()
             continue
-        # where this machine cannot begin as the one before ended, it begins as its scene says
-        for begin in dict.fromkeys((state, None)):
+        for begin, seen in _starts(state, before, machine, line.step()):
             try:
-                moved = _moved(begin, before, machine) if begin and before else None
-                response, state = _settled(machine, plan, moved)
+                near = shared if shared and begin else plan
+                response, state, ends = _settled(machine, near, begin, seen)
                 break
             except RunError as error:
-                response, state = _NOTHING | {'note': str(error)}, None
+                response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
         state, before = None if branch == START else state, machine
+        line.enter(ends)
     return {'responses': found}
 
 
-def _moved(state: State, before: Machine, machine: Machine) -> State:
-    """A state of one machine as one of another, moved by what lies between their starts.
+def _starts(
+    state: State | None, before: Machine | None, machine: Machine, step: Array | None
+) -> Iterator[tuple[State | None, int]]:
+    """Where a run may begin, the best first, and the turns that tell whether it has settled.
+
+    Where a machine cannot begin as the one before ended, it begins as its scene says.
+    """
+    if state and before:
+        if step is not None:
+            yield _moved(state, before, machine, step), _SEEN_AHEAD
+        yield _moved(state, before, machine), _SEEN
+    yield None, _SEEN
+
+
+class _Line:
+    """A straight line through responses of a branch: where the next one is nearly."""
+
+    def __init__(self) -> None:
+        self._before: list[Ends] = []
+
+    def enter(self, ends: Ends | None) -> None:
+        """Enter the response at the next of values that are evenly spaced, if there is one."""
+        if ends is None or not len(ends.states):
+            self._before = []
+        elif self._before and len(self._before[-1].states) == len(ends.states):
+            self._before = [*self._before[-2:], ends]
+        else:
+            self._before = [ends]
+
+    def step(self) -> Array | None:
+        """How positions and rates change besides those of the start (2 f,), at the next value.
+
+        None where the responses are not those of one branch, or do not repeat.
+        """
+        if len(self._before) < 3:
+            return None
+        first, second, third = self._before
+        step, at = self._between(second, third, -1)
+        before, _ = self._between(first, second, at)
+        size, bend = (np.abs(x / third.near).max() for x in (step, step - before))
+        return step + _NUDGE * third.near if bend <= max(1.0, _BENT * size) else None
+
+    @staticmethod
+    def _between(old: Ends, new: Ends, at: int) -> tuple[Array, int]:
+        """The step to a turn of a response from the nearest of the one before, and its place."""
+        steps = new.states[at] - old.states
+        steps -= new.turns * np.round(steps / np.where(new.turns, new.turns, 1.0))
+        nearest_one = int(np.abs(steps / new.near).max(axis=1).argmin())
+        return steps[nearest_one], nearest_one
+
+
+class Ends(NamedTuple):
+    """Positions and rates at the ends of the last turns of a response, as many as its period."""
+
+    states: Array  #: (period, 2 f) less those at the start of the scene
+    near: Array  #: (2 f,) within which they are the same
+    turns: Array  #: (2 f,) after which a position is the same; 0 if it never is
+
+
+def _begin(machine: Machine) -> Array:
+    """Positions and rates (2 f,) with which a scene begins, were its joints ideal."""
+    plan, start = machine.plan, machine.nominal.assembly
+    found = converted(plan.ideal, plan.loose, start.q, start.v)
+    free = [plan.loose.coordinates.index(c) for c in machine.equations.system.free]
+    return np.concatenate([x[free] for x in found])
+
+
+def _moved(state: State, before: Machine, machine: Machine, step: Array | None = None) -> State:
+    """A state of one machine as one of another: by what lies between their starts, and a step.
 
     With other lengths, or at another speed of the crank, contacts would open or strike: a
     thousandth of the rates is as much as the speed of many impacts.
     """
-    old, new = before.initial_state(), machine.initial_state()
-    q, v = np.array([state.q, state.v]) + np.subtract([new.q, new.v], [old.q, old.v])
+    now = np.array([*state.q, *state.v]) + (_begin(machine) - _begin(before))
+    q, v = (now if step is None else now + step).reshape(2, -1)
     still = (0,) * len(state.turns)
     return replace(state, q=tuple(q.tolist()), v=tuple(v.tolist()), turns=still)
 
 
 def _settled(
-    machine: Machine, plan: SectionPlan, state: State | None
-) -> tuple[dict[str, Any], State]:
-    """The section of a machine after its transient, and the state at the end."""
+    machine: Machine, plan: SectionPlan, state: State | None, seen: int
+) -> tuple[dict[str, Any], State, Ends]:
+    """The section of a machine after its transient, and the state at the end.
+
+    A transient of so many turns at least is compared with as many before.
+    """
     engine = machine.start(state=state)
     if not isinstance(engine, EventLoop):
         raise InputError(f'{machine.name}: a motion in closed form has no sections')
     tally, runner = _SectionTally(machine, plan), Runner(machine, engine)
     turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
+    if seen < _SEEN:
+        turns = max(3 * seen, plan.transient // 4)
     keep = 0
     while turns < most and not keep:
         for piece in runner.to(turns * machine.drive.period, final=False):
             tally.add(piece)
-        keep = tally.settled()
-        turns += 0 if keep else turns // 2
+        keep = tally.settled(seen)
+        turns += 0 if keep else turns // 2 if seen == _SEEN else 1
     turns = min(turns, most)
     for piece in runner.to(turns * machine.drive.period):
         tally.add(piece)
-    return tally.found(turns, keep), replace(engine.state, time=Fraction(0))
+    found = tally.found(turns, keep)
+    return found, replace(engine.state, time=Fraction(0)), tally.ends(found['period'])
 
 
 class _SectionTally:
     """Sections of a run that comes in pieces."""
 
     def __init__(self, machine: Machine, plan: SectionPlan) -> None:
-        self._plan, self._turn = plan, machine.drive.period
+        self._plan, self._turn, self._begin = plan, machine.drive.period, _begin(machine)
         self._edges: Array = self._turn * np.arange(plan.transient + plan.keep + 1.0)
         free = machine.equations.system.free
         self._names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in free]
@@ -348,6 +436,7 @@ class _SectionTally:
         self._turns = np.concatenate([np.where(slides, 0.0, TWO_PI), np.zeros(len(free))])
         self._scale = np.concatenate([place, machine.drive.fastest * place])
         self._states: list[Array] = []
+        self._ends: list[Array] = []
         self._points: list[Array] = []
         self._struck: list[Impact] = []
 
@@ -360,6 +449,9 @@ class _SectionTally:
         if len(t := self._due(self._edges[1:] - _APART * self._turn, self._states, curve)):
             found = piece.sample(t, *self._names)
             self._states.append(np.array([found[n] for n in self._names]).T)
+        if len(t := self._due(self._edges[1:], self._ends, curve)):
+            found = piece.sample(t, *self._names)
+            self._ends.append(np.array([found[n] for n in self._names]).T)
         if not self._plan.joint and len(t := self._due(self._edges, self._points, curve)):
             chosen = piece.sample(t, *self._plan.of)
             self._points.append(np.array([chosen[n] for n in self._plan.of]).T)
@@ -393,7 +485,13 @@ class _SectionTally:
             'impacts': len(last) / kept,
         }
 
-    def settled(self) -> int:
+    def ends(self, period: int) -> Ends:
+        """The ends of so many turns, the last ones."""
+        ends = np.concatenate(self._ends)
+        near = self._near(np.concatenate(self._states))
+        return Ends(ends[len(ends) - period :] - self._begin, near, self._turns)
+
+    def settled(self, seen: int) -> int:
         """Turns over which the motion has repeated itself, 0 if it has not.
 
         What is left of the transient follows from how it has died out, as a geometric series.
@@ -401,7 +499,7 @@ class _SectionTally:
         states = np.concatenate(self._states)
         near = self._near(states)
         for p in range(1, self._plan.longest + 1):
-            m = p * -(-_SEEN // p)
+            m = p * -(-seen // p)
             if len(states) < 2 * m + p:
                 return 0
             off = (self._off(states[-2 * m - p :], p) / near).max(axis=1)

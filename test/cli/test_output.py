@@ -110,17 +110,30 @@ def test_devices_are_written_themselves():
         output.write_text('/dev/full', 'x')
 
 
-@pytest.mark.parametrize('options', [(), pytest.param(('--json',), marks=pytest.mark.slow)])
-def test_an_output_that_is_full_is_said(options):
+CHECK = 'check', 'four_bar_nominal'
+
+
+@pytest.mark.parametrize(
+    'words', [CHECK, ('--help',), pytest.param((*CHECK, '--json'), marks=pytest.mark.slow)]
+)
+def test_an_output_that_is_full_is_said(words):
     with open('/dev/full', 'wb') as full:
         done = subprocess.run(
-            [sys.executable, '-m', 'mechanism_sim', 'check', 'four_bar_nominal', *options],
+            [sys.executable, '-m', 'mechanism_sim', *words],
             stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr == (
         'mechanism-sim: the output cannot be written: No space left on device\n'
     )
+
+
+def test_an_output_without_umlauts_gets_them_written_out():
+    plain = os.environ | {'PYTHONIOENCODING': 'ascii'}
+    words = [sys.executable, '-m', 'mechanism_sim', *CHECK, '--set', 'title=Größe']
+    done = subprocess.run(words, env=plain, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.startswith('four_bar_nominal: Gr\\xf6\\xdfe\n')
 
 
 def test_a_reader_that_has_had_enough_is_no_failure():

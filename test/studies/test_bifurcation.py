@@ -15,6 +15,8 @@ from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.studies import bifurcation as study
 
+FLIP = math.hypot(math.pi * (1 - E) / (1 + E), 2.0 * (1 + E**2) / (1 + E) ** 2)
+
 
 def test_a_ball_on_a_table_doubles_its_period_where_theory_says():
     """N. B. Tufillaro et al., An Experimental Approach to Nonlinear Dynamics, 1992, section 1.2.
@@ -22,13 +24,12 @@ def test_a_ball_on_a_table_doubles_its_period_where_theory_says():
     With one bounce a period the ball strikes with ``g T / (1 + e)`` whatever the table's stroke;
     this is stable up to ``gamma^2 = (pi (1-e)/(1+e))^2 + (2 (1+e^2)/(1+e)^2)^2``.
     """
-    flip = math.hypot(math.pi * (1 - E) / (1 + E), 2.0 * (1 + E**2) / (1 + E) ** 2)
-    assert 1.5 < flip < 1.55
+    assert 1.5 < FLIP < 1.55
     found = ms.bifurcation(
-        ball(flip), {'drive.speed': (speed(flip - 0.04), speed(flip + 0.04), 2)},
+        ball(FLIP), {'drive.speed': (speed(FLIP - 0.04), speed(FLIP + 0.04), 2)},
         at_impacts='flight_lower', transient=200, keep=40,
     )  # fmt: skip
-    periods = {(r.branch, r.value < speed(flip)): r.period for r in found.responses}
+    periods = {(r.branch, r.value < speed(FLIP)): r.period for r in found.responses}
     assert periods == {('up', True): 1, ('up', False): 2, ('down', True): 1, ('down', False): 2}
     for response in found.responses:
         assert response.impacts == pytest.approx(1.0)
@@ -162,10 +163,10 @@ def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
     """Where neither the state before nor the own start leads on: others go on, none coexists."""
     settled = study._settled
 
-    def fails(machine, plan, state):
+    def fails(machine, plan, state, seen):
         if machine.scene.drive.speed.value > speed(1.25):
             raise RunError('broken')
-        return settled(machine, plan, state)
+        return settled(machine, plan, state, seen)
 
     monkeypatch.setattr(study, '_settled', fails)
     low, high = speed(1.2), speed(1.3)
@@ -195,6 +196,39 @@ def test_a_direction_of_many_values_shares_its_turns():
         shared = study.paced(plan, count, asked)
         turns.append((shared.transient, shared.keep))
     assert turns == [(60, 60), (60, 20), (8, 16), (30, 16)]
+
+
+def test_a_branch_is_foretold(monkeypatch):
+    """On the line of the responses before a run begins where it ends: few turns show it."""
+    turns, found_of = [], study._SectionTally.found
+
+    def counted(tally, count, settled):
+        turns.append(count)
+        return found_of(tally, count, settled)
+
+    monkeypatch.setattr(study._SectionTally, 'found', counted)
+    stable = {'drive.speed': (speed(FLIP - 0.20), speed(FLIP - 0.15), 11)}
+    found = ms.bifurcation(
+        ball(FLIP - 0.2), stable, at_impacts='flight_lower', transient=40, keep=40
+    )
+    assert {r.period for r in found.responses} == {1}
+    for r in found.responses:
+        strikes = G * 2.0 * math.pi / r.value / (1.0 + E)
+        assert r.points[:, 0] == pytest.approx([strikes], rel=1e-6)
+    assert np.median(turns) < 16  # 33 from where the one before came to
+
+
+@pytest.mark.slow
+def test_a_branch_that_is_foretold_flips_where_it_does():
+    """Past a flip the line leads on to what has become unstable: it is left as turns tell."""
+    across = {'drive.speed': (speed(FLIP - 0.06), speed(FLIP + 0.04), 26)}
+    found = ms.bifurcation(
+        ball(FLIP - 0.06), across, at_impacts='flight_lower', transient=150, keep=40
+    )
+    up = [(r.value, r.period) for r in found.responses if r.branch == 'up']
+    step = 0.1 / 25
+    assert {p for v, p in up if v < speed(FLIP - 1.5 * step)} == {1}
+    assert {p for v, p in up if v > speed(FLIP + 1.5 * step)} == {2}
 
 
 def test_responses_ten_thousand_turns_away_are_those_of_the_start():
