@@ -70,7 +70,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 @pytest.hookimpl(tryfirst=True)  # before fixtures of modules
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Quick tests, of short runs, do without LLVM's optimisation, unless slow ones run, too."""
-    quick = 'not slow' in item.config.option.markexpr and item.path not in _optimised
+    quick = item.config.option.markexpr == 'not slow' and item.path not in _optimised
     compiled.OPTIMISATION = 0 if quick else 3
 
 
