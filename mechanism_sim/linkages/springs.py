@@ -66,6 +66,12 @@ class GasColumn:
         return column / (column + dense(x))
 
 
+def never_against(frames: Frames, key: str, side: int, total: Term) -> Term:
+    """A force of one sign, `side`, or none: no damper turns that of what only touches around."""
+    away = side * dense(total) / hy.sqrt(1.0 + dense(total) * dense(total))
+    return mul(frames.switch(f'{key}.flag.presses', away), total)
+
+
 @dataclass(frozen=True)
 class SpringLaw:
     """Force over the elongation x from the free length or angle, and its rate; positive pulls.
@@ -103,9 +109,8 @@ class SpringLaw:
         total = add(self._stored(frames, key, x), self._taken(frames, key, rate, own))
         if not self.side or total is None:
             return total
-        if self._holds_back:  # neither a damper nor a formula turns the force of a stop around
-            away = self.side * total / hy.sqrt(1.0 + total * total)
-            total = mul(frames.switch(f'{key}.flag.presses', away), total)
+        if self._holds_back:
+            total = never_against(frames, key, self.side, total)
         return mul(self._beyond(frames, key, x), total)
 
     def power_lost(

@@ -9,8 +9,8 @@ second pulley, tensions T+ and T- do to the second pulley
 about its centre, with s = 1 for an open belt, -1 for a crossed one. As the strands are tangents,
 the same two forces balance on the first pulley. The left strand is longer by
 ``x = r1 a1 - s r2 a2`` than at the start, the right one shorter: an ideal belt keeps x at zero, a
-strand of stiffness k pulls with ``T0 + k x + c x'`` while it is taut, else not at all. What x has
-to do with angles a follows from the power of the strands, T+ x' - T- x'.
+strand of stiffness k pulls with ``T0 + k x + c x'`` if it is taut and that is positive, else not
+at all. What x has to do with angles a follows from the power of the strands, T+ x' - T- x'.
 
 A belt that friction holds keeps x' at zero as long as the tensions on the pulley that it wraps
 least, by phi, are in a ratio of at most ``e^(mu phi)`` (L. Euler 1762, J. A. Eytelwein 1808); then
@@ -31,6 +31,7 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
+from mechanism_sim.linkages.springs import never_against
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames
 from mechanism_sim.planar.mechanism import Mechanism
@@ -157,6 +158,16 @@ class BeltClosure(TransmissionClosure):
         return strand_wrench(joint, self.mechanism, frames, tensions)._replace(moment=moment)
 
 
+class _Tension(NamedTuple):
+    """What a strand that gives way pulls with."""
+
+    taut: Term  #: 1 where it is, else 0
+    length: Term  #: [m] by which it is stretched
+    rate: Term  #: [m/s] of that
+    stored: Term  #: [N] by its stiffness
+    whole: Term  #: [N] with its damping, and never less than zero
+
+
 @dataclass(frozen=True)
 class BeltForce:
     """A belt whose strands give way, in the place of a joint."""
@@ -193,29 +204,26 @@ class BeltForce:
             value, rate = add(value, mul(lever, bent.value)), add(rate, mul(lever, bent.rate))
         return value, rate
 
-    def _strands(self, frames: Frames) -> list[tuple[Term, Term, Term]]:
-        """Of each: whether it is taut, how far it is stretched [m], and its rate [m/s]."""
+    def _strands(self, frames: Frames) -> list[_Tension]:
+        """The left one, and the right one."""
         joint, p = self.joint, frames.parameters
-        x, rate = self._stretch(frames)
+        x, x_rate = self._stretch(frames)
         start = p(f'{self.name}.stretched', joint.pretension / joint.stiffness)
+        k = p(f'{self.name}.stiffness', joint.stiffness)
+        c = p(f'{self.name}.damping', joint.damping)
         found = []
-        for strand in joint.strands:
-            own, own_rate = (x, rate) if strand.side > 0.0 else (neg(x), neg(rate))
+        for side, own, rate in (('left', x, x_rate), ('right', neg(x), neg(x_rate))):
             length = add(start, own)
-            side = 'left' if strand.side > 0.0 else 'right'
             taut = frames.switch(f'{self.name}.{side}', dense(length) / joint.radii[0])
-            found.append((taut, length, own_rate))
+            stored, total = mul(k, length), add(mul(k, length), mul(c, rate))
+            if joint.damping:
+                total = never_against(frames, f'{self.name}.{side}', 1, total)
+            found.append(_Tension(taut, length, rate, mul(taut, stored), mul(taut, total)))
         return found
 
     def _tensions(self, frames: Frames) -> tuple[Term, Term]:
-        p = frames.parameters
-        k = p(f'{self.name}.stiffness', self.joint.stiffness)
-        c = p(f'{self.name}.damping', self.joint.damping)
-        left, right = (
-            mul(taut, add(mul(k, length), mul(c, rate)))
-            for taut, length, rate in self._strands(frames)
-        )
-        return left, right
+        left, right = self._strands(frames)
+        return left.whole, right.whole
 
     def wrench(self, frames: Frames) -> Wrench:
         """Wrench of the strands on the second pulley."""
@@ -237,10 +245,9 @@ class BeltForce:
         ]  # fmt: skip
 
     def power_lost(self, frames: Frames) -> Term:
-        """``c x'^2`` of the strands that are taut."""
-        c = frames.parameters(f'{self.name}.damping', self.joint.damping)
+        """What strands take in and do not store: ``c x'^2`` of those that pull."""
         return add(*(
-            mul(taut, mul(c, mul(rate, rate))) for taut, _, rate in self._strands(frames)
+            mul(add(s.whole, neg(s.stored)), s.rate) for s in self._strands(frames)
         ))  # fmt: skip
 
     def energy(self, frames: Frames) -> Term:
@@ -248,7 +255,7 @@ class BeltForce:
         k = frames.parameters(f'{self.name}.stiffness', self.joint.stiffness)
         half = mul(k, hy.expression(0.5))
         return add(*(
-            mul(taut, mul(half, mul(length, length))) for taut, length, _ in self._strands(frames)
+            mul(s.taut, mul(half, mul(s.length, s.length))) for s in self._strands(frames)
         ))  # fmt: skip
 
 

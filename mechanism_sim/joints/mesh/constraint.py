@@ -37,6 +37,7 @@ from mechanism_sim.joints.mesh.compliance import Elasticity
 from mechanism_sim.joints.mesh.involute import rack_teeth
 from mechanism_sim.joints.mesh.placement import Harmonic, PlacedMesh, Teeth
 from mechanism_sim.joints.mesh.reading import GearReading, read_mesh
+from mechanism_sim.linkages.springs import never_against
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, slid
 from mechanism_sim.planar.frames import Frames, Jet, lift
@@ -152,6 +153,7 @@ class _Flank(NamedTuple):
     share: Term  #: 1 where it is pressed, else 0
     pressed: Term  #: x [m]
     rate: Term  #: x' [m/s]
+    force: Term  #: k x + d x' [N]
     stiffness: Term  #: k [N/m]
     slope: Term  #: dk/d a of the first gear [N/m/rad]
     sign: float  #: of the force along the row
@@ -162,7 +164,7 @@ class MeshSpring:
     """Elastic teeth in the place of a joint, with play or without.
 
     Which flank is pressed is told by switches of the engine: the equations are smooth between
-    them. The damper acts while a flank is pressed, so that it pulls a little where flanks part.
+    them. The damper acts while a flank is pressed; where there is play it never makes one pull.
     """
 
     closure: MeshClosure
@@ -178,9 +180,10 @@ class MeshSpring:
         e, name, p = self.elasticity, self.name, frames.parameters
         (h,) = self.closure.values(frames)
         k0 = dense(p(f'{name}.stiffness', e.stiffness))
-        play = p(f'{name}.play', self.play)
+        play, d = p(f'{name}.play', self.play), p(f'{name}.damping', e.damping)
         if play is None and not e.variation:
-            return [_Flank(hy.expression(1.0), h.value, h.rate, k0, None, 1.0)]
+            force = add(mul(k0, h.value), mul(d, h.rate))
+            return [_Flank(hy.expression(1.0), h.value, h.rate, force, k0, None, 1.0)]
         found: list[_Flank] = []
         for side, sign in (('left', 1.0), ('right', -1.0)):
             own = h if sign > 0.0 else -h
@@ -189,7 +192,11 @@ class MeshSpring:
                 share = 1.0 - found[0].share
             else:
                 share = frames.switch(f'{name}.{side}', x / self.closure.joint.per_phase)
-            found.append(_Flank(share, x, own.rate, *self._stiffness(frames, k0, sign), sign))
+            k, slope = self._stiffness(frames, k0, sign)
+            force = add(mul(k, x), mul(d, own.rate))
+            if play is not None and d is not None:
+                force = never_against(frames, f'{name}.{side}', 1, force)
+            found.append(_Flank(share, x, own.rate, force, k, slope, sign))
         return found
 
     def _stiffness(self, frames: Frames, k0: Term, sign: float) -> tuple[Term, Term]:
@@ -208,11 +215,8 @@ class MeshSpring:
 
     def _row(self, frames: Frames) -> Term:
         """Force along the row, on the first [N]."""
-        d = frames.parameters(f'{self.name}.damping', self.elasticity.damping)
         return add(*(
-            mul(f.share, mul(hy.expression(-f.sign), add(mul(f.stiffness, f.pressed),
-                                                         mul(d, f.rate))))
-            for f in self._flanks(frames)
+            mul(f.share, mul(hy.expression(-f.sign), f.force)) for f in self._flanks(frames)
         ))  # fmt: skip
 
     def loads(self, frames: Frames) -> list[Load]:
@@ -246,10 +250,10 @@ class MeshSpring:
         return self.closure.wrench(frames, [self._row(frames)])
 
     def power_lost(self, frames: Frames) -> Term:
-        """``d x'^2`` of the flanks that are pressed."""
-        d = frames.parameters(f'{self.name}.damping', self.elasticity.damping)
+        """What flanks take in and do not store: ``d x'^2`` of those that press."""
         return add(*(
-            mul(f.share, mul(d, mul(f.rate, f.rate))) for f in self._flanks(frames)
+            mul(f.share, mul(add(f.force, neg(mul(f.stiffness, f.pressed))), f.rate))
+            for f in self._flanks(frames)
         ))  # fmt: skip
 
     def energy(self, frames: Frames) -> Term:
