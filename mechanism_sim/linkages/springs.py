@@ -66,9 +66,15 @@ class GasColumn:
         return column / (column + dense(x))
 
 
-def never_against(frames: Frames, key: str, side: int, total: Term) -> Term:
-    """A force of one sign, `side`, or none: no damper turns that of what only touches around."""
-    away = side * dense(total) / hy.sqrt(1.0 + dense(total) * dense(total))
+def never_against(
+    frames: Frames, key: str, side: int, total: Term, size: Term | float = 1.0
+) -> Term:
+    """A force of one sign, `side`, or none: no damper turns that of what only touches around.
+
+    Its switch sees the force over `size` [N], so that roundings of stiff parts are none of it.
+    """
+    part = dense(total) / size
+    away = side * part / hy.sqrt(1.0 + part * part)
     return mul(frames.switch(f'{key}.flag.presses', away), total)
 
 

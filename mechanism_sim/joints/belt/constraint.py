@@ -159,7 +159,7 @@ class BeltClosure(TransmissionClosure):
 
 
 class _Tension(NamedTuple):
-    """What a strand that gives way pulls with."""
+    """The pull of a strand that gives way."""
 
     taut: Term  #: 1 where it is, else 0
     length: Term  #: [m] by which it is stretched
@@ -217,7 +217,8 @@ class BeltForce:
             taut = frames.switch(f'{self.name}.{side}', dense(length) / joint.radii[0])
             stored, total = mul(k, length), add(mul(k, length), mul(c, rate))
             if joint.damping:
-                total = never_against(frames, f'{self.name}.{side}', 1, total)
+                size = dense(k) * joint.radii[0]
+                total = never_against(frames, f'{self.name}.{side}', 1, total, size)
             found.append(_Tension(taut, length, rate, mul(taut, stored), mul(taut, total)))
         return found
 
@@ -245,7 +246,7 @@ class BeltForce:
         ]  # fmt: skip
 
     def power_lost(self, frames: Frames) -> Term:
-        """What strands take in and do not store: ``c x'^2`` of those that pull."""
+        """Power that strands take in and do not store: ``c x'^2`` of those that pull."""
         return add(*(
             mul(add(s.whole, neg(s.stored)), s.rate) for s in self._strands(frames)
         ))  # fmt: skip

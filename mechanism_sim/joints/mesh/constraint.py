@@ -195,7 +195,8 @@ class MeshSpring:
             k, slope = self._stiffness(frames, k0, sign)
             force = add(mul(k, x), mul(d, own.rate))
             if play is not None and d is not None:
-                force = never_against(frames, f'{name}.{side}', 1, force)
+                size = k0 * self.closure.joint.per_phase
+                force = never_against(frames, f'{name}.{side}', 1, force, size)
             found.append(_Flank(share, x, own.rate, force, k, slope, sign))
         return found
 
@@ -250,7 +251,7 @@ class MeshSpring:
         return self.closure.wrench(frames, [self._row(frames)])
 
     def power_lost(self, frames: Frames) -> Term:
-        """What flanks take in and do not store: ``d x'^2`` of those that press."""
+        """Power that flanks take in and do not store: ``d x'^2`` of those that press."""
         return add(*(
             mul(f.share, mul(add(f.force, neg(mul(f.stiffness, f.pressed))), f.rate))
             for f in self._flanks(frames)
