@@ -161,6 +161,7 @@ class Audit:
             self._balance(motion, impacts)
         if len(motion) and self._physics.clearances:
             self._check_open(motion)
+        self._physics.check_directions(motion)
         struck = np.array([(i.drive_work, i.sudden_loss) for i in impacts]).reshape(-1, 2)
         drive, lost = struck.sum(axis=0).tolist()
         self.drive_work += float(work.drive.sum()) + drive

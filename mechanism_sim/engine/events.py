@@ -17,6 +17,7 @@ from mechanism_sim.engine.contact.problem import (
     SLIDES_FORWARD,
     STICKS,
 )
+from mechanism_sim.errors import RunError
 
 
 class Mode(IntEnum):
@@ -39,6 +40,14 @@ class StopReason(Enum):
     TENSILE_CONTACT = 'a contact force became tensile: the result cannot be trusted'
     ENERGY_UNBALANCED = 'the energy balance is violated: the result cannot be trusted'
     NO_PROGRESS = 'events follow each other without progress in time'
+
+
+def ends_meet(name: str, t: float) -> RunError:
+    """The error of a force along a line that has no length at a time [s]."""
+    return RunError(
+        f'the ends of {name} meet at t = {t:.9g} s, where its '
+        'force has no direction; one without free_length and damping may pass there'
+    )
 
 
 class Impact(NamedTuple):

@@ -8,17 +8,22 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.crossings import Crossings
 from mechanism_sim.engine.dense_output import Motion, instants
+from mechanism_sim.engine.events import ends_meet
 from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
-from mechanism_sim.planar.protocols import EndGap
+from mechanism_sim.planar.protocols import Directed, EndGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
+
+_LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
+"""Where in a step the ends of a spring are seen on either side of each other."""
 
 
 class Physics(Protocol):
@@ -101,6 +106,14 @@ class Physics(Protocol):
         `account`.
         """
 
+    def check_directions(self, motion: Motion) -> None:
+        """Refuse an integrated motion in which ends of a spring meet that must not.
+
+        Raises
+        ------
+        RunError
+        """
+
     @property
     def steep(self) -> bool:
         """True if powers may vary within a segment in a way that no series foretells."""
@@ -137,6 +150,7 @@ class DynamicPhysics:
         self.displacements = system.mechanism.displacements
         self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
+        self._directed = [e for e in system.elements if isinstance(e, Directed) and e.directed]
         self.tilting = tuple(
             dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
         )
@@ -186,6 +200,24 @@ class DynamicPhysics:
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance."""
         return self.observer.account(self.inputs(motion, segments, dt))
+
+    def check_directions(self, motion: Motion) -> None:
+        """Refuse a motion in which ends of a spring meet that must not.
+
+        A series has no trace of a place where the length is zero: it leads on to negative ones.
+        """
+        if not self._directed or not len(motion):
+            return
+        curve = motion.curve
+        q = self.moved(motion, np.arange(len(motion)), _LOOKS)[0]
+        for e in self._directed:
+            x, y = e.between(q).reshape(2, len(motion), len(_LOOKS))
+            past = x[:, 1:] * x[:, :-1] + y[:, 1:] * y[:, :-1] < 0.0
+            if past.any():
+                k, look = np.argwhere(past)[0].tolist()
+                ends = (curve.duration[k] * part for part in _LOOKS.fractions[look : look + 2])
+                since = brentq(_ahead, *ends, (curve, k, e, np.array([x[k, look], y[k, look]])))
+                raise ends_meet(e.name, float(curve.start[k]) + since)
 
     @property
     def takes_power(self) -> bool:
@@ -297,6 +329,12 @@ class DynamicPhysics:
                 drive = float(seen.position[self.system.driven_index[0], k])
                 found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))
         return found
+
+
+def _ahead(dt: float, curve: PiecewisePolynomial, k: int, line: Directed, way: Array) -> float:
+    """How far the second end of a line is ahead of the first, along a way of before [m^2]."""
+    q = curve.local(np.array([k]), np.array([dt])).T
+    return float(way @ line.between(q)[:, 0])
 
 
 def _limited(seen: Observation) -> tuple[Array, ...]:

@@ -13,6 +13,7 @@ from mechanism_sim.engine.clock import horner
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
+from mechanism_sim.engine.events import ends_meet
 from mechanism_sim.engine.short_steps import ShortSteps
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.step_check import StepCheck
@@ -247,11 +248,10 @@ class TaylorSteps:
         place = np.array([[q[c]] for c in self._system.coordinates])
         size = self._system.mechanism.size
         for e in self._system.elements:
-            if isinstance(e, Directed) and e.directed and e.length(place)[0] < _STEPS.meet * size:
-                return RunError(
-                    f'the ends of {e.name} meet at t = {time:.9g} s, where its '
-                    'force has no direction; one without free_length and damping may pass there'
-                )
+            if not (isinstance(e, Directed) and e.directed):
+                continue
+            if math.hypot(*e.between(place)[:, 0]) < _STEPS.meet * size:
+                return ends_meet(e.name, time)
         rates = self._present.evaluate(self._system.functions.accelerations)[len(free) :]
         values = self._present.state[2 * len(self._system.free) :]
         for known, y, rate in zip(self._system.states, values, rates, strict=True):

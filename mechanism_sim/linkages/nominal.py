@@ -794,6 +794,9 @@ class NominalPhysics:
         """True if springs, dampers or loads take any power."""
         return self._forces is not None and self._forces.takes_power
 
+    def check_directions(self, _: Motion) -> None:
+        """Nothing: where ends of springs meet the motion is known, too."""
+
     @property
     def corners(self) -> bool:
         """True if joints rub: what presses may change its side within a segment."""

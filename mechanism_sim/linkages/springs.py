@@ -239,11 +239,11 @@ class Spring(Elongation):
         """True if its force needs a direction where its ends meet."""
         return bool(self.free_length or not self.law.numbers or self.law.numbers[1])
 
-    def length(self, q: Array) -> Array:
-        """From end to end (N,) [m] at coordinates q (n, N)."""
+    def between(self, q: Array) -> Array:
+        """The way from end to end (2, N) [m] at coordinates q (n, N)."""
         (a, at_a), (b, at_b) = self.first, self.second
         place = self.mechanism.locate_all
-        return np.asarray(np.hypot(*(place(b, q, at_b) - place(a, q, at_a))))
+        return np.asarray(place(b, q, at_b) - place(a, q, at_a))
 
     def _between(self, frames: Frames) -> tuple[Jet, Jet]:
         x, y = (
@@ -308,9 +308,9 @@ class GuidedSpring(Spring):
         """Always, but by its guide: what it connects may meet."""
         return True
 
-    def length(self, q: Array) -> Array:
+    def between(self, q: Array) -> Array:
         """Without end: nothing happens where its points meet."""
-        return np.full(q.shape[1], np.inf)
+        return np.full((2, q.shape[1]), np.inf)
 
     def _line(self, frames: Frames) -> tuple[tuple[Term, Term], Term, Term]:
         joint = self.mechanism.joint(self.joint)

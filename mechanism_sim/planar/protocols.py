@@ -99,8 +99,8 @@ class Directed(ForceElement, Protocol):
     def directed(self) -> bool:
         """True if the points must not meet."""
 
-    def length(self, q: Array) -> Array:
-        """Of the line (N,) [m] at coordinates q (n, N)."""
+    def between(self, q: Array) -> Array:
+        """The way from the first to the second (2, N) [m] at coordinates q (n, N)."""
 
 
 class Rubbing(Protocol):
