@@ -232,13 +232,12 @@ class CommandNode:
         finally:
             self.node.destroy_subscription(subscription)
 
-    def rates(self, topic: str, over: Callable[[list[float]], bool]) -> list[float]:
-        """When messages of a topic came [s], until `over` gives true of them.
+    def rates(self, topic: str, times: list[float], over: Callable[[], bool]) -> None:
+        """Add when messages of a topic come [s], until `over` gives true.
 
         It is asked at every message, and now and then without any.
         """
         full, types, *_ = self.endpoints(topic)
-        times: list[float] = []
         subscription = self.node.create_subscription(
             message_class(types[0]),
             full,
@@ -247,11 +246,10 @@ class CommandNode:
             raw=True,
         )
         try:
-            while not over(times):
+            while not over():
                 spin_once(self.node, timeout_sec=_BEAT)
         finally:
             self.node.destroy_subscription(subscription)
-        return times
 
     def publish(
         self, topic: str, kind: str, values: Any, count: int, rate: float, told: Callable[[], None]

@@ -11,6 +11,8 @@ import math
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 from middleware_network import eventually
@@ -167,6 +169,7 @@ def test_values_that_do_not_fit_are_refused(values, said):
         (('topic', 'lst'), "'lst' (choose from"),
         (('topic', 'echo'), 'topic echo: the following arguments are required: TOPIC'),
         (('topic', 'echo', '/x', '--count', '0'), '--count'),
+        (('topic', 'hz', '/x', '--window', '1'), "--window: '1' is not a number from 2 on"),
         (('topic', 'echo', '/x', '--count', '3', '--once'), '--once: not allowed with'),
         (('topic', 'list', '--count', '3'), 'unrecognized arguments: --count 3'),
         (('topic', 'echo', '/a', '--rate', '3'), 'unrecognized arguments: --rate 3'),
@@ -217,6 +220,36 @@ def test_a_signal_ends_a_command_in_one_sentence(network, number):
             listener.kill()
             listener.communicate()
     assert listener.returncode == 130
+
+
+@pytest.mark.parametrize(('window', 'last'), [('10000', 26), ('5', 5)])
+@pytest.mark.parametrize('more', [[], ['--json']])
+def test_a_rate_is_printed_each_second_and_kept_at_a_signal(
+    window, last, more, monkeypatch, capsys
+):
+    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
+
+    def rates(_topic, times, over):
+        for k in range(26):  # ten a second
+            clock.now = 0.1 * k + 0.05
+            times.append(clock.now)
+            assert not over()
+        raise KeyboardInterrupt
+
+    node = nullcontext(SimpleNamespace(rates=rates))
+    monkeypatch.setattr('zenoh_rclpy.commands.time', clock)
+    monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
+    assert main(['topic', 'hz', '/x', '--window', window, *more]) == 130
+    out, err = capsys.readouterr()
+    assert err == 'zros: interrupted\n'
+    if more:
+        figures = json.loads(out)
+        assert (figures['rate'], figures['messages']) == (pytest.approx(10.0), last)
+        return
+    lines = out.splitlines()
+    assert len(lines) == 3  # after one second and two, and at the end
+    assert all(line.startswith('10.000 messages a second') for line in lines)
+    assert lines[-1].endswith(f'of {last} messages')
 
 
 def test_an_output_that_is_full_is_said(network):
