@@ -99,6 +99,8 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path):
         (('four_bar_clearance',), "--vary: write NAME=LOW:HIGH:N, as 'drive.speed=100 rpm"),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2'), 'write NAME=LOW:HIGH:N'),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:1'), 'must be at least 2'),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2:1000000000'),
+         "'drive.speed=1:2:1000000000': 1000000000 values are too many: at most 100000"),
         (('four_bar_clearance', '--vary', 'drive.sped=1:2:3'), "'drive.sped'"),
         (('slider_crank', '--vary', 'drive.speed=1:2:3'), 'without a free motion'),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--keep', '0'), 'keep must be'),
@@ -121,6 +123,15 @@ def test_basins_want_two_keys():
     done = run('basins', 'four_bar_clearance', '--vary', 'drive.speed=1:2:3')
     assert done.returncode == 2
     assert 'basins: --vary: give two keys; bifurcation takes one' in done.stderr
+
+
+def test_more_runs_than_fit_are_refused_before_anything_is_made():
+    wide = {'drive.speed': (100.0, 200.0, 1000), 'gravity': (1.0, 2.0, 1000)}
+    said = r'^drive.speed, gravity: 1000 x 1000 = 1000000 values are too many: at most 100000$'
+    with pytest.raises(InputError, match=said):
+        ms.basins('four_bar_clearance', wide)
+    with pytest.raises(InputError, match=r'^drive.speed: 100001 values are too many'):
+        ms.bifurcation('four_bar_clearance', {'drive.speed': (100.0, 200.0, 100_001)})
 
 
 def test_a_motion_that_fails_its_audit_is_told(monkeypatch):
