@@ -32,6 +32,7 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
+from mechanism_sim.units import unrounded
 
 OF_IMPACTS = {
     'approach_speed': ('m/s', 'approach speed'),
@@ -149,7 +150,7 @@ class Bifurcation:
     def columns(self) -> list[Column]:
         """The columns of the table."""
         rows = [(r, k) for r in self.responses for k in range(len(r.points))]
-        given = [float(f'{self.scale * r.value:.15g}') for r, _ in rows]
+        given = [unrounded(self.scale * r.value) for r, _ in rows]
         first = [
             Column(self.parameter.path, given, self.unit, 'varied'),
             Column('branch', [r.branch for r, _ in rows], '', 'how the response was reached'),

@@ -170,6 +170,17 @@ def test_which_start_leads_to_which_response():
     assert len(table['response']) == 4
 
 
+def test_columns_of_basins_are_without_the_rounding_of_their_units():
+    e = 'joints.coupler_rocker.clearance.restitution'
+    found = ms.basins(
+        'four_bar_clearance',
+        {'drive.speed': ('90 rpm', '93 rpm', 4), e: (0.1, 0.4, 2)}, transient=1, keep=2,
+    )  # fmt: skip
+    speeds = [float(x) for x in found.table()['drive.speed']]
+    assert speeds == [90.0, 90.0, 91.0, 91.0, 92.0, 92.0, 93.0, 93.0]
+    assert found.written[0][1] * found.cells[2][0] != 91.0  # as it is computed
+
+
 def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
     """Where neither the state before nor the own start leads on: others go on, none coexists."""
     settled = study._settled
