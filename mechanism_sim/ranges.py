@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -9,6 +10,9 @@ from typing import Any, NamedTuple
 from mechanism_sim.errors import InputError
 
 _BARE = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?', re.I)
+
+MOST_VALUES = 100_000
+"""Of a range, or of two together: scenes of so many runs take gigabytes before the first."""
 
 
 class ValueRange(NamedTuple):
@@ -46,8 +50,7 @@ def read_range(
         front = 'NAME=' if name else ''
         form = f'{front}LOW:HIGH{":N" * counted}' + f', or {front}VALUE,VALUE,...' * lists
         raise InputError(f'{where}{f" {text!r}" if text else ""}: write {form}, as {example!r}')
-    if int(count) < 2:
-        raise InputError(f'{where} {text!r}: the number of values must be at least 2')
+    check_counts(f'{where} {text!r}', [int(count)])
     bare = [x for x in values if _BARE.fullmatch(x) and float(x)]
     united = [x for x in values if x[0] in '+-.0123456789' and not _BARE.fullmatch(x)]
     if bare and united:
@@ -70,6 +73,15 @@ def named_ranges(
             raise InputError(f"{where}: there are two ranges of '{name.strip()}': keep one")
         found[name.strip()] = one
     return found
+
+
+def check_counts(where: str, counts: Sequence[int]) -> None:
+    """Refuse numbers of values that are less than two, or too many all together."""
+    if min(counts) < 2:
+        raise InputError(f'{where}: the number of values must be at least 2')
+    if (every := math.prod(counts)) > MOST_VALUES:
+        product = f'{" x ".join(map(str, counts))} = ' if len(counts) > 1 else ''
+        raise InputError(f'{where}: {product}{every} values are too many: at most {MOST_VALUES}')
 
 
 def check_order(where: str, low: float, high: float, written: Sequence[Any]) -> None:

@@ -375,6 +375,16 @@ def number(value: float, digits: int = 4, sign: str = '') -> str:
     return f'{Decimal(text):{sign}f}' if abs(int(power)) < 6 else f'{mantissa}e{int(power)}'
 
 
+def counted(count: int, noun: str, form: str = 'd') -> str:
+    """So many of something: 1 impact, 12 impacts."""
+    return f'{count:{form}} {noun}{"s" * (abs(count) != 1)}'
+
+
+def unrounded(value: float) -> float:
+    """The number of 15 digits that is nearest: without what conversion of units has rounded."""
+    return float(f'{value:.15g}')
+
+
 def instant(time: float, digits: int = 9) -> str:
     """A time [s] as it is printed; of one that counts from 1970, say, to the microsecond."""
     if abs(time) < 10.0 ** (digits - 3):

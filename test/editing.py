@@ -59,13 +59,27 @@ class Page:
     def drop(self, key: str, x: float, y: float, step: float = 1e-3) -> None:
         self.ask('drop', handle=key, x=x, y=y, step=step)
 
-    def draw(self, what: str, *ends: tuple[float, float, str], step: float = 1e-3) -> None:
-        """A part between places, each on a handle, a link (its name with a /) or nothing."""
+    def draw(
+        self,
+        what: str,
+        *ends: tuple[float, float, str],
+        step: float = 1e-3,
+        seen: int | None = None,
+    ) -> None:
+        """A part between places, each on a handle, a link (its name with a /) or nothing.
+
+        Parameters
+        ----------
+        seen : number of the state that the page shows; None for the newest
+        """
+        number = self.state['number'] if seen is None else seen
         spots = [
-            {'x': x, 'y': y, 'handle': on if '/' not in on else '', 'link': on.strip('/')}
+            {'x': x, 'y': y, 'number': number,
+             'handle': on if '/' not in on else '', 'link': on.strip('/')}
             for x, y, on in (ends[0], ends[-1])
-        ]
-        self.ask('draw', what=what, step=step, **dict(zip(('from', 'to'), spots, strict=True)))
+        ]  # fmt: skip
+        both = dict(zip(('from', 'to'), spots, strict=True))
+        self.ask('draw', what=what, step=step, near=5.0 * step, **both)
 
 
 DRAWN_FOUR_BAR = """\

@@ -107,7 +107,7 @@ class CommandNode:
 
     Parameters
     ----------
-    patience : [s] to wait for what is asked for
+    patience : [s] from now to wait for what is asked for, in all
     """
 
     def __init__(self, patience: float = PATIENCE) -> None:
@@ -116,23 +116,26 @@ class CommandNode:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self.patience = patience
+        self.allow(patience)
+
+    def allow(self, patience: float) -> None:
+        """Wait from now on at most so long [s] for all that is asked for."""
+        self._end = time.monotonic() + patience
 
     # the graph
 
     def settle(self) -> None:
         """Wait until nothing new appears."""
-        began = last = time.monotonic()
+        last = time.monotonic()
         seen: Any = None
-        while time.monotonic() - last < _QUIET and time.monotonic() - began < self.patience:
+        while time.monotonic() < min(last + _QUIET, self._end):
             now = self.node.get_topic_names_and_types(), self.node.get_node_names()
             if now != seen:
                 seen, last = now, time.monotonic()
             time.sleep(_LOOK)
 
     def _wait(self, there: Callable[[], Any]) -> Any:
-        end = time.monotonic() + self.patience
-        while not (found := there()) and time.monotonic() < end:
+        while not (found := there()) and time.monotonic() < self._end:
             spin_once(self.node, timeout_sec=_LOOK)
         return found
 
@@ -232,13 +235,12 @@ class CommandNode:
         finally:
             self.node.destroy_subscription(subscription)
 
-    def rates(self, topic: str, over: Callable[[list[float]], bool]) -> list[float]:
-        """When messages of a topic came [s], until `over` gives true of them.
+    def rates(self, topic: str, times: list[float], over: Callable[[], bool]) -> None:
+        """Add when messages of a topic come [s], until `over` gives true.
 
         It is asked at every message, and now and then without any.
         """
         full, types, *_ = self.endpoints(topic)
-        times: list[float] = []
         subscription = self.node.create_subscription(
             message_class(types[0]),
             full,
@@ -247,11 +249,10 @@ class CommandNode:
             raw=True,
         )
         try:
-            while not over(times):
+            while not over():
                 spin_once(self.node, timeout_sec=_BEAT)
         finally:
             self.node.destroy_subscription(subscription)
-        return times
 
     def publish(
         self, topic: str, kind: str, values: Any, count: int, rate: float, told: Callable[[], None]
@@ -288,10 +289,10 @@ class CommandNode:
         if not self._wait(client.service_is_ready):
             self._find(service, self.node.get_service_names_and_types, 'service')
             raise MiddlewareError(f'{full} is no service of the type {kind}')
-        request, end = from_plain(made.Request, values), time.monotonic() + self.patience
+        request = from_plain(made.Request, values)
         while True:
             answer = self._answer(client.call_async(request), full)
-            if AGAIN not in refusal(answer) or time.monotonic() > end:
+            if AGAIN not in refusal(answer) or time.monotonic() > self._end:
                 return answer
             time.sleep(_BEAT)
 
@@ -308,7 +309,7 @@ class CommandNode:
         full = action if action.startswith('/') else f'/{action}'
         made = action_class(kind)
         client = ActionClient(self.node, made, full)
-        if not client.wait_for_server(self.patience):
+        if not client.wait_for_server(max(self._end - time.monotonic(), 0.0)):
             raise missing(f"there is no action '{full}'", full, self.actions())
         listener = (lambda m: feedback(m.feedback)) if feedback else None
         goal = from_plain(made.Goal, values)

@@ -22,6 +22,7 @@ Act = Callable[['CommandNode', argparse.Namespace], int | None]
 
 _SUCCEEDED = 4  # action_msgs/msg/GoalStatus
 _LONGEST = 128  # elements of an array that are shown
+_TOLD = 1.0  # [s] between lines of a rate
 
 
 class Parser(argparse.ArgumentParser):
@@ -89,7 +90,7 @@ def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
     _types(verb('list', lambda n, o: _list(o, n.topics()), 'topics'))
     verb('info', _info, 'who publishes and subscribes', 'TOPIC')
     echo = verb('echo', _echo, 'print messages of a topic', 'TOPIC', '[TYPE]')
-    hz = verb('hz', _hz, 'how often messages come', 'TOPIC')
+    hz = verb('hz', _hz, 'how often messages come, each second until it is ended', 'TOPIC')
     pub = verb('pub', _pub, "publish VALUES as '{data: 0.5}'", 'TOPIC', 'TYPE', '[VALUES]')
     for sub in (echo, pub):
         only = sub.add_mutually_exclusive_group()
@@ -103,7 +104,10 @@ def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
     echo.add_argument(
         '--full', action='store_true', help=f'arrays whole, not their first {_LONGEST} elements'
     )
-    hz.add_argument('--window', metavar='N', type=_number, default=10_000, help='messages to keep')
+    hz.add_argument(
+        '--window', metavar='N', type=lambda text: _number(text, 2), default=10_000,
+        help='figures of the last N messages (default: %(default)s)',
+    )  # fmt: skip
     pub.add_argument('--rate', metavar='HZ', type=_positive, default=1.0, help='messages a second')
 
 
@@ -118,11 +122,11 @@ def _positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"'{text}' is no positive number")
 
 
-def _number(text: str) -> int:
+def _number(text: str, least: int = 1) -> int:
     with suppress(ValueError):
-        if (value := int(text)) > 0:
+        if (value := int(text)) >= least:
             return value
-    raise argparse.ArgumentTypeError(f"'{text}' is not a number from 1 on")
+    raise argparse.ArgumentTypeError(f"'{text}' is not a number from {least} on")
 
 
 def main(args: list[str] | None = None) -> int:
@@ -205,18 +209,37 @@ def _echo(node: CommandNode, options: argparse.Namespace) -> None:
 
 
 def _hz(node: CommandNode, options: argparse.Namespace) -> None:
+    end = None if options.duration is None else time.monotonic() + options.duration
+    told = time.monotonic()
+    times: list[float] = []
+
+    def over() -> bool:
+        nonlocal told
+        del times[: -options.window]
+        now = time.monotonic()
+        if now >= told + _TOLD and not options.json:
+            if len(times) > 1 and times[-1] > told:
+                _print_rate(options, times)
+            else:
+                print('no new messages', flush=True)
+            told = now
+        return end is not None and now > end
+
+    try:
+        node.rates(options.topic, times, over)
+    finally:  # a signal does not lose what was measured
+        if len(times) > 1:
+            _print_rate(options, times)
+    if len(times) < 2:
+        count = 'no message' if not times else 'one message'
+        raise ValueError(f'{options.topic}: {count} came, which has no rate')
+
+
+def _print_rate(options: argparse.Namespace, times: list[float]) -> None:
+    """How often messages came, which did at these times [s]."""
     import numpy as np  # noqa: PLC0415
 
-    end = None if options.duration is None else time.monotonic() + options.duration
-
-    def over(times: list[float]) -> bool:
-        del times[: -options.window]
-        return end is not None and time.monotonic() > end
-
-    times = node.rates(options.topic, over)
     gaps = np.diff(times)
-    if not len(gaps):
-        raise ValueError(f'{options.topic}: {len(times)} messages came, which have no rate')
     figures = {
         'rate': 1.0 / gaps.mean(), 'least': gaps.min(), 'greatest': gaps.max(),
         'deviation': gaps.std(), 'messages': len(times),
@@ -226,7 +249,8 @@ def _hz(node: CommandNode, options: argparse.Namespace) -> None:
     else:
         print(
             f'{figures["rate"]:.3f} messages a second; between them {gaps.min():.6f} to '
-            f'{gaps.max():.6f} s, deviation {gaps.std():.6f} s, of {len(times)} messages'
+            f'{gaps.max():.6f} s, deviation {gaps.std():.6f} s, of {len(times)} messages',
+            flush=True,
         )
 
 

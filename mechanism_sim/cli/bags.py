@@ -26,6 +26,7 @@ from mechanism_sim.cli.options import (
 from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.terminal import echo
+from mechanism_sim.units import counted
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.details import Wanted
@@ -105,7 +106,7 @@ def _play(options: argparse.Namespace) -> int:
     if options.json:
         print_json({'bag': options.bag, 'messages': count})
     else:
-        print(f'{count} messages of {options.bag} published')
+        print(f'{counted(count, "message")} of {options.bag} published')
     return 0
 
 

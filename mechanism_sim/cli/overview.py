@@ -25,7 +25,7 @@ UNLISTED = 'node', 'thesis', 'basins', 'lyapunov'
 options of `bifurcation` and `statistics` do what the others do."""
 
 VERBS = {
-    'bag': 'list or publish the contents of a bag, or close a bag whose recorder was killed',
+    'bag': 'list or publish the contents of a bag, or recover one whose recorder was killed',
     'thesis': "the thesis's experiment, criteria of contact loss, and start angles",
 }
 """Commands that consist of others, as `thesis starts`."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from itertools import combinations_with_replacement
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +16,7 @@ from mechanism_sim.editor.sketch import ORIGIN, Handle, Poses, points_of
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.palette import index
 from mechanism_sim.planar.kinematics import Kinematics
-from mechanism_sim.planar.points import GROUND
+from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 
@@ -37,12 +39,35 @@ class DocumentPicture(NamedTuple):
     poses: Poses
     problem: str
 
+    @property
+    def handles(self) -> list[Handle]:
+        """All that can be grabbed."""
+        return drawing.handles(self.scene, self.poses)
+
     def handle(self, key: Any) -> Handle:
         """The handle of a key; it may have gone since a page was drawn."""
-        for handle in drawing.handles(self.scene, self.poses):
+        for handle in self.handles:
             if handle.key == key:
                 return handle
         raise InputError('this element does not exist any more')
+
+    def caught(self, at: Vector2, near: float) -> Handle | None:
+        """The handle nearest to a place, if one is so near [m]."""
+        handle = min(self.handles, key=lambda h: math.dist(h.at, at), default=None)
+        return handle if handle and math.dist(handle.at, at) < near else None
+
+    def met(self, at: Vector2, near: float) -> str:
+        """The link nearest to a place, if one is so near [m]; else empty."""
+        far = {link: self._far(link, at) for link in self.scene.links if link != GROUND}
+        link = min(far, key=far.__getitem__, default='')
+        return link if link and far[link] < near else ''
+
+    def _far(self, link: str, at: Vector2) -> float:
+        """How far a place is from a link [m]: from the lines between its points."""
+        points = [*points_of(self.scene.links[link]).values()]
+        place = self.poses[link].within(at)
+        pairs = combinations_with_replacement(points, 2)
+        return min(_distance(place, *pair) for pair in pairs)
 
     @property
     def hint(self) -> str:
@@ -96,12 +121,19 @@ class DocumentPicture(NamedTuple):
         return {
             'stage': {'scene': name, **stage, 'shapes': shapes, 'colours': own},
             'poses': [self.poses[link] for link in stage['links']],
-            'handles': [h.to_json() for h in drawing.handles(self.scene, self.poses)],
+            'handles': [h.to_json() for h in self.handles],
             'curves': curves,
             'traced': {} if curves else paths,
             'marks': drawing.marks(self.scene),
             'assembled': self.turn is not None,
         }
+
+
+def _distance(at: Vector2, start: Vector2, end: Vector2) -> float:
+    """From a place to a straight line between two others [m]."""
+    way, to = np.subtract(end, start), np.subtract(at, start)
+    part = np.clip(way @ to / (way @ way or 1.0), 0.0, 1.0)
+    return float(np.hypot(*(to - part * way)))
 
 
 def nothing(scene: Scene) -> DocumentPicture:

@@ -320,7 +320,12 @@ class Session:
 
     def _draw(self, message: Mapping[str, Any]) -> None:
         grid, what = _grid(message, self.document), str(message['what'])
-        start, end = (_spot(message[key], self._picture) for key in ('from', 'to'))
+        start, end = (
+            _seen(spot, self._picture)
+            if spot.get('number', self.number) == self.number
+            else _near(spot, self._picture, float(message['near']))
+            for spot in (message['from'], message['to'])
+        )
         before, picture = self.document.text, self._picture
         sketch = Sketch(picture.scene, picture.poses, grid)
         edits = palette.draw(sketch, what, start, end)
@@ -422,7 +427,16 @@ def _grid(message: Mapping[str, Any], document: Document) -> Grid:
     return Grid(step, unit_of(document.content().get('links')) or 'mm')
 
 
-def _spot(data: Mapping[str, Any], picture: DocumentPicture) -> Spot:
+def _near(data: Mapping[str, Any], picture: DocumentPicture, near: float) -> Spot:
+    """A spot of a page that had not seen the picture yet: on what is there by now [m]."""
+    at = _place(data)
+    known = any(handle.key == data.get('handle') for handle in picture.handles)
+    if not known and (handle := picture.caught(at, near)):
+        data = {**data, 'handle': handle.key}
+    return _seen({**data, 'link': data.get('link') or picture.met(at, 0.5 * near)}, picture)
+
+
+def _seen(data: Mapping[str, Any], picture: DocumentPicture) -> Spot:
     handle = picture.handle(data['handle']) if data.get('handle') else None
     link = '' if handle else str(data.get('link') or '')
     link = link if link in picture.scene.links and link != GROUND else ''

@@ -16,6 +16,7 @@ from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.units import unrounded
 
 Pose = tuple[float, float, float]
 """Of a frame at the start: x, y and angle [rad]."""
@@ -71,7 +72,7 @@ class Blueprint:
 
     def length(self, value: float) -> str:
         """A length with its unit, to 15 digits; what is but rounding is 0."""
-        shown = float(f'{value:.15g}') if abs(value) > _ROUNDING else 0.0
+        shown = unrounded(value) if abs(value) > _ROUNDING else 0.0
         return f'{shown!r} {self.unit}'
 
     def vector(self, place: Iterable[float]) -> list[str]:

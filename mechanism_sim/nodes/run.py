@@ -24,6 +24,7 @@ from mechanism_sim.nodes.sensors import Sensors
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag, realtime_factor
 from mechanism_sim.scene import Machine
+from mechanism_sim.units import counted
 
 if TYPE_CHECKING:
     import subprocess
@@ -174,7 +175,7 @@ class Outcome:
             f'{self.scene} ({self.level}): {self.duration:.6g} s simulated in '
             f'{self.run_time:.3g} s, {self.realtime_factor:.3g} x real time '
             f'({self.wall_time:.3g} s including start-up and shutdown)',
-            f'  {self.impacts} impacts, {sum(self.sent.values())} messages',
+            f'  {counted(self.impacts, "impact")}, {counted(sum(self.sent.values()), "message")}',
         ]
         if self.bag:
             lines.append(f'  recorded in {self.bag}')

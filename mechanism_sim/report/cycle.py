@@ -18,7 +18,7 @@ from mechanism_sim.results.ranges import Extreme
 from mechanism_sim.results.strokes import Swing
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import RAMP
-from mechanism_sim.units import for_people
+from mechanism_sim.units import counted, for_people
 
 _SHORT = 0.05  # of the cycle
 _SWING = ('size', 'turns', 'period', 'rising', 'falling', 'standing', 'time_ratio', 'ripple')
@@ -110,7 +110,7 @@ def _swings(cycle: Cycle) -> Iterator[str]:
     for name, swing in cycle.swings().items():
         shown, scale = for_people(catalogue(machine)[f'position.{name}'].unit)
         if swing.turns:
-            line = f'{name} makes {swing.turns} full turn{"s" if abs(swing.turns) > 1 else ""}'
+            line = f'{name} makes {counted(swing.turns, "full turn")}'
             back = sum(abs(x.way) for x in swing.strokes if x.way * swing.turns < 0.0)
             yield line + (f' and goes back {scale * back:.6g} {shown} on the way' if back else '')
             continue

@@ -20,7 +20,7 @@ from mechanism_sim.studies.optimum import Optimum
 from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.synthesis import PathFourBar
 from mechanism_sim.studies.trials import EXACT, NONE
-from mechanism_sim.units import for_people
+from mechanism_sim.units import counted, for_people
 
 _SHOWN = 5  # failures
 _MOST = 24  # designs of a front
@@ -128,7 +128,7 @@ def _optimum_text(found: Optimum) -> str:
     elif len(found.values) > len(found.measures) and None not in found.wanted.values():
         lines.append(
             f'one of many solutions: {len(found.values)} keys are varied for '
-            f'{len(found.measures)} measure{"s" * (len(found.measures) > 1)}'
+            f'{counted(len(found.measures), "measure")}'
         )
     how = {EXACT: '; exact gradients', NONE: ''}.get(found.gradients, '; gradients by differences')
     lines.append(f'{found.evaluations} cycles computed, {len(found.failed)} failed at first{how}')

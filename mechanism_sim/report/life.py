@@ -12,7 +12,7 @@ from mechanism_sim.report.sections import Section, text
 from mechanism_sim.scene.facts import yaml_text
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.life import PLACES, Life, LifeStage
-from mechanism_sim.units import for_people
+from mechanism_sim.units import counted, for_people
 
 _SHADES = '#c6dbef', '#9ecae1', '#6baed6', '#4292c6', '#2171b5', '#08519c', '#08306b'
 _PROFILES = 7  # drawn of each surface, along the life
@@ -42,7 +42,7 @@ def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
 
 
 def _said(found: Life) -> str:
-    runs = f'{found.runs} runs of {found.plan.revolutions} turns'
+    runs = f'{counted(found.runs, "run")} of {counted(found.plan.revolutions, "turn")}'
     if found.note:
         return f'it cannot be computed: {found.note}'
     if math.isnan(found.cycles):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mechanism_sim.report.sections import Section
 from mechanism_sim.strict_json import plain
-from mechanism_sim.units import for_people
+from mechanism_sim.units import counted, for_people
 
 if TYPE_CHECKING:  # each is slow to load, and a command needs but one
     from mechanism_sim.studies.identification import Result
@@ -29,11 +29,12 @@ def periodic(response: PeriodicResponse) -> str:
     """A periodic response for people."""
     sizes = ', '.join(f'{abs(m):.4g}' for m in response.multipliers)
     unit, scale = for_people('N s', response.impulse)
+    turns = 'revolution' if response.period == 1 else f'{response.period} revolutions'
+    impacts = counted(response.impacts, 'impact')
     return '\n'.join(
         [
-            f'repeats every {response.period} revolutions, to {response.residual:.2g}; '
-            f'{_STABLE[response.stable]}',
-            f'  {response.impacts} impacts, {scale * response.impulse:.6g} {unit} in a period',
+            f'repeats every {turns}, to {response.residual:.2g}; {_STABLE[response.stable]}',
+            f'  {impacts}, {scale * response.impulse:.6g} {unit} in a period',
             f'  Floquet multipliers of size {sizes} (to {response.spread:.2g})'
             if sizes
             else '  no Floquet multipliers: closed contacts leave no freedom once a period',
@@ -57,7 +58,7 @@ def periodic_json(response: PeriodicResponse | None) -> dict[str, object]:
 def statistics(found: Statistics) -> str:
     """Means for people."""
     kept = found.revolutions - found.skipped
-    lines = [f'{kept} revolutions after {found.skipped}; a revolution:']
+    lines = [f'{counted(kept, "revolution")} after {found.skipped}; a revolution:']
     for m in found.means:
         line = f'  {m.name.replace("_", " "):18} {m.mean:12.6g} +- {m.half_width:.2g} {m.unit}'
         lines.append(line.rstrip())
@@ -158,7 +159,7 @@ def fit_json(found: Result) -> dict[str, object]:
 
 def exponents_text(found: LyapunovExponents) -> str:
     """Exponents for people, and what the largest means."""
-    lines = [f'{found.revolutions} revolutions after {found.skipped}; exponents [1/s]:']
+    lines = [f'{counted(found.revolutions, "revolution")} after {found.skipped}; exponents [1/s]:']
     for value, half in zip(found.values, found.half_widths, strict=True):
         lines.append(
             f'  {value:.6g} +- {half:.2g}'

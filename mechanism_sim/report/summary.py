@@ -23,7 +23,7 @@ from mechanism_sim.results.simulate import Stream
 from mechanism_sim.results.turns import ImpactTally, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
-from mechanism_sim.units import for_people, instant, number, written
+from mechanism_sim.units import counted, for_people, instant, number, written
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
@@ -331,8 +331,8 @@ def sections(run: Stream, turns: ImpactTally) -> Iterator[Section]:
     count, made = run.totals.gains
     if count:
         notes.append(
-            f"warning: {count} impacts created {made:.3g} J, as Newton's restitution with "
-            "friction can; 'hypothesis: poisson' or 'stronge' cannot"
+            f"warning: {counted(count, 'impact')} created {made:.3g} J, as Newton's restitution "
+            "with friction can; 'hypothesis: poisson' or 'stronge' cannot"
         )
     notes += describe_no_limits(machine, run.no_limits)
     title = f'{machine.name} ({machine.level.value}): {StopReason.COMPLETE.value}'

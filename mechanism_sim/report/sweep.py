@@ -32,7 +32,7 @@ from mechanism_sim.studies.runs import Row, has_failed
 from mechanism_sim.studies.sweep import SweepSummary
 from mechanism_sim.studies.tolerances import FirstOrder
 from mechanism_sim.tables import Column
-from mechanism_sim.units import for_people, to_si
+from mechanism_sim.units import counted, for_people, to_si
 from mechanism_sim.units import number as digits
 
 _WORDS = {
@@ -59,8 +59,9 @@ def render(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> str:
     return '\n'.join(
         [
             *lines,
-            f'{summary.runs} runs, {summary.failed} failed; {summary.computed} computed now in '
-            f'{summary.wall_time:.1f} s ({summary.cpu_time:.1f} s of CPU), {summary.kept} before',
+            f'{counted(summary.runs, "run")}, {summary.failed} failed; {summary.computed} '
+            f'computed now in {summary.wall_time:.1f} s ({summary.cpu_time:.1f} s of CPU), '
+            f'{summary.kept} before',
             f'  table in {summary.table}',
             *(
                 [f'  {summary.windows} windows in {summary.windows_folder}']
@@ -136,7 +137,7 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
             unit, scale = for_people(c.unit, float(np.abs(y).max()))
             figures = [y.min(), *np.percentile(y, [5, 50, 95]), y.max(), y.mean(), y.std(ddof=1)]
             table.append([c.name, unit, *(_text(scale * float(x)) for x in figures)])
-    lines += [f'measures over {len(rows)} runs', *text_table.lines(table, 2)]
+    lines += [f'measures over {counted(len(rows), "run")}', *text_table.lines(table, 2)]
     found = effects(plan, rows)
     if found:
         units = {c.name: c.unit for c in measures}
@@ -204,7 +205,7 @@ def first_order(found: FirstOrder) -> str:
     return '\n'.join([
         'measures to first order', *text_table.lines(stacks, 2),
         'changes at the ends of tolerances, shares of variance', *text_table.lines(table, 3),
-        *notes, f'{found.runs} runs',
+        *notes, counted(found.runs, 'run'),
     ])  # fmt: skip
 
 

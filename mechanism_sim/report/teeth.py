@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mechanism_sim import text_table
 from mechanism_sim.studies.teeth import TrainSearch
+from mechanism_sim.units import counted
 
 #: rows for people; JSON has all
 SHOWN = 20
@@ -18,7 +19,7 @@ def render(search: TrainSearch) -> str:
         error = f'{choice.error:+.3e}' if choice.error else 'exact'
         exact = str(choice.ratio) if choice.ratio.denominator > 1 else ''
         rows.append((stages, f'{float(choice.ratio):.9g}', exact, error, str(choice.teeth)))
-    trains = f'{len(found)} train{"s" if len(found) > 1 else ""} found'
+    trains = f'{counted(len(found), "train")} found'
     if found[SHOWN:]:
         trains += f', the first {SHOWN} are shown'
     beside = [f'just outside: {search.outside}'] if search.outside else []

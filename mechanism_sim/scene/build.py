@@ -26,7 +26,7 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.singular_start import neighbours
 from mechanism_sim.tolerances import TOLERANCES
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, counted
 
 _MARGIN = 0.01
 """Of the way between the limits, at either: at a limit itself two ways lead on."""
@@ -60,7 +60,7 @@ def _check_freedom(machine: Machine) -> None:
     if assembly.overdriven:
         count = len(plan.prescribed)
         raise InputError(
-            f'{count} drive{"s" * (count > 1)} ({", ".join(plan.prescribed)}): '
+            f'{counted(count, "drive")} ({", ".join(plan.prescribed)}): '
             f'{assembly.overdriven} too many: the mechanism has fewer degrees of freedom; '
             'remove a drive'
         )
@@ -71,10 +71,10 @@ def _check_freedom(machine: Machine) -> None:
         )
     given = _weighed(machine)
     if machine.level is Level.SMOOTH and not given:
-        freedom = assembly.freedom + len(plan.prescribed)
+        degrees = counted(assembly.freedom + len(plan.prescribed), 'degree')
         drives = ', '.join(plan.prescribed) or 'none'
         raise InputError(
-            f'the mechanism has {freedom} degree{"s" * (freedom > 1)} of freedom, and prescribed '
+            f'the mechanism has {degrees} of freedom, and prescribed '
             f'are {drives}: is a joint or a drive missing? A motion that is left free needs the '
             "mass of every link, 'links.LINK.mass'"
         )

@@ -29,7 +29,7 @@ from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.tilted_links import tilt_notes
-from mechanism_sim.units import QuantityValue, for_people
+from mechanism_sim.units import QuantityValue, counted, for_people
 
 _AHEAD = 10.0
 """[s] that are looked at of a motion without end."""
@@ -128,7 +128,7 @@ def check(machine: Machine) -> Report:
     for name in mechanism.cut:
         count = mechanism.joint(name).equations
         if count and name not in machine.plan.clearances:
-            relations.append(f'{name}: closes a loop, {count} equation{"s" * (count > 1)}')
+            relations.append(f'{name}: closes a loop, {counted(count, "equation")}')
     loose = {n: c for n, c in machine.plan.clearances.items() if n not in plan.elastic}
     gaps = [f'{name}: {_gap(mechanism.joint(name), c, machine)}' for name, c in loose.items()]
     gaps += [
@@ -365,8 +365,8 @@ def _oscillator_notes(machine: Machine) -> Iterator[str]:
         pitches = ', '.join(f'{f:.4g}' for f in frame.frequencies)
         by = 'the machine' if part.joints is None else ', '.join(part.joints)
         yield (
-            f'oscillator {name}: {frame.mass:g} kg on {len(frame.mounts)} '
-            f'mount{"s" * (len(frame.mounts) > 1)}, natural frequencies {pitches} Hz, shaken by '
+            f'oscillator {name}: {frame.mass:g} kg on '
+            f'{counted(len(frame.mounts), "mount")}, natural frequencies {pitches} Hz, shaken by '
             f'{by}; it does not move the machine, whose moving links have '
             f'{carried / frame.mass:.2g} of its mass'
         )

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, cast, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -95,10 +95,29 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind == 'model_type' and len(problems) == 1:
         models = [m for m in _at(model, path) if issubclass(m, Part)]
         known = [key for m in models for key in m.keys_for({})]
-        return f'{shown}: it must be a list of keys with values; allowed here: {", ".join(known)}'
+        must = f'{shown}: it must be {_TYPES[kind]}{_instead(models, value)}'
+        return f'{must}; allowed here: {", ".join(known)}'
     # of a value that may be one of several types, each has a problem of its own
     ways = [_must_be(p, model, path) for p in problems if _place(p, data) == path]
     return f'{shown}: it must be {", or ".join(dict.fromkeys(filter(None, ways)))}'
+
+
+def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
+    """How to write a value that stands alone: under the first key that takes it."""
+    listed = isinstance(value, list | tuple)
+    alone = ', not of values alone' if listed else ''
+    if isinstance(value, str) and not re.match(r'[-+.]?\d', value):
+        return alone  # some keys take any word
+    for key, field in ((k, x) for model in models for k, x in model.model_fields.items()):
+        if not facts_of(field).quantities:
+            continue
+        annotated: Any = Annotated[field.annotation, '', *field.metadata]
+        try:
+            TypeAdapter(annotated).validate_python(value)
+        except ValidationError:
+            continue
+        return f'{alone}: write {{{field.alias or key}: {"[...]" if listed else value}}}'
+    return alone
 
 
 def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> str:

@@ -21,6 +21,7 @@ from mechanism_sim.studies.bifurcation import (
 from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.runs import Call, Show, Workers
 from mechanism_sim.tables import Column, Table
+from mechanism_sim.units import unrounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +50,12 @@ class Basins:
     def columns(self) -> list[Column]:
         """The columns of the table, a row for each place."""
         (a, (unit_a, in_a)), (b, (unit_b, in_b)) = zip(self.parameters, self.written, strict=True)
-        first = Column(a.path, [in_a * cell[0] for cell in self.cells], unit_a, 'varied')
-        second = Column(b.path, [in_b * cell[1] for cell in self.cells], unit_b, 'varied')
+        first = Column(
+            a.path, [unrounded(in_a * cell[0]) for cell in self.cells], unit_a, 'varied'
+        )
+        second = Column(
+            b.path, [unrounded(in_b * cell[1]) for cell in self.cells], unit_b, 'varied'
+        )
         return [
             first, second,
             Column('response', [cell[3] for cell in self.cells], '', 'kind of response'),

@@ -23,6 +23,7 @@ from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.configuration import converted
+from mechanism_sim.ranges import check_counts
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
@@ -31,6 +32,7 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
+from mechanism_sim.units import unrounded
 
 OF_IMPACTS = {
     'approach_speed': ('m/s', 'approach speed'),
@@ -148,7 +150,7 @@ class Bifurcation:
     def columns(self) -> list[Column]:
         """The columns of the table."""
         rows = [(r, k) for r in self.responses for k in range(len(r.points))]
-        given = [float(f'{self.scale * r.value:.15g}') for r, _ in rows]
+        given = [unrounded(self.scale * r.value) for r, _ in rows]
         first = [
             Column(self.parameter.path, given, self.unit, 'varied'),
             Column('branch', [r.branch for r, _ in rows], '', 'how the response was reached'),
@@ -218,10 +220,9 @@ def varied(
     machine: Machine, vary: Mapping[str, tuple[Any, Any, int]]
 ) -> list[tuple[Parameter, list[float], tuple[str, float]]]:
     """Each key that is varied, its values, its unit as it is written and the size of 1 in it."""
+    check_counts(', '.join(vary), [count for *_, count in vary.values()])
     found = []
     for path, (low, high, count) in vary.items():
-        if count < 2:
-            raise InputError(f'{path}: the number of values must be at least 2')
         (parameter,) = parameters(machine, [path], '', limits={path: (low, high)})
         values = np.linspace(parameter.low, parameter.high, count).tolist()
         found.append((parameter, values, (parameter.unit, parameter.scale)))

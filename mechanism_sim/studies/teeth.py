@@ -12,6 +12,7 @@ from itertools import product
 from typing import NamedTuple
 
 from mechanism_sim.errors import InputError
+from mechanism_sim.units import counted
 
 #: more steps of the search would take minutes
 MOST_STEPS = 1_000_000
@@ -154,7 +155,7 @@ class TrainSearch:
     def limits(self) -> str:
         """Limits of the search, in words."""
         (few, many), n, tolerance = self.teeth, self.stages, self.tolerance
-        said = [f'{few} to {many} teeth a gear', f'{n} stage{"s" * (n > 1)}']
+        said = [f'{few} to {many} teeth a gear', counted(n, 'stage')]
         exact = tolerance <= _ROUNDING
         said.append('no error of the ratio' if exact else f'errors of {tolerance:g} of the ratio')
         if self.centre_distance is not None:

@@ -15,12 +15,14 @@ from mpmath import mp, mpf, pi
 from mechanism_sim import units
 from mechanism_sim.units import (
     EXAMPLES,
+    counted,
     instant,
     plain,
     to_si,
     to_si_of,
     to_si_text,
     typeset,
+    unrounded,
     written,
 )
 
@@ -261,3 +263,15 @@ def test_an_instant_of_a_clock_that_began_in_1970_keeps_its_microseconds():
     assert instant(1764240000.25, 6) == '1764240000.25'
     assert instant(1764240000.000001) == '1764240000.000001'
     assert instant(2e6) == '2000000'
+
+
+@pytest.mark.parametrize(
+    ('count', 'said'), [(0, '0 runs'), (1, '1 run'), (2, '2 runs'), (-1, '-1 run')]
+)
+def test_one_thing_is_singular(count, said):
+    assert counted(count, 'run') == said
+
+
+def test_a_number_in_another_unit_is_without_its_rounding():
+    speed = to_si('3000 rpm', 'rad/s') * 30.0 / math.pi
+    assert unrounded(speed * (1.0 + 2e-16)) == 3000.0

@@ -265,6 +265,30 @@ NO_KIND = 'drive', 'elastic', 'oscillators', 'stops'
 """Tools that are of parts of a scene or of a joint, not of a kind."""
 
 
+def test_a_part_is_joined_to_what_the_page_had_not_seen_yet():
+    """The next part is begun before the answer to the last one is there."""
+    slow, fast = Page(), Page()
+    seen = fast.state['number']
+    for what, on, start, end in (
+        ('link', '', (0.0, 0.0), (0.0, 0.05)),
+        ('link', 'link_1.end', (0.0, 0.05), (0.15, 0.17)),
+        ('link', 'link_1_link_2', (0.0, 0.05), (-0.1, 0.17)),  # whose point is a pin by now
+        ('link', 'link_2/', (0.075, 0.11), (0.1, 0.0)),
+        ('ground', 'link_1.start', (0.0, 0.0), (0.0, 0.0)),
+        ('drive', 'link_1/', (0.0, 0.025), (0.0, 0.025)),
+        ('spring', 'link_4.end', (0.1, 0.0), (0.2, 0.0)),
+    ):
+        slow.draw(what, (*start, on), (*end, ''))
+        off = 0.001 if '_' in on and '/' not in on else 0.0  # a pointer beside a point
+        near = start[0] + off, start[1] - off
+        fast.draw(
+            what, (*near, 'link_1.end' if on == 'link_1_link_2' else ''), (*end, ''), seen=seen
+        )
+    assert slow.said == fast.said == []
+    assert 'link_2_link_4' in slow.text
+    assert fast.text == slow.text
+
+
 def test_tools_come_from_the_kinds_and_no_two_have_a_name_or_a_key_in_common():
     tools = [tool for tools in palette.GROUPS.values() for tool in tools]
     kinds = KINDS.keys() | LOADS.keys() | SENSORS.keys() | {*NO_KIND}

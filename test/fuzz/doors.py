@@ -41,7 +41,10 @@ KINDS = (
     'drag', 'drop', 'pull', 'draw', 'set', 'remove', 'rename', 'select', 'trace', 'text', 'undo',
     'redo', 'save', 'open',
 )  # fmt: skip
-FIELDS = 'handle', 'x', 'y', 'step', 'what', 'from', 'to', 'path', 'text', 'name', 'point'
+FIELDS = (
+    'handle', 'x', 'y', 'step', 'near', 'number', 'what', 'from', 'to', 'path', 'text', 'name',
+    'point',
+)  # fmt: skip
 NUMBERS = (
     0, 1, -1, 0.05, 0.1, -0.2, 1e308, -1e308, 1e300, 5e-324, 1e-12, 2**64, -0.0, 10**300, 1e4, 1e5,
 )  # fmt: skip
@@ -80,12 +83,14 @@ def message(dice: random.Random, state: dict) -> object:
     def spot() -> object:
         place = dice.choice(NUMBERS) if dice.random() < 0.2 else dice.uniform(-0.5, 0.5)
         on = {'handle': dice.choice(handles)} if dice.random() < 0.5 else {}
-        return {'x': place, 'y': dice.uniform(-0.5, 0.5), **on}
+        seen = {'number': state.get('number', 0) - dice.randrange(3)}
+        return {'x': place, 'y': dice.uniform(-0.5, 0.5), **on, **seen}
 
     kind = dice.choice(KINDS)
     values = {
         'handle': dice.choice(handles), 'x': dice.uniform(-0.5, 0.5), 'y': dice.uniform(-0.5, 0.5),
-        'step': 1e-3, 'what': dice.choice(('revolute', 'prismatic', 'link', 'spring', 'cam')),
+        'step': 1e-3, 'near': 7e-3,
+        'what': dice.choice(('revolute', 'prismatic', 'link', 'spring', 'cam')),
         'from': spot(), 'to': spot(), 'path': dice.choice(paths), 'point': 'crank.end',
         'text': dice.choice(('0.3 kg', '64 mm', '350 rpm', 'x', 'x: \ud800', *TEXTS))[:5000],
         'name': dice.choice(NAMES),

@@ -11,6 +11,8 @@ import math
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
+from types import SimpleNamespace
 
 import pytest
 from middleware_network import eventually
@@ -21,7 +23,8 @@ from mechanism_sim.nodes.player import player
 from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.names import InvalidNameError
 from ros_interfaces.plain import field, from_plain, to_plain
-from zenoh_rclpy.command_node import UsageError, command_node
+from zenoh_rclpy import command_node as commanding
+from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
 from zenoh_rclpy.commands import _values, main
 from zenoh_rclpy.errors import MiddlewareError
 
@@ -82,7 +85,7 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
             node.listen('/joint_states', lambda m: len(again.append(m.position[0]) or again) == 3)
             assert again == sorted(again)
             assert again[0] > 23e-3 * 300 * math.pi / 30
-            node.patience = 0.5
+            node.allow(0.5)
             with pytest.raises(UsageError, match="did you mean '/joint_states'"):
                 node.endpoints('joint_stats')
             with pytest.raises(UsageError, match="did you mean '/crank_drive'"):
@@ -167,6 +170,7 @@ def test_values_that_do_not_fit_are_refused(values, said):
         (('topic', 'lst'), "'lst' (choose from"),
         (('topic', 'echo'), 'topic echo: the following arguments are required: TOPIC'),
         (('topic', 'echo', '/x', '--count', '0'), '--count'),
+        (('topic', 'hz', '/x', '--window', '1'), "--window: '1' is not a number from 2 on"),
         (('topic', 'echo', '/x', '--count', '3', '--once'), '--once: not allowed with'),
         (('topic', 'list', '--count', '3'), 'unrecognized arguments: --count 3'),
         (('topic', 'echo', '/a', '--rate', '3'), 'unrecognized arguments: --rate 3'),
@@ -200,6 +204,41 @@ def test_what_is_not_there_is_said_in_one_sentence(network):
     assert json.loads(done.stdout) == {'error': "there is no topic '/impacts'", 'code': 2}
 
 
+@pytest.mark.parametrize(
+    'ask',
+    [
+        lambda node: node.set_parameter('/m1/linkage', 'joints.x', 0.3),
+        lambda node: node.call('/nothing', None, {}),
+        lambda node: node.call('/nothing', 'std_srvs/srv/Trigger', {}),
+        lambda node: node.send_goal('/nothing', f'{PACKAGE}/action/SimulateSteps', {}, None),
+        lambda node: node.endpoints('/nothing'),
+    ],
+)
+def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
+    """For what is not there, whatever it looks for one after the other."""
+    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
+
+    def wait(seconds):
+        clock.now += seconds
+        return False
+
+    clock.sleep = wait
+    nothing = SimpleNamespace(
+        get_topic_names_and_types=list, get_service_names_and_types=list, get_node_names=list,
+        get_node_names_and_namespaces=list,
+        create_client=lambda *_: SimpleNamespace(service_is_ready=lambda: False),
+    )  # fmt: skip
+    monkeypatch.setattr(commanding, 'time', clock)
+    monkeypatch.setattr(commanding, 'Node', lambda *_, **__: nothing)
+    monkeypatch.setattr(commanding, 'spin_once', lambda _, timeout_sec: wait(timeout_sec))
+    monkeypatch.setattr(
+        commanding, 'ActionClient', lambda *_: SimpleNamespace(wait_for_server=wait)
+    )
+    with pytest.raises(UsageError, match='there is no'):
+        ask(CommandNode(10.0))
+    assert 10.0 <= clock.now < 10.1
+
+
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_command_in_one_sentence(network, number):
     words = ['topic', 'echo', '/nothing', 'std_msgs/msg/String']
@@ -217,6 +256,36 @@ def test_a_signal_ends_a_command_in_one_sentence(network, number):
             listener.kill()
             listener.communicate()
     assert listener.returncode == 130
+
+
+@pytest.mark.parametrize(('window', 'last'), [('10000', 26), ('5', 5)])
+@pytest.mark.parametrize('more', [[], ['--json']])
+def test_a_rate_is_printed_each_second_and_kept_at_a_signal(
+    window, last, more, monkeypatch, capsys
+):
+    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
+
+    def rates(_topic, times, over):
+        for k in range(26):  # ten a second
+            clock.now = 0.1 * k + 0.05
+            times.append(clock.now)
+            assert not over()
+        raise KeyboardInterrupt
+
+    node = nullcontext(SimpleNamespace(rates=rates))
+    monkeypatch.setattr('zenoh_rclpy.commands.time', clock)
+    monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
+    assert main(['topic', 'hz', '/x', '--window', window, *more]) == 130
+    out, err = capsys.readouterr()
+    assert err == 'zros: interrupted\n'
+    if more:
+        figures = json.loads(out)
+        assert (figures['rate'], figures['messages']) == (pytest.approx(10.0), last)
+        return
+    lines = out.splitlines()
+    assert len(lines) == 3  # after one second and two, and at the end
+    assert all(line.startswith('10.000 messages a second') for line in lines)
+    assert lines[-1].endswith(f'of {last} messages')
 
 
 def test_an_output_that_is_full_is_said(network):

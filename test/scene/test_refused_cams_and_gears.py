@@ -83,7 +83,7 @@ GEARS = [
     ('gear_pair', {'links.ground.points.wheel': ['70 mm', 0], BACK: {'restitution': 0.5}},
      r'separates before .* the distance of the centres is 0\.06 m'),
     ('gear_pair', {BACK: {'width': '5 mm', 'restitution': 0.5}}, 'as much as a tooth is thick'),
-    ('gear_pair', {BACK: '0.1 mm'}, 'must be a list of keys'),
+    ('gear_pair', {BACK: '0.1 mm'}, 'keys with values: write {width: 0.1 mm}; allowed'),
     ('gear_pair', {SOFT: {'stiffness': '1e8 N m/rad'}}, "not a unit of 'N/m'"),
     ('gear_pair', {SOFT: {'stiffness': 1e8, 'variation': 'contact'}}, "must be 'contact_ratio'"),
     ('gear_pair', {'joints.mesh.error': {'amplitude': '5 mm'}}, 'half the thickness of a tooth'),

@@ -99,6 +99,8 @@ def test_the_command_writes_a_table_and_a_picture(tmp_path):
         (('four_bar_clearance',), "--vary: write NAME=LOW:HIGH:N, as 'drive.speed=100 rpm"),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2'), 'write NAME=LOW:HIGH:N'),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:1'), 'must be at least 2'),
+        (('four_bar_clearance', '--vary', 'drive.speed=1:2:1000000000'),
+         "'drive.speed=1:2:1000000000': 1000000000 values are too many: at most 100000"),
         (('four_bar_clearance', '--vary', 'drive.sped=1:2:3'), "'drive.sped'"),
         (('slider_crank', '--vary', 'drive.speed=1:2:3'), 'without a free motion'),
         (('four_bar_clearance', '--vary', 'drive.speed=1:2:3', '--keep', '0'), 'keep must be'),
@@ -121,6 +123,15 @@ def test_basins_want_two_keys():
     done = run('basins', 'four_bar_clearance', '--vary', 'drive.speed=1:2:3')
     assert done.returncode == 2
     assert 'basins: --vary: give two keys; bifurcation takes one' in done.stderr
+
+
+def test_more_runs_than_fit_are_refused_before_anything_is_made():
+    wide = {'drive.speed': (100.0, 200.0, 1000), 'gravity': (1.0, 2.0, 1000)}
+    said = r'^drive.speed, gravity: 1000 x 1000 = 1000000 values are too many: at most 100000$'
+    with pytest.raises(InputError, match=said):
+        ms.basins('four_bar_clearance', wide)
+    with pytest.raises(InputError, match=r'^drive.speed: 100001 values are too many'):
+        ms.bifurcation('four_bar_clearance', {'drive.speed': (100.0, 200.0, 100_001)})
 
 
 def test_a_motion_that_fails_its_audit_is_told(monkeypatch):
@@ -157,6 +168,17 @@ def test_which_start_leads_to_which_response():
     assert found.kinds[kinds[True, True]].period == 2
     table = found.table()
     assert len(table['response']) == 4
+
+
+def test_columns_of_basins_are_without_the_rounding_of_their_units():
+    e = 'joints.coupler_rocker.clearance.restitution'
+    found = ms.basins(
+        'four_bar_clearance',
+        {'drive.speed': ('90 rpm', '93 rpm', 4), e: (0.1, 0.4, 2)}, transient=1, keep=2,
+    )  # fmt: skip
+    speeds = [float(x) for x in found.table()['drive.speed']]
+    assert speeds == [90.0, 90.0, 91.0, 91.0, 92.0, 92.0, 93.0, 93.0]
+    assert found.written[0][1] * found.cells[2][0] != 91.0  # as it is computed
 
 
 def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):

@@ -174,7 +174,7 @@ def test_studies_refuse_what_they_cannot_say(study):
 def test_a_follower_that_rests_on_its_cam_once_a_turn_has_no_multipliers():
     done = run('find', 'valve_train', '--periodic')
     assert done.returncode == 0
-    assert 'repeats every 1 revolutions, to 0; stable' in done.stdout
+    assert 'repeats every revolution, to 0; stable' in done.stdout
     assert 'no Floquet multipliers' in done.stdout
 
 
@@ -240,6 +240,14 @@ def test_stability_is_not_told_where_a_multiplier_is_one_but_for_its_error():
     assert response(0.6 + 0.8j, 0.1).stable is None
     assert response().stable is True
     assert 'stability not determined' in periodic_text(response(1.0 + 5e-7j))
+
+
+def test_one_revolution_and_one_impact_are_singular():
+    once, twice = (
+        periodic_text(PeriodicResponse(k, 0.0, None, k, 1.0, (0.5,), 1e-6)) for k in (1, 2)
+    )
+    assert once.startswith('repeats every revolution, to 0; stable\n  1 impact, 1 N s')
+    assert twice.startswith('repeats every 2 revolutions, to 0; stable\n  2 impacts, 1 N s')
 
 
 @pytest.mark.sample(2)

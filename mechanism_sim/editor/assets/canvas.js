@@ -48,6 +48,9 @@ export class Canvas {
     return 10 ** Math.floor(Math.log10(5 / this.scale) + 1e-9);
   }
 
+  /** [m] within which a handle is caught. */
+  get near() { return NEAR / this.scale; }
+
   /** @param {number[]} p @returns {number[]} [m] */
   world([x, y]) {
     const [w, h] = this.size;
@@ -95,7 +98,8 @@ export class Canvas {
   }
 
   /** What can be grabbed, the paths of points, signs of loads and sensors, and what is chosen. */
-  grips({ handles, curves, marks }, colours, path) {
+  grips({ handles, curves, marks, number }, colours, path) {
+    this.number = number;
     this.handles = handles;
     this.marks = marks;
     this.trace(curves, colours);
@@ -282,7 +286,7 @@ export class Canvas {
     const group = document.elementFromPoint(event.clientX, event.clientY)?.closest('g[data-kind]');
     this.over.style.pointerEvents = '';
     const { kind, link, label } = group?.dataset ?? {};
-    return { x, y, handle: handle?.key ?? '', link: link ?? '', kind, label, mark, grip: handle, pixel: at };
+    return { x, y, number: this.number, handle: handle?.key ?? '', link: link ?? '', kind, label, mark, grip: handle, pixel: at };
   }
 
   #down(event) {
@@ -351,7 +355,7 @@ export class Canvas {
       this.act({ type: 'nudge', handle, x, y });
     } else if (event.key === 'Enter') {
       event.stopPropagation();
-      this.#tap({ handle: handle.key, grip: handle, x: handle.at[0], y: handle.at[1], link: '' });
+      this.#tap({ number: this.number, handle: handle.key, grip: handle, x: handle.at[0], y: handle.at[1], link: '' });
     }
   }
 

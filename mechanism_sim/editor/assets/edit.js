@@ -388,7 +388,7 @@ function take(tool) {
   Object.assign(canvas, { tool, bands: how === 'band', begun: null });
   canvas.stretch(null);
   if (how === 'now') {
-    ask({ type: 'draw', what: tool, step: canvas.step, from: { x: 0, y: 0 }, to: { x: 0, y: 0 } });
+    part(tool, { x: 0, y: 0 }, { x: 0, y: 0 });
     take('move');
     return;
   }
@@ -428,7 +428,7 @@ function gesture({ type, from, spot, handle, x, y }) {
   } else if (tool === 'remove') {
     if (type === 'click' && path(spot)) ask({ type: 'remove', path: path(spot) });
   } else if (how === 'click' && (type === 'click' || type === 'drop')) {
-    ask({ type: 'draw', what: tool, step, from: plain(from), to: plain(spot) });
+    part(tool, from, spot);
   } else if (how === 'band') {
     if (type === 'drag') {
       drawing = from;
@@ -437,12 +437,16 @@ function gesture({ type, from, spot, handle, x, y }) {
       canvas.stretch([begin, end], tool);
       by('hint').textContent = quantity(Math.hypot(end[0] - begin[0], end[1] - begin[1]), 'm');
     } else if (type === 'drop' || type === 'click') {
-      ask({ type: 'draw', what: tool, step, from: plain(from), to: plain(spot) });
+      part(tool, from, spot);
     }
   }
 }
 
-const plain = ({ x, y, handle, link }) => ({ x, y, handle, link });
+/** Draws a part. The number says what was seen: of what came since the session finds what is near. */
+function part(what, from, to) {
+  const plain = ({ x, y, number, handle, link }) => ({ x, y, number, handle, link });
+  ask({ type: 'draw', what, step: canvas.step, near: canvas.near, from: plain(from), to: plain(to) });
+}
 
 /** Where the scene says what is under the pointer. */
 function path({ grip, link, kind, label, mark }) {

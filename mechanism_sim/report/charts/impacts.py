@@ -24,7 +24,7 @@ from mechanism_sim.report.charts.chart import (
 from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_time
 from mechanism_sim.report.charts.thinning import tallest
-from mechanism_sim.units import written
+from mechanism_sim.units import counted, written
 
 _SHUT = 1e-9  # [mm], never opened
 STEMS = 1500
@@ -60,7 +60,7 @@ def impacts(course: ChartedRun, skip: int) -> ChartSection | None:
 def _text(course: ChartedRun, struck: list[Impact]) -> str:
     hardest = max(struck, key=lambda i: i.normal_impulse)
     lost = sum(i.energy_loss for i in struck)
-    many = f'{len(struck):,} impacts' if len(struck) > 1 else '1 impact'
+    many = counted(len(struck), 'impact', ',')
     total = written(sum(i.normal_impulse for i in struck), 'N s')
     text = (
         f'{many} with an impulse of {total} and a loss of {written(lost, "J")} in all; the '

@@ -38,6 +38,11 @@ def _or_table(*units: str) -> UnitValue:
     def read(value: Any) -> QuantityValue | str:
         if isinstance(value, str) and value.isidentifier():
             return value
+        if isinstance(value, dict):
+            raise ValueError(
+                "is neither a quantity nor the name of a table: write a table under 'tables', and "
+                'its name here'
+            )
         return to_si_of(value, units)
 
     return UnitValue(read, units, 'the name of a table')
