@@ -164,7 +164,7 @@ def exponents_text(found: LyapunovExponents) -> str:
         lines.append(
             f'  {value:.6g} +- {half:.2g}'
             if math.isfinite(value)
-            else '  minus infinity: closed contacts end such changes within a turn'
+            else '  minus infinity: within a turn such changes end, by contact or below rounding'
         )
     if math.isfinite(found.horizon):
         turns = found.horizon / found.period

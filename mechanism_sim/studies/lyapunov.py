@@ -25,6 +25,8 @@ _DIGITS = 16.0
 """With which a run begins."""
 _ALIGNING = 10
 """Turns until any directions have turned to those that grow most."""
+_LOST = 64.0 * float(np.finfo(float).eps)
+"""Of the largest growth in a turn, and at least of 1: what of a direction is rounding."""
 _WINDOW = 64
 """Segments, after each of which errors of the steps join those of the run so far."""
 
@@ -37,7 +39,8 @@ class LyapunovExponents:
     ----------
     revolutions, skipped : in the mean, and before it
     period : of the drive [s]
-    values : [1/s]; minus infinity where closed contacts leave a direction nothing at all
+    values : [1/s]; minus infinity where a turn leaves a direction nothing at all, because a
+        contact is closed, or less than roundings tell
     half_widths : of their 95 % intervals [1/s]
     """
 
@@ -106,8 +109,9 @@ def lyapunov(
         J, state = section.growth(state, 1)
         directions, R = np.linalg.qr(J @ directions)
         if k >= 0:
+            grown, lost = np.abs(np.diag(R)), _LOST * max(1.0, float(np.linalg.norm(J, 2)))
             with np.errstate(divide='ignore'):
-                growth[k] = np.log(np.abs(np.diag(R)))
+                growth[k] = np.log(np.where(grown > lost, grown, 0.0))
         if show:
             show((skip + k + 1) * machine.drive.period, 0)
     period = machine.drive.period
