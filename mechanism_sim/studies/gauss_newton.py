@@ -183,7 +183,9 @@ class LeastSquares:
 
     def _begun(self) -> Iterator[WindowFit]:
         """Different fits of the first window: those that leave noise, then the best of others."""
-        part, others, known = self._first(), [], []
+        part = self._first()
+        known: list[WindowFit] = []
+        others: list[WindowFit] = []
         for place in self._starts(part):
             fit = self._solve_anew(self._at(place, part))
             if any((np.abs(fit.place - x.place) < 0.5 * x.widths()).all() for x in known):

@@ -76,7 +76,7 @@ class IdentifiedParameter:
 
 @dataclass(frozen=True)
 class Residual:
-    """What a run with the values found leaves of a signal.
+    """The rest of a signal less that of a run with the values found.
 
     Attributes
     ----------
