@@ -148,7 +148,7 @@ class _Collector:
         time = time or logged
         return time - self._origin if time > _EPOCH else time
 
-    def series(self, bag: Bag, sliding: Collection[str]) -> list[Series]:
+    def series(self, bag: Bag, sliding: Collection[str] | None) -> list[Series]:
         """One for each item."""
         path = self._path
         if not self._found and self._missed:
@@ -203,15 +203,22 @@ def _name(path: MessagePath, which: tuple[str, ...]) -> str:
     return text + ''.join(f'[{item}]' for item in left)
 
 
-def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]) -> str:
-    """The unit of an item: it may depend on whether it turns or slides."""
+def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str] | None) -> str:
+    """The unit of an item: it may depend on whether it turns or slides.
+
+    Parameters
+    ----------
+    sliding : what slides, by name; None if no scene says it
+    """
     if len(units) < 2:
         return units[0] if units else ''
     straight = [u for u in units if 'rad' not in u and u != 'N m']
     turning = [u for u in units if u not in straight]
     name = which[-1] if which else ''
-    slides = name in sliding or name.endswith(('.x', '.y'))
-    if straight and turning and (not sliding or (name and not name.isdecimal()) or slides):
+    slides = name in (sliding or ()) or name.endswith(('.x', '.y'))
+    named = name and not name.isdecimal()
+    told = sliding is not None and (not sliding or named)
+    if straight and turning and (told or slides):
         return (straight if slides else turning)[0]
     return ' or '.join(units)
 

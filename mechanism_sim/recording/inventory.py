@@ -106,15 +106,14 @@ def scene_name(bag: Bag) -> str | None:
     return None if text is None else _name_in(text)
 
 
-def displacements(bag: Bag) -> frozenset[str]:
-    """Return the coordinates that are displacements, by the latched topic `scene`."""
+def displacements(bag: Bag) -> frozenset[str] | None:
+    """Return the coordinates that are displacements, by the latched topic `scene`, if it says."""
     try:
         content = strict_json.loads(scene_text(bag) or '{}')
     except ValueError:
-        return frozenset()  # a name, or YAML
-    return (
-        frozenset(content.get('displacements', ())) if isinstance(content, dict) else frozenset()
-    )
+        return None  # a name, or YAML
+    said = content.get('displacements') if isinstance(content, dict) else None
+    return None if said is None else frozenset(said)
 
 
 def scene_text(bag: Bag, namespace: str | None = None) -> str | None:

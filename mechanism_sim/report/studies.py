@@ -6,12 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from mechanism_sim import text_table
 from mechanism_sim.report.sections import Section
 from mechanism_sim.strict_json import plain
-from mechanism_sim.units import counted, for_people
+from mechanism_sim.units import counted, for_people, number, written
 
 if TYPE_CHECKING:  # each is slow to load, and a command needs but one
-    from mechanism_sim.studies.identification import Result
+    from mechanism_sim.studies.identification import IdentifiedParameter, Result
     from mechanism_sim.studies.lift_off import LiftOff
     from mechanism_sim.studies.lyapunov import Horizon, LyapunovExponents
     from mechanism_sim.studies.periodic import PeriodicResponse
@@ -111,12 +112,8 @@ def fit_text(found: Result) -> str:
     lines.append(
         f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:'
     )
-    for e in found.estimates:
-        note = '' if e.identified else '   not determined by the signal'
-        if e.identified and not (e.parameter.low < e.low and e.high < e.parameter.high):
-            note = '   at the limit of its range: widen it'
-        interval = f'{e.low:.5g} to {e.high:.5g}'
-        lines.append(f'  {e.parameter.name:12} {e.value:11.5g}   {interval}{note}')
+    rows = [('parameter', 'value', 'limits', 'searched', ''), *map(_estimate, found.estimates)]
+    lines += text_table.lines(rows, (0, 2, 3, 4))
     pairs = [
         (abs(found.correlation[i, j]), i, j) for i in range(len(found.estimates)) for j in range(i)
     ]
@@ -125,20 +122,44 @@ def fit_text(found: Result) -> str:
             names = [found.estimates[k].parameter.name for k in (j, i)]
             lines.append(f'  errors of {" and ".join(names)}: correlation '
                          f'{found.correlation[i, j]:.2f}')  # fmt: skip
-    misfit = f'misfit {found.misfit:.2f} standard deviations'
-    if found.method == 'regression':
-        misfit += f', as much as that of {100.0 * found.likeness:.0f} % of the simulations'
-    lines.append(misfit)
+    for r in found.residuals:
+        left = f'{100.0 * r.share:.3g} % of the signal' if math.isfinite(r.share) else 'no signal'
+        lines.append(f'left of {r.name}: {written(r.rms, r.unit)} rms, {left}')
+    if math.isfinite(found.misfit):
+        misfit = f'misfit {found.misfit:.2f} standard deviations of the noise'
+        if found.method == 'regression':
+            misfit += f', as much as that of {100.0 * found.likeness:.0f} % of the simulations'
+        lines.append(misfit)
     if not found.plausible:
         lines.append(
-            'no simulation reproduces this signal, or too little of it: the machine, its chain or '
-            'its noise may differ from the scene, and the values above are not reliable'
+            'no simulation reproduces this signal, or too little of it, or not alike all along: '
+            'the machine, its chain or its noise may differ from the scene, and the values above '
+            'are not reliable; other ranges (--range) or another --seed may find better ones'
         )
     return '\n'.join(lines)
 
 
+def _estimate(e: IdentifiedParameter) -> tuple[str, ...]:
+    """A row of the table: limits differ from the value by two digits at least."""
+    p, note = e.parameter, '' if e.identified else 'not determined by the signal'
+    if e.identified and not (p.low < e.low and e.high < p.high):
+        note = 'at the limit of its range: widen it'
+    unit, scale = (p.unit, p.scale) if p.unit else for_people(p.si, p.high)
+    apart = min((x for x in (e.value - e.low, e.high - e.value) if x > 0.0), default=0.0)
+    largest = max(abs(e.low), abs(e.high))
+    digits = math.floor(math.log10(largest)) - math.floor(math.log10(apart)) + 2 if apart else 5
+    low, value, high = (
+        number(scale * x, min(max(digits, 3), 15)) for x in (e.low, e.value, e.high)
+    )
+    searched = f'{number(scale * p.low)} to {number(scale * p.high)}'
+    return p.name, value, *(f'{x} {unit}'.rstrip() for x in (f'{low} to {high}', searched)), note
+
+
 def fit_json(found: Result) -> dict[str, object]:
-    """JSON of it."""
+    """JSON of it, SI units; ``misfit`` is null where the noise is not known."""
+    keys = (
+        'simulations', 'failed', 'misfit', 'likeness', 'plausible', 'method', 'reason', 'window',
+    )  # fmt: skip
     return {
         'parameters': {
             e.parameter.name: {
@@ -152,8 +173,11 @@ def fit_json(found: Result) -> dict[str, object]:
             for e in found.estimates
         },
         'correlation': plain(found.correlation.tolist()),
-        **{k: getattr(found, k) for k in ('simulations', 'failed', 'misfit', 'likeness')},
-        **{k: plain(getattr(found, k)) for k in ('plausible', 'method', 'reason', 'window')},
+        **{k: plain(getattr(found, k)) for k in keys},
+        'residuals': {
+            r.name: {'unit': r.unit, 'rms': r.rms, 'share': plain(r.share)}
+            for r in found.residuals
+        },
     }
 
 

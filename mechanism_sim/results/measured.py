@@ -9,11 +9,13 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.derivatives import RunDerivative
 from mechanism_sim.results.run import Piece, run
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from mechanism_sim.sensing.chain import QUANTITIES
 from mechanism_sim.sensing.channel import Analogue
 from mechanism_sim.sensing.indicators import FEWEST, features
 
@@ -44,6 +46,11 @@ class SensorRecord:
     def name(self) -> str:
         """Of the sensor."""
         return self.sensor
+
+    @property
+    def unit(self) -> str:
+        """Of the samples, SI."""
+        return QUANTITIES[self.machine.scene.sensors[self.sensor].measures]
 
     @property
     def times(self) -> Array:
@@ -141,6 +148,11 @@ class QuantityRecord:
     times: Array
     samples: Array
     noise = 0.0  #: not known
+
+    @property
+    def unit(self) -> str:
+        """Of the samples, SI."""
+        return catalogue(self.machine)[self.name].unit
 
     def of_run(self, run: Piece, t: Array) -> Array:
         """The quantity (M,) at times [s] of a run."""

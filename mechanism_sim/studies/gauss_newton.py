@@ -10,6 +10,9 @@ make a minimum of it that is the right one, and limits that hold:
    with what was found there: the same reason as for multiple shooting (H. G. Bock, 1983).
 2. Chaos, or another order of impacts, shows as a block of residuals far above those before it.
    Such a window is refused, and what the one before says, holds.
+3. Residuals of the last window that are not alike all along it are those of another minimum, or of
+   another machine: the search begins again elsewhere, and if that is so from everywhere, the fit
+   does not count as an explanation.
 
 Limits are those of the information matrix (Fisher) with the variance of the residuals; correlated
 ones count as fewer (their integrated autocorrelation). A range is weighed as what it is: a uniform
@@ -39,17 +42,23 @@ from mechanism_sim.studies.parameters import Parameter
 LEVEL = 0.95
 """Of confidence, for all parameters together."""
 
-_FIRST, _LONGER = 1.0 / 32.0, 2.0
+_FIRST, _LONGER = 1.0 / 128.0, 2.0
 """Of the signal: the first window; and by how much each is longer."""
 _LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the root of the last
 _ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
 _STEP = 0.1  # of a standard deviation: step of differences
-_BROAD, _DRAWS = 0.3, 16
-"""Of a range: hardly known; places that are tried around what a window says."""
+_BROAD, _DRAWS, _MORE = 0.3, 16, 2
+"""Of a range: hardly known; places around what a window says, so many times more if it is open."""
 _FEWEST = 16  # samples of a first window, for each parameter
-_STARTS, _TRIED = 32, 3  # values that are tried, and from how many of them steps begin
+_STARTS, _BEGUN = 32, 8  # values that are tried, and from how many of them steps begin
+_GROWN = 4  # how many of these are followed into longer windows
+_TRIED = 3  # places around what a window says from which steps begin in the next
+_RENEWED, _FALLS = 4, 0.9
+"""How often a first fit is made more exact, while its residuals fall at least to this share."""
 _BLOCKS = 32  # of the residuals of a window
 _SIGMAS = 6.0  # by which a mean square of noise is hardly ever off
+_OUTLIER = 8.0  # root mean squares that no sample of noise reaches
+_LITTLE = 1e-3  # of a signal: residuals so small need not be alike
 _RANGE = 12.0  # information of a uniform distribution of width 1
 _EDGE = 1e-9  # of a range, beyond its ends: bounds have a width
 _STEPS = 10  # at most, in a window
@@ -131,16 +140,26 @@ class LeastSquares:
                 raise InputError(f'{p.name} has values of a list, by which there is no derivative')
 
     def find(self) -> WindowFit:
-        """The longest window that a run explains, else the best of the first."""
-        part, fits = self._first(), []
-        for place in self._starts(part):
-            fits.append(self._solve(self._at(place, part), self._scales))
-            if self.explains(fits[-1]):
-                return self._settled(self._grow(fits[-1]))
-        return min(fits, key=self._cost)
+        """The longest window that a run explains, else the best of what was found."""
+        found: list[WindowFit] = []
+        for first in self._begun():
+            fit = self._settled(self._grow(first))
+            if self.explains(fit):
+                return fit
+            found.append(fit)
+        return max(found, key=lambda fit: (self._is_small(fit), fit.part, -self._cost(fit)))
 
     def explains(self, fit: WindowFit) -> bool:
-        """True if noise is left, or what the scene has of it, or little of the signal."""
+        """True if noise is left, or what the scene has of it, or little of the signal.
+
+        And that alike all along the window.
+        """
+        return self._is_small(fit) and all(
+            _is_alike(r, max(m.noise, _LITTLE * float(np.std(m.samples))))
+            for m, r in zip(self.measurements, fit.residuals, strict=True)
+        )
+
+    def _is_small(self, fit: WindowFit) -> bool:
         for m, r, size in zip(self.measurements, fit.residuals, fit.sizes, strict=True):
             allowed = 1.0 + _SIGMAS / math.sqrt(2.0 * len(r))
             signal = float(np.std(m.samples[: len(r)]))
@@ -162,6 +181,33 @@ class LeastSquares:
         fewest = min(len(m.samples) for m in self.measurements)
         return min(1.0, max(_FIRST, _FEWEST * (len(self.parameters) + 1) / fewest))
 
+    def _begun(self) -> Iterator[WindowFit]:
+        """Different fits of the first window: those that leave noise, then the best of others."""
+        part = self._first()
+        known: list[WindowFit] = []
+        others: list[WindowFit] = []
+        for place in self._starts(part):
+            fit = self._solve_anew(self._at(place, part))
+            if any((np.abs(fit.place - x.place) < 0.5 * x.widths()).all() for x in known):
+                continue
+            known.append(fit)
+            if not fit.white:
+                others.append(fit)
+            elif len(known) - len(others) <= _GROWN:
+                yield fit
+        yield from sorted(others, key=self._cost)[: _GROWN - len(known) + len(others)]
+
+    def _solve_anew(self, fit: WindowFit) -> WindowFit:
+        """The fit of a window of which no residuals are known: by those that it leaves, again."""
+        sizes = self._scales
+        for _ in range(_RENEWED):
+            fit = self._solve(fit, sizes)
+            left = self._sizes(fit, [m.noise for m in self.measurements])
+            if all(x > _FALLS * y for x, y in zip(left, sizes, strict=True)):
+                break
+            sizes = left
+        return fit
+
     def _starts(self, part: float) -> list[Array]:
         """The best of many places, for the first window."""
         count, scales = len(self.parameters), self._scales
@@ -170,7 +216,7 @@ class LeastSquares:
         costs = [self._sum(self._residuals(place, part), scales) for place in places]
         if not np.isfinite(costs).any():
             raise RunError(f'none of {len(places)} runs with values in the ranges can be finished')
-        return [places[k] for k in np.argsort(costs)[:_TRIED] if math.isfinite(costs[k])]
+        return [places[k] for k in np.argsort(costs)[:_BEGUN] if math.isfinite(costs[k])]
 
     def _grow(self, fit: WindowFit) -> WindowFit:
         """The fit of the longest window whose residuals are like those of the ones before."""
@@ -205,8 +251,18 @@ class LeastSquares:
         return fit
 
     def _settled(self, fit: WindowFit) -> WindowFit:
-        """The minimum itself, by the derivatives that are known."""
-        return self._solve(fit, self._sizes(fit), settle=True)
+        """The minimum itself, by the derivatives that are known.
+
+        What they do not know is on which side of an impact a sample is: that is tried.
+        """
+        fit = self._solve(fit, self._sizes(fit), settle=True)
+        if self._is_small(fit) and not self.explains(fit):
+            sizes = self._sizes(fit)
+            place, residuals = self._around(fit, fit.part, sizes)[0]
+            if self._sum(residuals, sizes) < self._sum(fit.residuals, sizes):
+                best = WindowFit(place, fit.part, residuals, fit.slopes)
+                return self._solve(best, self._sizes(best), settle=True)
+        return fit
 
     def _sizes(self, fit: WindowFit, noise: Sequence[float] = ()) -> list[float]:
         """Of residuals, at least of the noise, and of rounding where a signal has none at all."""
@@ -225,13 +281,21 @@ class LeastSquares:
         derivatives, its neighbours do: around is where the parameters may be.
         """
         yield fit.place, []
+        yield from self._around(fit, part, sizes)[:_TRIED]
+
+    def _around(
+        self, fit: WindowFit, part: float, sizes: Sequence[float]
+    ) -> list[tuple[Array, list[Array]]]:
+        """Places where the parameters may be, and residuals there, the best first."""
         random = np.random.default_rng(self._seed)
-        places = random.multivariate_normal(fit.place, fit.covariance(), _DRAWS, method='eigh')
-        evenly = qmc.Sobol(len(fit.place), rng=self._seed).random(_DRAWS)
-        places = np.clip(np.where(fit.widths() > 1.0, evenly, places), 0.0, 1.0)
+        unknown = fit.widths() > 1.0
+        count = _DRAWS * (_MORE if unknown.any() else 1)
+        places = random.multivariate_normal(fit.place, fit.covariance(), count, method='eigh')
+        evenly = qmc.Sobol(len(fit.place), rng=self._seed).random(count)
+        places = np.clip(np.where(unknown, evenly, places), 0.0, 1.0)
         residuals = [self._residuals(u, part) for u in places]
         order = np.argsort([self._sum(r, sizes) for r in residuals])
-        yield from [(places[k], residuals[k]) for k in order[:_TRIED]]
+        return [(places[k], residuals[k]) for k in order]
 
     @staticmethod
     def _sum(residuals: Sequence[Array], sizes: Sequence[float]) -> float:
@@ -240,7 +304,7 @@ class LeastSquares:
     def _follows(self, fit: WindowFit, sizes: Sequence[float], white: bool) -> bool:
         """True if no block of residuals is larger than those of the windows before."""
         for r, size in zip(fit.residuals, sizes, strict=True):
-            blocks = np.array_split(r, min(_BLOCKS, max(1, len(r) // _FEWEST)))
+            blocks = _blocks(r)
             largest = max(float(b @ b) / len(b) for b in blocks)
             allowed = 1.0 + _SIGMAS * math.sqrt(2.0 / len(blocks[-1]))
             if largest > size**2 * allowed * (1.0 if white else 4.0):
@@ -421,6 +485,29 @@ def _is_white(r: Array) -> bool:
     size = float(r @ r)
     ratio = float((np.diff(r) ** 2).sum()) / size if size else 2.0
     return abs(ratio - 2.0) < _SIGMAS / math.sqrt(len(r))
+
+
+def _is_alike(r: Array, least: float) -> bool:
+    """True if no block of residuals, and none of them, is larger than those of most blocks.
+
+    Parameters
+    ----------
+    least : size of residuals that is no matter
+    """
+    memory = _memory(r)
+    for count in (2, _BLOCKS):  # long blocks show little, short ones what is soon over
+        blocks = _blocks(r, count)
+        squares = np.array([float(b @ b) / len(b) for b in blocks])
+        usual = max(float(np.median(squares)), least**2)
+        allowed = 1.0 + _SIGMAS * math.sqrt(2.0 * memory / len(blocks[-1]))
+        if squares.max() > allowed * usual:
+            return False
+    return bool(np.abs(r).max() ** 2 <= _OUTLIER**2 * usual)
+
+
+def _blocks(r: Array, count: int = _BLOCKS) -> list[Array]:
+    """Residuals of a window in so many parts that follow each other, or fewer."""
+    return np.array_split(r, min(count, max(1, len(r) // _FEWEST)))
 
 
 def _memory(r: Array) -> float:

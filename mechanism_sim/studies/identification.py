@@ -74,6 +74,23 @@ class IdentifiedParameter:
         return self.share < 0.5
 
 
+@dataclass(frozen=True)
+class Residual:
+    """The rest of a signal less that of a run with the values found.
+
+    Attributes
+    ----------
+    name, unit : of the signal
+    rms : in its unit
+    share : of the signal's own root mean square about its mean, in the same window
+    """
+
+    name: str
+    unit: str
+    rms: float
+    share: float
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """The outcome.
@@ -84,11 +101,13 @@ class Result:
     correlation : (k, k) of their errors
     simulations, failed : numbers of runs
     misfit : how far the signal, or its features by regression, are from those of a simulation with
-        the values found, in standard deviations of the noise (root mean square)
+        the values found, in standard deviations of the noise (root mean square); not a number
+        where nobody says what the noise is
     likeness : share of the simulations of the last round that are as far from what they should be;
         if it is nearly 0, the scene or its chain is not that of the measurement
     method, reason : which one, and why
     window : how much of the signals was compared [s]
+    residuals : of each signal, by Gauss-Newton
     """
 
     estimates: tuple[IdentifiedParameter, ...]
@@ -100,6 +119,7 @@ class Result:
     method: str = REGRESSION
     reason: str = ''
     window: float = math.inf
+    residuals: tuple[Residual, ...] = ()
 
     @property
     def plausible(self) -> bool:
@@ -162,11 +182,22 @@ def identify(
             if method or found.plausible or len(sensors) < len(measurements):
                 return found
             reason = f'no run follows the signal far enough, but {found.window:.3g} s'
-    for m in sensors:
-        m.admit_features()
+            try:
+                _admit_features(sensors)
+            except InputError as error:  # what is found is all that can be
+                return replace(found, reason=f'{found.reason}; no regression: {error}')
+    try:
+        _admit_features(sensors)
+    except InputError as error:
+        raise InputError(f'{reason}; {error}' if reason else str(error)) from None
     return replace(
         Identification(sensors, parameters, seed, workers, show).find(rounds), reason=reason
     )
+
+
+def _admit_features(sensors: Sequence[SensorRecord]) -> None:
+    for m in sensors:
+        m.admit_features()
 
 
 def _by_least_squares(
@@ -199,8 +230,9 @@ def _by_least_squares(
         share = (p.to_scale(high) - p.to_scale(low)) / (p.to_scale(p.high) - p.to_scale(p.low))
         estimates.append(IdentifiedParameter(p, value, low, high, share))
     known = [
-        float(r @ r) / len(r) / (m.noise or size or 1.0) ** 2  # nothing is left of an exact signal
-        for m, r, size in zip(measurements, fit.residuals, fit.sizes, strict=True)
+        float(r @ r) / len(r) / m.noise**2
+        for m, r in zip(measurements, fit.residuals, strict=True)
+        if m.noise and f'sensors.{m.name}.noise.rms' not in {p.path for p in parameters}
     ]
     covariance = fit.covariance()
     spread = np.sqrt(covariance.diagonal())
@@ -209,13 +241,23 @@ def _by_least_squares(
     correlation[np.ix_(index, index)] = covariance / np.outer(spread, spread)
     whole = max(float(m.times[-1] - m.times[0]) for m in measurements)
     window = fit.part * whole
+    residuals = tuple(
+        Residual(m.name, m.unit, math.sqrt(r @ r / len(r)), _share(r, m.samples[: len(r)]))
+        for m, r in zip(measurements, fit.residuals, strict=True)
+    )
     # a short window that leaves a value open may be that of another minimum
     sure = search.explains(fit) and (fit.part >= 1.0 or all(e.identified for e in estimates))
     return Result(
         tuple(estimates), correlation, search.runs, search.failed,
-        math.sqrt(sum(known) / len(known)), float(sure), GAUSS_NEWTON,
-        _reason(fit.part, window, whole), window,
+        math.sqrt(sum(known) / len(known)) if known else math.nan, float(sure), GAUSS_NEWTON,
+        _reason(fit.part, window, whole), window, residuals,
     )  # fmt: skip
+
+
+def _share(r: Array, samples: Array) -> float:
+    """Root mean square of residuals, in that of a signal about its mean."""
+    own = float(np.std(samples))
+    return math.sqrt(r @ r / len(r)) / own if own else math.inf
 
 
 def _reason(part: float, window: float, whole: float) -> str:

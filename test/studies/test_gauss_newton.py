@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
-from mechanism_sim.report.studies import fit_text
+from mechanism_sim.report.studies import fit_json, fit_text
 from mechanism_sim.results.measured import QuantityRecord, SensorRecord
-from mechanism_sim.studies.identification import identify
-from mechanism_sim.studies.parameters import parameters
+from mechanism_sim.studies.gauss_newton import LeastSquares, WindowFit
+from mechanism_sim.studies.identification import IdentifiedParameter, Result, identify
+from mechanism_sim.studies.parameters import Parameter, parameters
 
 pytestmark = pytest.mark.usefixtures('in_this_process')
 
@@ -100,6 +102,96 @@ def test_a_signal_of_another_machine_is_said_to_be_none():
     found = identify([other], wanted(other), seed=1)
     assert not found.plausible
     assert 'not reliable' in fit_text(found)
+
+
+@pytest.mark.parametrize(
+    ('late', 'largest', 'alike'),
+    [(1.0, 4.0, True), (1.35, 4.0, False), (1.0, 14.0, False)],
+)
+def test_residuals_that_grow_along_a_window_explain_nothing(late, largest, alike):
+    """Those of another order of impacts: larger from there on, or far off for a moment."""
+    record = measured(1, count=4000)
+    r = 2e-4 * np.random.default_rng(8).standard_normal(4000)
+    r[2000:] *= late
+    r[3000] = 2e-4 * largest
+    fit = WindowFit(np.full(2, 0.5), 1.0, [r], [np.ones((4000, 2))])
+    assert LeastSquares([record], wanted(record)).explains(fit) is alike
+
+
+PUMP = """
+title: pump with a loose wrist pin
+mechanism: linkage
+links:
+  crank: {length: 40 mm, cog: 5 mm, mass: 1.1 kg, inertia: 900 kg mm^2}
+  rod: {length: 150 mm, cog: 60 mm, mass: 0.45 kg, inertia: 1500 kg mm^2}
+  piston: {mass: 0.7 kg}
+joints:
+  main: {revolute: [ground, crank]}
+  big: {revolute: [crank.end, rod]}
+  wrist:
+    revolute: [rod.end, piston]
+    clearance: {radial: 0.2 mm, restitution: 0.5, friction: 0.1, pin_radius: 8 mm}
+  barrel: {prismatic: [ground, piston]}
+gravity: [0 m/s^2, -9.81 m/s^2]
+drive: {coordinate: crank, profile: {points: [[0 s, 250 rpm], [3 s, 600 rpm]]}}
+duration: 3 s
+guess: {rod: 0 deg, piston: 190 mm}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('restitution', 'friction', 'radial', 'seed'),
+    [
+        (0.4515, 0.2671, 0.209e-3, 5),  # another minimum is near in all of its first 0.75 s
+        (0.5372, 0.1928, 0.1727e-3, 0),  # the pin swings fifty times a second in its bushing
+    ],
+)
+def test_a_wrist_pin_is_found_beside_other_minima(tmp_path, restitution, friction, radial, seed):
+    file = tmp_path / 'pump.yaml'
+    file.write_text(PUMP, encoding='utf-8')
+    values = {'restitution': restitution, 'friction': friction, 'radial': radial}
+    truth = {f'joints.wrist.clearance.{name}': x for name, x in values.items()}
+    t, name = np.arange(15000) / 5000.0, 'acceleration.piston'
+    y = ms.simulate(ms.load_scene(str(file), truth), duration=3.0).sample(t, name)[name]
+    y = y + np.random.default_rng(seed).normal(0.0, 3.0, len(t))
+    record = QuantityRecord(ms.load_scene(str(file)), name, t, y)
+    limits = {'radial': ('0.08 mm', '0.5 mm')}
+    found = identify([record], parameters(record.machine, [*values], name, limits=limits))
+    assert found.plausible
+    for e in found.estimates:
+        assert e.low <= truth[e.parameter.path] <= e.high
+        assert e.identified
+
+
+def test_the_text_has_units_and_as_many_digits_as_the_limits_tell():
+    record = measured(1)
+    text = fit_text(identify([record], wanted(record), seed=1))
+    line = next(x for x in text.splitlines() if STIFFNESS in x)
+    value, low, high, unit = re.search(r'([\d.]+) +([\d.]+) to ([\d.]+) (\S+) ', line).groups()
+    assert float(low) < float(value) < float(high)
+    assert unit == 'N/m'
+    assert '200 to 1500 N/m' in line
+    sharp = Parameter('radial', 'a.radial', 6e-5, 3.75e-4, si='m')
+    result = Result(
+        (IdentifiedParameter(sharp, 1.5e-4, 1.499993e-4, 1.500008e-4, 1e-5),),
+        np.eye(1), 1, 0, math.nan, 1.0,
+    )  # fmt: skip
+    assert re.search(
+        r'radial +0.15 +0.14999\d+ to 0.15000\d+ mm +0.06 to 0.375 mm', fit_text(result)
+    )
+
+
+def test_a_noise_that_nobody_knows_is_no_measure_of_what_is_left():
+    record = measured(1)
+    found = identify([record], wanted(record), seed=1)
+    (left,) = found.residuals
+    assert left.rms == pytest.approx(2e-4, rel=0.1)
+    assert left.share == pytest.approx(left.rms / np.std(record.samples), rel=1e-3)
+    assert fit_json(found)['misfit'] is None
+    text = fit_text(found)
+    assert 'standard deviations' not in text
+    assert re.search(r'left of position.mass: 0.1933 mm rms, [\d.]+ % of the signal', text)
 
 
 @pytest.mark.slow

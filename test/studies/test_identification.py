@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from builders import read_scene
@@ -180,6 +182,20 @@ def test_few_samples_have_no_features():
     signal = recorded({}, {'drive': {'speed': '600 rpm'}}, 2000)
     with pytest.raises(InputError, match='2000 samples of rocker are too few: 4096 are needed'):
         identify([signal], wanted(signal, 'radial'), 'regression')
+
+
+def test_a_signal_too_short_for_features_keeps_what_is_found_sample_by_sample():
+    """Of another machine, so that no run follows: it had ended with a refusal by the other way."""
+    signal = recorded({}, {'drive': {'speed': '600 rpm'}}, 400)
+    noise = 100.0 * np.cumsum(np.random.default_rng(2).standard_normal(400))
+    other = replace(signal, samples=noise)
+    found = identify([other], wanted(other, 'radial'))
+    assert found.method == 'gauss-newton'
+    assert not found.plausible
+    assert '400 samples of rocker are too few' in found.reason
+    text = fit_text(found)
+    for words in ('not reliable', '--range', '--seed', '0.08 to 0.5 mm'):
+        assert words in text
 
 
 @pytest.mark.usefixtures('in_this_process')
