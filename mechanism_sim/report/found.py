@@ -70,7 +70,8 @@ def _finding_text(finding: Finding) -> str:
             less = 'more' if finding.goal.kind == GREATEST else 'less'
             note = f' (the end of the range: it may be {less} beyond)'
         shown = f'{finding.goal.name} = {scale * one.figure:.9g} {unit}'
-        lines.append(f'{path} = {_shown(key, one.value)}: {shown}{note}')
+        span = '' if one.last is None else f' to {_shown(key, one.last)}'
+        lines.append(f'{path} = {_shown(key, one.value)}{span}: {shown.rstrip()}{note}')
     if not lines:
         figures = [scale * y for _, y in finding.curve if math.isfinite(y)]
         lines.append(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.arrays import Array
@@ -39,11 +40,18 @@ _KNOWN = *_HOW, *_OF_CYCLE, 'so_that', 'minimise', 'subject_to', 'workers', 'sho
 
 @dataclass(frozen=True)
 class Found:
-    """A value of the parameter, and the figure there; `jump`: it steps across the goal."""
+    """A value of the parameter, and the figure there.
+
+    Attributes
+    ----------
+    jump : whether the figure steps across what is wanted
+    last : of all values from this one on that give the figure, as far as samples tell
+    """
 
     value: float
     figure: float
     jump: bool = False
+    last: float | None = None
 
 
 @dataclass(frozen=True)
@@ -200,7 +208,7 @@ def _along(trials: Trials, samples: int) -> Finding:
             )
             there = trials.figure(root)
             found.append(Found(parameter.at(root), there, abs(there - wanted) > _JUMP * span))
-        found += [Found(parameter.at(x), wanted) for x in places[figures == wanted]]
+        found += _stretches(trials, places, off == 0.0, wanted)
     found.sort(key=lambda one: one.value)
     shown = [*zip(map(parameter.at, places), figures.tolist(), strict=True)]
     shown += [(one.value, one.figure) for one in found]
@@ -209,6 +217,35 @@ def _along(trials: Trials, samples: int) -> Finding:
         parameter, goal, trials.units[0], wanted, tuple(sorted(shown)), tuple(found), failed,
         len(trials.tried),
     )  # fmt: skip
+
+
+def _stretches(
+    trials: Trials, places: Array, hit: NDArray[np.bool_], wanted: float
+) -> list[Found]:
+    """Samples that give just what is wanted; of neighbours, such as those of a count, the ends."""
+    (parameter,), found = trials.parameters, []
+    at = np.flatnonzero(hit)
+    for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(at) else ():
+        first, last = int(group[0]), int(group[-1])
+        if first == last:
+            found.append(Found(parameter.at(places[first]), wanted))
+            continue
+        low = _edge(trials, places[first - 1], places[first], wanted) if first else places[0]
+        high = places[-1]
+        if last < len(places) - 1:
+            high = _edge(trials, places[last + 1], places[last], wanted)
+        found.append(Found(parameter.at(low), wanted, last=parameter.at(high)))
+    return found
+
+
+def _edge(trials: Trials, outside: float, inside: float, wanted: float) -> float:
+    """The last place on the way out that gives what is wanted, by bisection."""
+    while inside != (middle := 0.5 * (outside + inside)) != outside:
+        hits = False
+        with suppress(InputError, RunError):  # a cycle that fails gives nothing
+            hits = trials.figure(middle) == wanted
+        outside, inside = (outside, middle) if hits else (middle, inside)
+    return inside
 
 
 def _extreme(trials: Trials, places: Array, figures: Array) -> Found:

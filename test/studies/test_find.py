@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from builders import made
+from loose_valve import BEGINS, MASS, PRELOAD, RISE, valve
 from running import run, run_json
 
 from mechanism_sim.errors import InputError
@@ -98,6 +99,18 @@ def test_a_figure_that_steps_across_the_goal_is_marked():
     goal = 'mean(drive_torque) = 1 N m'
     finding = find(stepped, {'links.bar.cog': ('0.1 m', '0.3 m')}, goal, samples=3)
     assert {round(one.figure, 12) for one in finding.found} <= {1.0}
+
+
+def test_a_count_is_met_all_along_a_stretch():
+    """A follower stays on its cam from the stiffness on that its deceleration takes."""
+    limits = {'springs.s.stiffness': (2e3, 6e3)}
+    (one,) = find(valve(1700.0), limits, 'count(impacts) = 0', samples=5).found
+    part, speed = np.linspace(0.0, 1.0, 200_001), 1700.0 * math.pi / 30.0
+    lift = RISE * (part - np.sin(2.0 * math.pi * part) / (2.0 * math.pi))
+    bent = RISE * 2.0 * math.pi * np.sin(2.0 * math.pi * part) / math.radians(BEGINS) ** 2
+    least = (-MASS * (9.81 + bent * speed**2) / (PRELOAD + lift)).max()
+    assert one.value == pytest.approx(least, rel=1e-6)
+    assert one.last == pytest.approx(6e3, rel=1e-12)
 
 
 def test_what_cannot_run_leaves_a_gap_and_its_reason():
