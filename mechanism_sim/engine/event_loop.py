@@ -153,6 +153,11 @@ class EventLoop:
         return self._present.base.at(tau)
 
     @property
+    def longest(self) -> float:
+        """Longest step [s]."""
+        return self._steps.longest
+
+    @property
     def contact_terms(self) -> ContactProblem:
         """The gaps at the present state."""
         return self._gaps.terms()

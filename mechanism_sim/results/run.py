@@ -20,6 +20,7 @@ from mechanism_sim.engine.audit import Audit, Energy, Work
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
+from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact, ModeChange, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
@@ -212,6 +213,9 @@ BATCH = Batch(8192, 8192)
 """The memory of a run is that of so many steps."""
 
 
+_MOST_STEPS = 1e11
+"""Of a run: they take weeks."""
+
 Observer = Callable[[Piece], object]
 """Is handed every piece of a run in order, such as ``digest.add``."""
 
@@ -271,6 +275,7 @@ class Runner:
         RunError
             If the integration breaks down, or the motion violates a gap or the energy balance.
         """
+        self._check_end(until)
         self.more = True
         while self.more:
             whole = final and held is None
@@ -283,6 +288,17 @@ class Runner:
             for observe in observers:
                 observe(piece)
             yield piece
+
+    def _check_end(self, until: float) -> None:
+        """Refuse what no computer comes to the end of: steps have a length."""
+        if not isinstance(self.engine, EventLoop) or math.isinf(until):
+            return
+        longest = self.engine.longest
+        if (until - self.engine.time) / longest > _MOST_STEPS:
+            raise InputError(
+                f'{self.machine.name}: {until:.6g} s take more than {_MOST_STEPS:.0e} steps, of '
+                f'{longest:.3g} s at most: give a shorter duration, or a faster drive'
+            )
 
     def _integrate(self, until: float, final: bool, batch: Batch) -> bool:
         """Take the steps of a batch; whether there is more to do."""
