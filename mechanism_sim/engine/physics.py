@@ -7,8 +7,8 @@ from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.crossings import Crossings
@@ -150,7 +150,7 @@ class DynamicPhysics:
         self.displacements = system.mechanism.displacements
         self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
-        self._directed = [e for e in system.elements if isinstance(e, Directed) and e.directed]
+        self._directed = [e for e in system.elements if isinstance(e, Directed) and e.jumps]
         self.tilting = tuple(
             dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
         )
@@ -216,7 +216,9 @@ class DynamicPhysics:
             if past.any():
                 k, look = np.argwhere(past)[0].tolist()
                 ends = (curve.duration[k] * part for part in _LOOKS.fractions[look : look + 2])
-                since = brentq(_ahead, *ends, (curve, k, e, np.array([x[k, look], y[k, look]])))
+                since = scipy.optimize.brentq(
+                    _ahead, *ends, (curve, k, e, np.array([x[k, look], y[k, look]]))
+                )
                 raise ends_meet(e.name, float(curve.start[k]) + since)
 
     @property

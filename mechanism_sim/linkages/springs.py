@@ -237,7 +237,12 @@ class Spring(Elongation):
     @property
     def directed(self) -> bool:
         """True if its force needs a direction where its ends meet."""
-        return bool(self.free_length or not self.law.numbers or self.law.numbers[1])
+        return self.jumps or bool(self.law.numbers and self.law.numbers[1])
+
+    @property
+    def jumps(self) -> bool:
+        """True but of a linear law without free length: force and way turn round together."""
+        return bool(self.free_length or not self.law.numbers)
 
     def between(self, q: Array) -> Array:
         """The way from end to end (2, N) [m] at coordinates q (n, N)."""

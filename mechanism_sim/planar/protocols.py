@@ -99,6 +99,10 @@ class Directed(ForceElement, Protocol):
     def directed(self) -> bool:
         """True if the points must not meet."""
 
+    @property
+    def jumps(self) -> bool:
+        """True if its force jumps where the points pass each other along their line."""
+
     def between(self, q: Array) -> Array:
         """The way from the first to the second (2, N) [m] at coordinates q (n, N)."""
 

@@ -205,6 +205,10 @@ def test_ends_of_a_spring_that_is_nothing_long_may_meet():
         solution = ms.simulate(on_spring(0.0, 0.0, start), duration=1.0)
         seen = solution.sample(np.array([1.0]), 'position.block')['position.block']
         assert seen[0] == pytest.approx(start * math.cos(10.0), abs=1e-11)
+    seen = ms.simulate(on_spring(0.0, 1.0, 0.1), duration=1.0).sample(np.array([1.0]))
+    way = math.sqrt(100.0 - 0.25)  # damped by 1/2 a second: along its line it may pass, too
+    passed = 0.1 * math.exp(-0.5) * (math.cos(way) + 0.5 / way * math.sin(way))
+    assert seen['position.block'][0] == pytest.approx(passed, abs=1e-11)
     for length, damping in ((0.2, 0.0), (0.0, 1.0)):
         with pytest.raises(RunError, match=r'the ends of springs\.s meet at t = 0 s'):
             ms.simulate(on_spring(length, damping, 0.0), duration=1.0)
