@@ -55,7 +55,7 @@ _MOST_POINTS = 400
 _FEWEST = 10
 """Turns of a run, and at least a quarter of those left out: until then what repeats may be an
 unstable motion near which the run begins."""
-_SHARED, _LEAST = 6000, {'transient': 8, 'keep': 16}
+_SHARED, _LEAST = 4000, {'transient': 8, 'keep': 16}
 """Turns of all values in one direction, and at least of each: values that lie close together begin
 near to where they settle, and their sections fill a diagram together."""
 _SEEN = 4
@@ -65,9 +65,9 @@ _SETTLED = 1e-3
 _BENT = 0.5
 """Of a step from one response to the next: what steps of one branch differ by, at most."""
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
-"""Where a run begins on the line of the responses before: turns that are compared, and of
+"""Where a run begins on the course of the responses before: turns that are compared, and of
 the distance within which sections are the same, how far off it begins. That is seen to grow where
-what the line foretells has become unstable."""
+what that foretells has become unstable."""
 
 
 @dataclass(frozen=True)
@@ -288,7 +288,7 @@ def follow(
     """
     state: State | None = None
     before: Machine | None = None
-    line = _Line()
+    course = _Course()
     found: list[dict[str, Any]] = []
     for value, scene in zip(values, scenes, strict=True):
         machine = Machine(name, scene)
@@ -300,9 +300,9 @@ def follow(
                 'state': None,
             }
             found.append(_NOTHING | none)
-            state, line = None, _Line()
+            state, course = None, _Course()
             continue
-        for begin, seen in _starts(state, before, machine, line.step()):
+        for begin, seen in _starts(state, before, machine, course.step()):
             try:
                 near = shared if shared and begin else plan
                 response, state, ends = _settled(machine, near, begin, seen)
@@ -311,7 +311,7 @@ def follow(
                 response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
         state, before = None if branch == START else state, machine
-        line.enter(ends)
+        course.enter(ends)
     return {'responses': found}
 
 
@@ -329,8 +329,8 @@ def _starts(
     yield None, _SEEN
 
 
-class _Line:
-    """A straight line through responses of a branch: where the next one is nearly."""
+class _Course:
+    """A parabola through three responses of a branch: where the next one is nearly."""
 
     def __init__(self) -> None:
         self._before: list[Ends] = []
@@ -355,7 +355,8 @@ class _Line:
         step, at = self._between(second, third, -1)
         before, _ = self._between(first, second, at)
         size, bend = (np.abs(x / third.near).max() for x in (step, step - before))
-        return step + _NUDGE * third.near if bend <= max(1.0, _BENT * size) else None
+        ahead: Array = 2.0 * step - before + _NUDGE * third.near
+        return ahead if bend <= max(1.0, _BENT * size) else None
 
     @staticmethod
     def _between(old: Ends, new: Ends, at: int) -> tuple[Array, int]:
