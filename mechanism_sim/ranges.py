@@ -45,7 +45,9 @@ def read_range(
     parts, listed = [part.strip() for part in rest.split(':')], lists and ':' not in rest
     count = parts.pop() if counted and len(parts) == 3 else '' if counted else '2'
     values = [part.strip() for part in rest.split(',')] if listed else parts
-    shaped = len(values) > 1 if listed else len(values) == 2 and count.isdecimal()
+    shaped = (
+        len(values) > 1 if listed else len(values) == 2 and (count.isdecimal() and len(count) < 16)
+    )
     if not (shaped and all(values)):
         front = 'NAME=' if name else ''
         form = f'{front}LOW:HIGH{":N" * counted}' + f', or {front}VALUE,VALUE,...' * lists

@@ -217,13 +217,14 @@ def _hz(node: CommandNode, options: argparse.Namespace) -> None:
         nonlocal told
         del times[: -options.window]
         now = time.monotonic()
-        if now >= told + _TOLD and not options.json:
+        ended = end is not None and now > end
+        if now >= told + _TOLD and not options.json and not ended:
             if len(times) > 1 and times[-1] > told:
                 _print_rate(options, times)
             else:
                 print('no new messages', flush=True)
             told = now
-        return end is not None and now > end
+        return ended
 
     try:
         node.rates(options.topic, times, over)

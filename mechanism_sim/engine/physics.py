@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol
@@ -21,7 +22,9 @@ from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
 from mechanism_sim.planar.protocols import Directed, EndGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
+from mechanism_sim.tolerances import TOLERANCES
 
+_MEET = TOLERANCES.steps.meet
 _LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
 """Where in a step the ends of a spring are seen on either side of each other."""
 
@@ -212,14 +215,15 @@ class DynamicPhysics:
         q = self.moved(motion, np.arange(len(motion)), _LOOKS)[0]
         for e in self._directed:
             x, y = e.between(q).reshape(2, len(motion), len(_LOOKS))
-            past = x[:, 1:] * x[:, :-1] + y[:, 1:] * y[:, :-1] < 0.0
-            if past.any():
-                k, look = np.argwhere(past)[0].tolist()
+            past = x[:, 1:] * x[:, :-1] + y[:, 1:] * y[:, :-1] <= 0.0
+            for k, look in np.argwhere(past).tolist():
                 ends = (curve.duration[k] * part for part in _LOOKS.fractions[look : look + 2])
                 since = scipy.optimize.brentq(
                     _ahead, *ends, (curve, k, e, np.array([x[k, look], y[k, look]]))
                 )
-                raise ends_meet(e.name, float(curve.start[k]) + since)
+                x0, y0 = e.between(curve.local(np.array([k]), np.array([since])).T)[:, 0].tolist()
+                if math.hypot(x0, y0) < _MEET * self.system.mechanism.size:  # else beside it
+                    raise ends_meet(e.name, float(curve.start[k]) + since)
 
     @property
     def takes_power(self) -> bool:

@@ -147,7 +147,8 @@ def _estimate(e: IdentifiedParameter) -> tuple[str, ...]:
     unit, scale = (p.unit, p.scale) if p.unit else for_people(p.si, p.high)
     apart = min((x for x in (e.value - e.low, e.high - e.value) if x > 0.0), default=0.0)
     largest = max(abs(e.low), abs(e.high))
-    digits = math.floor(math.log10(largest)) - math.floor(math.log10(apart)) + 2 if apart else 5
+    known = apart and math.isfinite(largest)
+    digits = math.floor(math.log10(largest)) - math.floor(math.log10(apart)) + 2 if known else 5
     low, value, high = (
         number(scale * x, min(max(digits, 3), 15)) for x in (e.low, e.value, e.high)
     )

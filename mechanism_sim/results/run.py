@@ -272,6 +272,8 @@ class Runner:
 
         Raises
         ------
+        InputError
+            If it would take more steps than a computer does in weeks.
         RunError
             If the integration breaks down, or the motion violates a gap or the energy balance.
         """

@@ -305,8 +305,10 @@ def follow(
         for begin, seen in _starts(state, before, machine, course.step()):
             try:
                 near = shared if shared and begin else plan
-                response, state, ends = _settled(machine, near, begin, seen)
-                break
+                settled = _settled(machine, near, begin, seen)
+                if settled:
+                    response, state, ends = settled
+                    break
             except RunError as error:
                 response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
@@ -397,10 +399,11 @@ def _moved(state: State, before: Machine, machine: Machine, step: Array | None =
 
 def _settled(
     machine: Machine, plan: SectionPlan, state: State | None, seen: int
-) -> tuple[dict[str, Any], State, Ends]:
+) -> tuple[dict[str, Any], State, Ends] | None:
     """The section of a machine after its transient, and the state at the end.
 
-    A transient of so many turns at least is compared with as many before.
+    A transient of so many turns at least is compared with as many before. None where it was
+    foretold, but does not settle: it may be near what has become unstable.
     """
     engine = machine.start(state=state)
     if not isinstance(engine, EventLoop):
@@ -415,6 +418,8 @@ def _settled(
             tally.add(piece)
         keep = tally.settled(seen)
         turns += 0 if keep else turns // 2 if seen == _SEEN else 1
+    if seen < _SEEN and not keep:
+        return None
     turns = min(turns, most)
     for piece in runner.to(turns * machine.drive.period):
         tally.add(piece)
@@ -508,7 +513,8 @@ class _SectionTally:
             before, now = off[:m].max(), off[m:].max()
             share = now / max(before, 1e-300)
             left = m / p * now * share / (1.0 - share) if share < 1.0 else math.inf
-            if now <= 1.0 and min(left, 1e3 * now) <= _SETTLED:
+            slight = 1e3 * now if seen == _SEEN else 1e6 * now  # foretold, it must be seen to fall
+            if now <= 1.0 and min(left, slight) <= _SETTLED:
                 return 2 * (m + p)  # half of it is looked at for the period
         return 0
 

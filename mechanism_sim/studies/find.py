@@ -23,6 +23,7 @@ from mechanism_sim.studies.runs import FinishedRows, Show, Workers
 from mechanism_sim.studies.trials import DIFFERENCES, EXACT, Trials
 
 _ROUNDING = 1e-12
+_BESIDE = 1e-3  # of the way between samples: there a count is still what it is at one of them
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
 
 LOCAL, GLOBAL = SEARCHES = 'local', 'global'
@@ -227,7 +228,8 @@ def _stretches(
     at = np.flatnonzero(hit)
     for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(at) else ():
         first, last = int(group[0]), int(group[-1])
-        if first == last:
+        beside = places[first] + _BESIDE * np.array([-1.0, 1.0]) / len(places)
+        if first == last and not any(_hits(trials, x, wanted) for x in beside if 0.0 < x < 1.0):
             found.append(Found(parameter.at(places[first]), wanted))
             continue
         low = _edge(trials, places[first - 1], places[first], wanted) if first else places[0]
@@ -240,12 +242,20 @@ def _stretches(
 
 def _edge(trials: Trials, outside: float, inside: float, wanted: float) -> float:
     """The last place on the way out that gives what is wanted, by bisection."""
-    while inside != (middle := 0.5 * (outside + inside)) != outside:
-        hits = False
-        with suppress(InputError, RunError):  # a cycle that fails gives nothing
-            hits = trials.figure(middle) == wanted
-        outside, inside = (outside, middle) if hits else (middle, inside)
+    while abs(inside - outside) > _ROUNDING * max(abs(inside), _BESIDE):
+        middle = 0.5 * (outside + inside)
+        if _hits(trials, middle, wanted):
+            inside = middle
+        else:
+            outside = middle
     return inside
+
+
+def _hits(trials: Trials, place: float, wanted: float) -> bool:
+    """True if a place gives just what is wanted; one that cannot run gives nothing."""
+    with suppress(InputError, RunError):
+        return trials.figure(place) == wanted
+    return False
 
 
 def _extreme(trials: Trials, places: Array, figures: Array) -> Found:

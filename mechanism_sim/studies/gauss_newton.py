@@ -195,7 +195,7 @@ class LeastSquares:
                 others.append(fit)
             elif len(known) - len(others) <= _GROWN:
                 yield fit
-        yield from sorted(others, key=self._cost)[: _GROWN - len(known) + len(others)]
+        yield from sorted(others, key=self._cost)[: max(0, _GROWN - len(known) + len(others))]
 
     def _solve_anew(self, fit: WindowFit) -> WindowFit:
         """The fit of a window of which no residuals are known: by those that it leaves, again."""

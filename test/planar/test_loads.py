@@ -217,6 +217,39 @@ def test_ends_of_a_spring_that_is_nothing_long_may_meet():
         ms.simulate(on_spring(0.03, 0.0, 0.1), duration=1.0)
 
 
+@pytest.mark.parametrize('beside', [3e-3, 1e-3, 1e-4])
+def test_ends_of_a_spring_may_pass_beside_each_other(beside):
+    """Of a crank that is prescribed no spring shortens a step, in which its line turns far round.
+
+    A pendulum beside it makes the machine one whose motion is integrated.
+    """
+    machine = made(
+        {
+            'gravity': [0.0, -9.81],
+            'links': {
+                'ground': {'points': {'anchor': [0.05 + beside, 0.0], 'hang': [0.5, 0.0]}},
+                'crank': {'length': 0.05, 'mass': 1.0, 'inertia': 1e-3},
+                'pendulum': {'length': 0.5, 'mass': 1.0, 'inertia': 0.1},
+            },
+            'joints': {
+                'pivot': {'revolute': ['ground', 'crank']},
+                'pin': {'revolute': ['ground.hang', 'pendulum']},
+            },
+            'drive': {'coordinate': 'crank', 'speed': '61.7 rpm'},
+            'springs': {
+                's': {
+                    'between': ['ground.anchor', 'crank.end'],
+                    'stiffness': 100.0,
+                    'free_length': 0.1,
+                }
+            },
+        },
+        'beside',
+    )
+    solution = ms.simulate(machine, duration=2.0)
+    assert abs(solution.energy.residual) < 1e-9
+
+
 @pytest.mark.parametrize('power', ['1.3', '(-1/2)', '5', '0'])
 def test_gas_is_compressed_by_a_power_of_its_volume(power):
     """Kinetic energy is the area below the polytrope, by quadrature."""

@@ -8,12 +8,14 @@ import re
 import numpy as np
 import pytest
 from bouncing_ball import E, G, ball, speed
+from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.studies import bifurcation as study
+from mechanism_sim.studies.periodic import PoincareMap
 
 FLIP = math.hypot(math.pi * (1 - E) / (1 + E), 2.0 * (1 + E**2) / (1 + E) ** 2)
 
@@ -276,3 +278,39 @@ def test_a_crank_at_rest_is_told_and_has_no_response():
     found = ms.bifurcation('four_bar_clearance', limits, transient=2, keep=2)
     assert {r.note for r in found.responses if r.value == 0.0} == {'the crank is at rest'}
     assert len(found.responses) == 6
+
+
+@pytest.mark.slow
+def test_what_is_foretold_past_a_pitchfork_is_left():
+    """A pendulum that swings alike to both sides, less damped no more: a multiplier passes +1.
+
+    Near there the motion that is no longer stable is left by a hundredth a turn.
+    """
+    scene = made(
+        {
+            'gravity': [0.0, -1.0],
+            'links': {
+                'ground': {'points': {'far': [5.0, 0.0]}},
+                'crank': {'mass': 1.0, 'inertia': 1.0},
+                'bob': {'mass': 1.0, 'inertia': 1e-6, 'cog': [0.0, -1.0]},
+            },
+            'joints': {
+                'shaft': {'revolute': ['ground', 'crank']},
+                'pin': {'revolute': ['ground.far', 'bob']},
+            },
+            'drive': {'coordinate': 'crank', 'speed': 2.0 / 3.0},
+            'springs': {'damper': {'coordinate': 'bob', 'damping': '0.54 N m s/rad'}},
+            'loads': {'push': {'at': 'bob', 'torque': '1.05*cos(crank)'}},
+        },
+        'pendulum',
+    )
+    limits = {'springs.damper.damping': ('0.5275 N m s/rad', '0.54 N m s/rad', 6)}
+    found = ms.bifurcation(scene, limits, of=['position.bob'], transient=200, keep=40)
+    stable = []
+    for r in (r for r in found.responses if r.branch == 'down'):
+        machine = ms.load_scene(scene, {'springs.damper.damping': r.value})
+        J, _ = PoincareMap(machine).growth(r.state, 1)
+        stable.append((r.period, np.abs(np.linalg.eigvals(J)).max() < 1.0))
+    assert stable[-1] == (1, True)
+    assert all(still for period, still in stable if period == 1)
+    assert 0 in [period for period, _ in stable]
