@@ -103,8 +103,10 @@ def basins(
     content = machine.scene.to_document()
     tasks = []
     for x in along_a:
-        scenes = [check_scene(machine.name, content, {a.path: x, b.path: y}) for y in along_b]
-        tasks.append(Call(repr(x), follow, (machine.name, along_b, scenes, plan, START)))
+        changes = [{a.path: x, b.path: y} for y in along_b]
+        for ends in (changes[0], changes[-1]):  # what cannot be is refused before anything runs
+            check_scene(machine.name, content, ends)
+        tasks.append(Call(repr(x), follow, (machine.name, content, changes, b.path, plan, START)))
     with workers or Workers(1) as makers:
         rows = makers.do_all(tasks, show)
     alike = all(path.startswith('initial.') for path in vary)

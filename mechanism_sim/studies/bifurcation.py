@@ -28,7 +28,6 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
@@ -199,16 +198,18 @@ def bifurcation(
     plan, units, words = section(machine, of, at_impacts, when)
     path = parameter.path
     content = machine.scene.to_document()
-    scenes = [check_scene(machine.name, content, {path: value}) for value in values]
+    changes = [{path: value} for value in values]
+    for ends in (changes[0], changes[-1]):  # what cannot be is refused before anything runs
+        check_scene(machine.name, content, ends)
     shared = paced(plan, len(values), when)
     tasks = [
-        Call(way, follow, (machine.name, values[::sign], scenes[::sign], plan, way, shared))
+        Call(way, follow, (machine.name, content, changes[::sign], path, plan, way, shared))
         for way, sign in zip(DIRECTIONS, (1, -1), strict=True)
     ]
     if starts:
         tasks += [
-            Call(str(k), follow, (machine.name, [value], [one], plan, START))
-            for k, (value, one) in enumerate(zip(values, scenes, strict=True))
+            Call(str(k), follow, (machine.name, content, [one], path, plan, START))
+            for k, one in enumerate(changes)
         ]
     with workers or Workers(1) as makers:
         rows = makers.do_all(tasks, show)
@@ -275,23 +276,29 @@ def paced(plan: SectionPlan, count: int, asked: Collection[str]) -> SectionPlan:
 
 def follow(
     name: str,
-    values: Sequence[float],
-    scenes: Sequence[Scene],
+    content: Mapping[str, Any],
+    changes: Sequence[Mapping[str, float]],
+    path: str,
     plan: SectionPlan,
     branch: str,
     shared: SectionPlan | None = None,
 ) -> Row:
-    """Responses at values in their order, each from where the one before came to.
+    """Responses at values of a key in their order, each from where the one before came to.
 
-    Those of the branch `START` begin as their scenes say. `shared` is the plan of those that begin
-    near to where they settle.
+    Those of the branch `START` begin as their scenes say.
+
+    Parameters
+    ----------
+    content : of the scene, as a file gives it
+    changes : of each scene, by path; a value of `path` is among them
+    shared : the plan of those that begin near to where they settle
     """
     state: State | None = None
     before: Machine | None = None
     course = _Course()
     found: list[dict[str, Any]] = []
-    for value, scene in zip(values, scenes, strict=True):
-        machine = Machine(name, scene)
+    for change in changes:
+        value, machine = change[path], Machine(name, check_scene(name, content, change))
         if not machine.drive.fastest:
             none = {
                 'note': 'the crank is at rest',
@@ -453,12 +460,13 @@ class _SectionTally:
         self._struck += piece.impacts
         if not len(curve):
             return
-        if len(t := self._due(self._edges[1:] - _APART * self._turn, self._states, curve)):
-            found = piece.sample(t, *self._names)
-            self._states.append(np.array([found[n] for n in self._names]).T)
-        if len(t := self._due(self._edges[1:], self._ends, curve)):
-            found = piece.sample(t, *self._names)
-            self._ends.append(np.array([found[n] for n in self._names]).T)
+        seen = self._due(self._edges[1:] - _APART * self._turn, self._states, curve)
+        ends = self._due(self._edges[1:], self._ends, curve)
+        if len(seen) or len(ends):
+            found = piece.sample(np.concatenate([seen, ends]), *self._names)
+            rows = np.array([found[n] for n in self._names]).T
+            self._states.append(rows[: len(seen)])
+            self._ends.append(rows[len(seen) :])
         if not self._plan.joint and len(t := self._due(self._edges, self._points, curve)):
             chosen = piece.sample(t, *self._plan.of)
             self._points.append(np.array([chosen[n] for n in self._plan.of]).T)
