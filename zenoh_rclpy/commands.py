@@ -12,6 +12,8 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import pairwise
+from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
@@ -238,19 +240,17 @@ def _hz(node: CommandNode, options: argparse.Namespace) -> None:
 
 def _print_rate(options: argparse.Namespace, times: list[float]) -> None:
     """How often messages came, which did at these times [s]."""
-    import numpy as np  # noqa: PLC0415
-
-    gaps = np.diff(times)
+    gaps = [after - before for before, after in pairwise(times)]
     figures = {
-        'rate': 1.0 / gaps.mean(), 'least': gaps.min(), 'greatest': gaps.max(),
-        'deviation': gaps.std(), 'messages': len(times),
+        'rate': 1.0 / fmean(gaps), 'least': min(gaps), 'greatest': max(gaps),
+        'deviation': pstdev(gaps), 'messages': len(times),
     }  # fmt: skip
     if options.json:
         _print_json({k: float(v) for k, v in figures.items()})
     else:
         print(
-            f'{figures["rate"]:.3f} messages a second; between them {gaps.min():.6f} to '
-            f'{gaps.max():.6f} s, deviation {gaps.std():.6f} s, of {len(times)} messages',
+            f'{figures["rate"]:.3f} messages a second; between them {min(gaps):.6f} to '
+            f'{max(gaps):.6f} s, deviation {figures["deviation"]:.6f} s, of {len(times)} messages',
             flush=True,
         )
 

@@ -217,10 +217,14 @@ class DynamicPhysics:
             x, y = e.between(q).reshape(2, len(motion), len(_LOOKS))
             past = x[:, 1:] * x[:, :-1] + y[:, 1:] * y[:, :-1] <= 0.0
             for k, look in np.argwhere(past).tolist():
-                ends = (curve.duration[k] * part for part in _LOOKS.fractions[look : look + 2])
-                since = scipy.optimize.brentq(
-                    _ahead, *ends, (curve, k, e, np.array([x[k, look], y[k, look]]))
+                before, since = (
+                    float(curve.duration[k] * part) for part in _LOOKS.fractions[look : look + 2]
                 )
+                line = curve, k, e, np.array([x[k, look], y[k, look]])
+                if (
+                    _ahead(since, *line) < 0.0
+                ):  # else they meet at this very look, but for rounding
+                    since = scipy.optimize.brentq(_ahead, before, since, line)
                 x0, y0 = e.between(curve.local(np.array([k]), np.array([since])).T)[:, 0].tolist()
                 if math.hypot(x0, y0) < _MEET * self.system.mechanism.size:  # else beside it
                     raise ends_meet(e.name, float(curve.start[k]) + since)

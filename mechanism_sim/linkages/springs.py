@@ -71,7 +71,8 @@ def never_against(
 ) -> Term:
     """A force of one sign, `side`, or none: no damper turns that of what only touches around.
 
-    Its switch sees the force over `size` [N], so that roundings of stiff parts are none of it.
+    Its switch sees the force over `size` [N, N m], as `total` has it, so that roundings of stiff
+    parts are none of it.
     """
     part = dense(total) / size
     away = side * part / hy.sqrt(1.0 + part * part)
