@@ -178,13 +178,13 @@ def basins_text(found: Basins) -> str:
     """Kinds of responses, and the share of the places that lead to each."""
     places = [kind for *_, kind in found.cells]
     rows = [
-        (str(kind), r.note or str(r.period or 'none found'), f'{r.impacts:.4g}',
-         f'{100.0 * places.count(kind) / len(places):.4g} %')
+        (str(kind), 'no run' if r.note else str(r.period or 'none found'),
+         f'{r.impacts:.4g}', f'{100.0 * places.count(kind) / len(places):.4g} %')
         for kind, r in found.kinds.items()
     ]  # fmt: skip
-    return text(
-        [Section(table=[('response', 'period [turns]', 'impacts a turn', 'places'), *rows])]
-    )
+    head = 'response', 'period [turns]', 'impacts a turn', 'places'
+    why = [f'response {kind}: {r.note}' for kind, r in found.kinds.items() if r.note]
+    return text([Section(table=[head, *rows], notes=why)])
 
 
 def basins_json(found: Basins) -> dict[str, Any]:

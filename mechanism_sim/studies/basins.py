@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import (
     START,
@@ -22,6 +23,9 @@ from mechanism_sim.studies.parameters import Parameter
 from mechanism_sim.studies.runs import Call, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
+
+_NUMBER = re.compile(r'[-+]?\d[\d.]*(e[-+]?\d+)?')
+"""Reasons why there is no response are one kind, whatever the numbers in them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +105,12 @@ def basins(
     (a, along_a, written_a), (b, along_b, written_b) = varied(machine, vary)
     plan, _, _ = section(machine, (), at_impacts, when)
     content = machine.scene.to_document()
-    tasks = []
-    for x in along_a:
-        changes = [{a.path: x, b.path: y} for y in along_b]
-        for ends in (changes[0], changes[-1]):  # what cannot be is refused before anything runs
-            check_scene(machine.name, content, ends)
-        tasks.append(Call(repr(x), follow, (machine.name, content, changes, b.path, plan, START)))
+    places = [[{a.path: x, b.path: y} for y in along_b] for x in along_a]
+    _check(machine.name, content, places)
+    tasks = [
+        Call(repr(x), follow, (machine.name, content, row, b.path, plan, START))
+        for x, row in zip(along_a, places, strict=True)
+    ]
     with workers or Workers(1) as makers:
         rows = makers.do_all(tasks, show)
     alike = all(path.startswith('initial.') for path in vary)
@@ -118,6 +122,22 @@ def basins(
     numbers = _kinds([cell[2] for cell in cells], alike)
     numbered = tuple((*cell, k) for cell, k in zip(cells, numbers, strict=True))
     return Basins((a, b), (written_a, written_b), numbered)
+
+
+def _check(
+    name: str, content: Mapping[str, Any], places: Sequence[Sequence[Mapping[str, float]]]
+) -> None:
+    """Refuse a grid of which neither the corners nor the middle can be, before anything runs."""
+    middle = places[len(places) // 2]
+    looked = [row[k] for row in (places[0], places[-1]) for k in (0, -1)]
+    refused = []
+    for change in [*looked, middle[len(middle) // 2]]:
+        try:
+            Machine(name, check_scene(name, content, change)).initial_state()
+        except InputError as error:
+            refused.append(error)
+    if len(refused) > len(looked):
+        raise refused[0]
 
 
 def _kinds(found: Sequence[Response], alike: bool) -> list[int]:
@@ -133,8 +153,8 @@ def _kinds(found: Sequence[Response], alike: bool) -> list[int]:
 
 
 def _alike(kind: Response, response: Response, one_machine: bool) -> bool:
-    if kind.note != response.note:
-        return False
+    if kind.note or response.note:
+        return _NUMBER.sub('', kind.note) == _NUMBER.sub('', response.note)
     if one_machine and response.period:
         return same(kind, response)
     return kind.period == response.period

@@ -298,14 +298,14 @@ def follow(
     course = _Course()
     found: list[dict[str, Any]] = []
     for change in changes:
-        value, machine = change[path], Machine(name, check_scene(name, content, change))
-        if not machine.drive.fastest:
-            none = {
-                'note': 'the crank is at rest',
-                'value': value,
-                'branch': branch,
-                'state': None,
-            }
+        value, why = change[path], ''
+        try:
+            machine = Machine(name, check_scene(name, content, change))
+            why = '' if machine.drive.fastest else 'the crank is at rest'
+        except InputError as error:  # of a range some values may not be
+            why = str(error)
+        if why:
+            none = {'note': why, 'value': value, 'branch': branch, 'state': None}
             found.append(_NOTHING | none)
             state, course = None, _Course()
             continue
@@ -412,9 +412,12 @@ def _settled(
     A transient of so many turns at least is compared with as many before. None where it was
     foretold, but does not settle: it may be near what has become unstable.
     """
-    engine = machine.start(state=state)
+    try:
+        engine = machine.start(state=state)
+    except InputError as error:  # some starts of a range may not be
+        raise RunError(str(error)) from error
     if not isinstance(engine, EventLoop):
-        raise InputError(f'{machine.name}: a motion in closed form has no sections')
+        raise RunError(f'{machine.name}: a motion in closed form has no sections')
     tally, runner = _SectionTally(machine, plan), Runner(machine, engine)
     turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
     if seen < _SEEN:

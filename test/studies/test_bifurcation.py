@@ -14,6 +14,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.report.bifurcation import basins_text
 from mechanism_sim.studies import bifurcation as study
 from mechanism_sim.studies.periodic import PoincareMap
 
@@ -170,6 +171,35 @@ def test_which_start_leads_to_which_response():
     assert found.kinds[kinds[True, True]].period == 2
     table = found.table()
     assert len(table['response']) == 4
+
+
+def test_starts_that_cannot_be_are_a_kind_of_their_own():
+    """A pin lies within a circle: a grid over where it begins has corners outside."""
+    ends = ms.simulate('four_bar_clearance', duration=1e-4).sample([0.0], 'position.coupler',
+                                                                   'position.rocker')  # fmt: skip
+    coupler, rocker = (float(ends[f'position.{c}'][0]) for c in ('coupler', 'rocker'))
+    near = 2e-3  # rad: twice of what lies in the play
+    found = ms.basins(
+        'four_bar_clearance',
+        {
+            'initial.position.coupler': (coupler - near, coupler + near, 3),
+            'initial.position.rocker': (rocker - near, rocker + near, 3),
+        },
+        transient=1,
+        keep=2,
+    )
+    refused = [(x, y) for x, y, r, _ in found.cells if 'puts the pin of coupler_rocker' in r.note]
+    assert 0 < len(refused) < 9
+    assert len({kind for *_, r, kind in found.cells if r.note}) == 1
+    done = basins_text(found)
+    assert 'no run' in done
+    assert done.count('puts the pin of coupler_rocker') == 1
+    far = {
+        'initial.position.coupler': (coupler - near, coupler + near, 2),
+        'initial.position.rocker': (rocker + 0.1, rocker + 0.2, 2),
+    }
+    with pytest.raises(InputError, match=r'initial\.position puts the pin of coupler_rocker'):
+        ms.basins('four_bar_clearance', far)
 
 
 def test_columns_of_basins_are_without_the_rounding_of_their_units():
