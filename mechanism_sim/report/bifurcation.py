@@ -217,7 +217,8 @@ def basins_chart(found: Basins, title: str) -> Chart:
     for kind, r in found.kinds.items():
         some = [(a * x, b * y) for x, y, _, k in found.cells if k == kind]
         x, y = np.array(some).T
-        label = f'response {kind}: period {r.period}' if r.period else f'{kind}: {_OTHERS}'
-        colour = kind if r.period else '#9aa1aa'
+        none = 'no run' if r.note else _OTHERS
+        label = f'response {kind}: period {r.period}' if r.period else f'{kind}: {none}'
+        colour = kind if r.period else '#d5d9de' if r.note else '#9aa1aa'
         curves.append(ChartCurve(x, y, label, '', colour, form='dots', marker='square'))
     return Chart('basins', title, (Panel(along, up, tuple(curves), height=4.0),))
