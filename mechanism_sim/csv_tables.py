@@ -2,7 +2,8 @@
 
 The only reader of comma-separated values. Commas, semicolons and tabs separate; lines that begin
 with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``. A file
-without headings has the columns ``1``, ``2`` and so on.
+without headings has the columns ``1``, ``2`` and so on. Where commas separate nothing and no
+number has a point, they are decimal ones, unless all of them might stand before thousands.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ LARGEST, MOST = 1 << 21, 20_000
 """Bytes and lines of a file; a pressure measured every twentieth of a degree is half of it."""
 
 _SHOWN = 300  # characters of names in a sentence
-_DECIMAL_COMMA = re.compile(r'\s*[-+]?\d+,\d+\s*')
+_DECIMAL_COMMA = re.compile(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', re.IGNORECASE)
+_THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
+MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
+"""What programs write in place of a number that is not known, in any case."""
 _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
 
 
@@ -55,11 +59,19 @@ class CsvTable:
             )
         return self.cells[name]
 
-    def numbers(self, *names: object) -> Array:
-        """Finite numbers of columns (rows, columns), in the units of their headings."""
+    def numbers(self, *names: object, gaps: bool = False) -> Array:
+        """Finite numbers of columns (rows, columns), in the units of their headings.
+
+        With gaps, what is `MISSING` is not a number.
+        """
         columns = [self.column(name) for name in names]
         found = [
-            [self._number(cell, names[j], line) for j, cell in enumerate(row)]
+            [
+                math.nan
+                if gaps and cell.strip().lower() in MISSING
+                else self._number(cell, names[j], line)
+                for j, cell in enumerate(row)
+            ]
             for line, *row in zip(self.lines, *columns, strict=True)
         ]
         return np.array(found, float).reshape(len(found), len(columns))
@@ -146,6 +158,8 @@ def _rows(path: Path, where: str, largest: int) -> list[tuple[int, list[str]]]:
     except (OSError, csv.Error, ValueError, IndexError) as error:
         reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'
         raise InputError(f'{where} cannot be read: {reason}') from error
+    if mark != ',' and _commas_are_decimal([cell for _, row in rows for cell in row]):
+        rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
     # a separator after the last cell, as some programs write it, makes no column
     if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
         rows = [(n, row[:-1]) for n, row in rows]
@@ -162,6 +176,18 @@ def _text(data: bytes) -> str:
         if b'\0' in data:
             raise
         return data.decode('cp1252')
+
+
+def _commas_are_decimal(cells: Sequence[str]) -> bool:
+    """True if no number has a point, and not all that have a comma might be thousands."""
+    commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
+    pointed = any('.' in cell and _is_number(cell) for cell in cells)
+    return not pointed and not all(map(_THOUSANDS.fullmatch, commas))
+
+
+def _point(cell: str) -> str:
+    """A number with a point instead of a comma; other cells as they are."""
+    return cell.replace(',', '.') if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
 def _is_number(cell: str) -> bool:

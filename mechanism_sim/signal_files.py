@@ -156,9 +156,9 @@ def _csv(path: Path) -> list[ChannelSamples]:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
     t = seconds * table.numbers(time)[:, 0]
     return [
-        ChannelSamples(name, t, np.array([_number(x) for x in cells]), table.units[name])
+        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], table.units[name])
         for name, cells in table.cells.items()
-        if name != time
+        if name != time and any(np.isfinite(_number(x)) for x in cells)  # others are labels
     ]
 
 

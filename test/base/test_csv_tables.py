@@ -26,8 +26,10 @@ def table(tmp_path):
         '# measured\nt [s]\tx [mm]\n0\t1\n\n0.5\t2.25\n',
         't [s], x [mm],\n0, 1,\n0.5, 2.25,\n',
         '"t [s]","x [mm]"\n0,1\n0.5,"2.25"\n',
+        't [s];x [mm]\n0;1\n0,5;2,25\n',
+        't [s]\tx [mm]\n0,0\t1,000\n5,0E-01\t2,25\n',
     ],
-    ids=['commas', 'semicolons', 'tabs', 'last separator', 'quotes'],
+    ids=['commas', 'semicolons', 'tabs', 'last separator', 'quotes', 'office', 'decimal commas'],
 )
 def test_columns_have_names_units_and_numbers(table, text):
     found = table(text)
@@ -51,9 +53,10 @@ def test_cells_may_be_text(table):
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('t;x\n0;1,5\n', "line 2: expected a finite number in column 'x', got '1,5': write 1.5"),
+        ('t;x\n0;1,5\n0.5;2\n', "line 2: expected a finite number in column 'x', got '1,5': wr"),
+        ('t;x\n0;1,500\n1;12,750', "line 2: expected a finite number in column 'x', got '1,500'"),
         ('t,x\n0,5,1,5\n', 'line 2: expected 2 cells as in the first line, got 4: write decimal'),
-        ('0;1,5\n1;2\n', "column '2', got '1,5': write 1.5"),
+        ('0;1,5\n1;2.5\n', "column '2', got '1,5': write 1.5"),
         ('t,x\n0,nan\n', "line 2: expected a finite number in column 'x', got 'nan'"),
         ('t,y\n0,1\n', "has no column 'x'; its columns: t, y"),
         ('t,x\n0,1\n1,2\n1,3\n', "line 4: 't' must increase, but 1 follows 1"),
@@ -61,7 +64,7 @@ def test_cells_may_be_text(table):
         ('', 'cannot be read: it is empty'),
         ('# nothing\n', 'cannot be read: it is empty'),
     ],
-    ids=range(9),
+    ids=range(10),
 )
 def test_mistakes_are_a_sentence_with_file_and_line(table, text, said):
     def all_of_it():

@@ -38,6 +38,16 @@ def test_csv_has_units_and_leaves_out_what_is_missing(tmp_path):
         rod.in_unit('N')
 
 
+def test_columns_of_text_are_no_signals(tmp_path):
+    text = 'Zeit [ms];a [m/s^2];state\n0;1,5;on\n1;-;on\n2;N/A;off\n3;2,5;off\n'
+    found = read_signal(table(tmp_path, text.replace('Zeit', 'Time')))
+    assert (found.name, found.times.tolist(), found.values.tolist()) == (
+        'a',
+        [0, 0.003],
+        [1.5, 2.5],
+    )
+
+
 def test_uneven_instants_are_kept(tmp_path):
     t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 50))
     rows = '\n'.join(f'{a!r},{a * a!r}' for a in t.tolist())
@@ -52,6 +62,11 @@ def test_uneven_instants_are_kept(tmp_path):
         ('a [s],x\n0,1\n1,2\n', None, "no column of time: name one 't"),
         ('t,x\n0,1\n0,2\n', None, 'times of channel .x. must increase, but 0 s follows 0 s'),
         ('t,x\n0,1\n1,nan\n', None, "'x' has 1 samples"),
+        (
+            't,x\n0,1\n1,2\n2,err\n',
+            None,
+            "line 4: expected a finite number in column 'x', got 'err'",
+        ),
         ('t,x,y\n0,1,1\n1,2,2\n', None, r'several channels \(x, y\): choose one'),
         ('t,rod,y\n0,1,1\n1,2,2\n', 'rot', "no channel 'rot'; did you mean 'rod'"),
         ('t [kg],x\n0,1\n1,2\n', None, "column 't'"),
