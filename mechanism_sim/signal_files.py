@@ -14,7 +14,7 @@ Instants are those of the file: they may be uneven.
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -101,7 +101,13 @@ def read_signal(
     ----------
     full_scale : quantity with a unit of the largest whole number of a WAV, as ``'50 m/s^2'``
     """
-    found = read_signals(path, full_scale)
+    return choose(path, read_signals(path, full_scale), channel)
+
+
+def choose(
+    path: Path | str, found: Mapping[str, ChannelSamples], channel: str | None
+) -> ChannelSamples:
+    """A channel of those of a file, or the only one."""
     if channel is None and len(found) > 1:
         raise InputError(f'{path} has several channels ({", ".join(found)}): choose one')
     name = channel or next(iter(found))
@@ -120,7 +126,7 @@ def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSam
     if full_scale and reader is not _wav:
         raise InputError(f'{path} has units of its own: a full scale is for WAV')
     channels = reader(path, full_scale) if reader is _wav else reader(path)
-    found = {c.name: _checked(path, c) for c in channels}
+    found = {c.name: checked(path, c) for c in channels}
     if not found:
         raise InputError(f'{path} has no channel that is a function of time')
     return found
@@ -131,7 +137,7 @@ def is_signal_file(path: Path | str) -> bool:
     return Path(path).suffix.lower() in READERS
 
 
-def _checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
+def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
     """The channel without samples that are missing; InputError if its times do not rise."""
     t, y = (np.asarray(x, dtype=float).ravel() for x in (channel.times, channel.values))
     known = np.isfinite(t) & np.isfinite(y)

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors
+from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measured import Measured, QuantityRecord, SensorRecord
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.sensing.chain import QUANTITIES
-from mechanism_sim.signal_files import ChannelSamples, is_signal_file, read_signal, read_signals
+from mechanism_sim.signal_files import (
+    ChannelSamples,
+    checked,
+    choose,
+    is_signal_file,
+    read_signals,
+)
 
 _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
@@ -58,10 +66,11 @@ def measurements(
     files : bags, or files of `signal_files`
     scenes : one for all files, or one for each of them; without any, those the bags hold
     overrides : of every scene
-    sensor : of a scene; of files other than bags also a quantity
+    sensor : of a scene, or a quantity
     skip : samples before this time are left out [s]
-    channel, full_scale : as for `read_signal`; without a channel all that are named like sensors
-        or quantities of the scene
+    channel, full_scale : as for `read_signal`; of a bag a path ``TOPIC.FIELD``. Without a channel
+        all that are named like sensors or quantities of the scene, of a bag without sensors its
+        joint states
     """
     if len(scenes) not in (0, 1, len(files)):
         raise InputError(f'{len(files)} bags need one --scene, as many, or none')
@@ -71,39 +80,64 @@ def measurements(
     found: list[Measured] = []
     for k, path in enumerate(files):
         machine = load_scene(scenes[k % len(scenes)], given) if scenes else None
-        if not is_signal_file(path):
-            if channel or full_scale:
-                raise InputError(
-                    f'{path} is a bag: --channel and --full-scale are for other files'
-                )
-            bag = read_bag(path)
-            signal = signal_of(bag, sensor).since(skip)
-            found.append(_of_sensor(bag, machine or machine_of(bag), signal))
-        elif machine is None:
-            raise InputError(f'{path} holds no machine: give --scene')
+        if is_signal_file(path):
+            channels = read_signals(path, full_scale)
+            if machine is None:
+                raise InputError(f'{path} holds no machine: give --scene')
         else:
-            channels = _chosen(path, machine, sensor, channel, full_scale)
-            found += [_of_file(path, machine, name, c, skip) for name, c in channels.items()]
+            if full_scale:
+                raise InputError(f'{path} is a bag: --full-scale is for a .wav file')
+            bag = read_bag(path)
+            if machine is None and scene_text(bag) is None:
+                raise InputError(f'{path} does not hold its scene: give a machine by --scene')
+            machine = machine or machine_of(bag)
+            if not channel and _is_of_sensor(bag, machine, sensor):
+                found.append(_of_sensor(bag, machine, signal_of(bag, sensor).since(skip)))
+                continue
+            channels = _channels_of(bag, channel)
+        chosen = _chosen(path, machine, sensor, channel, channels)
+        found += [_of_channel(path, machine, name, c, skip) for name, c in chosen.items()]
     return found
 
 
+def _is_of_sensor(bag: Bag, machine: Machine, name: str | None) -> bool:
+    """True if signals of a sensor are what a bag gives, and not numbers of its messages."""
+    given = bool(find_topics(bag)['sensors'])
+    return given and (name in machine.scene.sensors or name not in catalogue(machine))
+
+
+def _channels_of(bag: Bag, path: str | None) -> dict[str, ChannelSamples]:
+    """Joint states of a bag as ``position.JOINT`` and so on, or that to which a path leads."""
+    run = MessageRun(bag)
+    found = {path: run.one(path)} if path else run.series
+    if not found:
+        raise InputError(f'{bag.path} has no joint states: name numbers by --channel TOPIC.FIELD')
+    # of a joint nobody may say whether it turns or slides: numbers are SI all the same
+    units = {name: '' if ' or ' in x.unit else x.unit for name, x in found.items()}
+    return {
+        name: checked(bag.path, ChannelSamples(name, x.t, x.values, units[name]))
+        for name, x in found.items()
+    }
+
+
 def _chosen(
-    path: Path | str, machine: Machine, sensor: str | None, channel: str | None, full_scale: str
+    path: Path | str,
+    machine: Machine,
+    sensor: str | None,
+    channel: str | None,
+    channels: Mapping[str, ChannelSamples],
 ) -> dict[str, ChannelSamples]:
     """Channels of a file by the sensor or quantity that each is of."""
     known = [*machine.scene.sensors, *catalogue(machine)]
     if channel or sensor:
-        channels = read_signals(path, full_scale)
-        only = channel or (sensor if sensor in channels else None)
-        one = read_signal(path, only, full_scale)
-        name = sensor or one.name
-        if name in known:
-            return {name: one}
-        raise InputError(
-            f"{machine.name} has neither a sensor nor a quantity '{name}'{nearest(name, known)}: "
-            'name it by --sensor'
-        )
-    found = {n: c for n, c in read_signals(path, full_scale).items() if n in known}
+        named = sensor or channel or ''
+        if named not in known:  # what is meant comes before which channel it is
+            raise InputError(
+                f"{machine.name} has neither a sensor nor a quantity '{named}'"
+                f'{nearest(named, known)}: name it by --sensor'
+            )
+        return {named: choose(path, channels, channel or (named if named in channels else None))}
+    found = {n: c for n, c in channels.items() if n in known}
     if not found:
         raise InputError(
             f'{path} has no channel that is named like a sensor or a quantity of {machine.name}: '
@@ -112,7 +146,7 @@ def _chosen(
     return found
 
 
-def _of_file(
+def _of_channel(
     path: Path | str, machine: Machine, name: str, channel: ChannelSamples, skip: float
 ) -> Measured:
     later = channel.times >= max(skip, 0.0)

@@ -79,6 +79,18 @@ class MessageRun:
                 columns[name], units[name] = self._at(name, own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
 
+    def one(self, name: str) -> Series:
+        """Recorded values of one name, at the times of their messages."""
+        if name in self.series:
+            return self.series[name]
+        found = self._read(name)
+        if len(found) > 1:
+            raise InputError(
+                f"{self.path}: '{name}' leads to several numbers: "
+                f'{", ".join(x.name for x in found)}; choose one'
+            )
+        return found[0]
+
     def _read(self, name: str) -> list[Series]:
         path = parse(name, self._bag.topics)
         if path is None or not path.steps or path.topic not in self._bag.topics:

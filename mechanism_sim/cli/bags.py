@@ -298,8 +298,13 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         help="range of a parameter, for example 'radial=0.1 mm:0.4 mm'; several times",
     )  # fmt: skip
     option(more, '--joint', 'J', 'the loose joint, where there are several')
-    option(more, '--sensor', 'S', 'the sensor, where there are several; of files also a quantity')
-    option(more, '--channel', 'C', 'of a file, if it is not named like its sensor or quantity')
+    option(more, '--sensor', 'S', 'the sensor, where there are several; or a quantity')
+    option(
+        more,
+        '--channel',
+        'C',
+        'of a file, if it is not named like its sensor or quantity; of a bag TOPIC.FIELD',
+    )
     option(more, '--full-scale', 'Q', "largest number of a .wav, as '50 m/s^2'")
     option(
         more, '--method', 'M',

@@ -13,11 +13,15 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
+from mechanism_sim.messages import JointState, serialize
+from mechanism_sim.recording.rosbag2 import Qos
+from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.report.studies import fit_json, fit_text
 from mechanism_sim.results.measured import QuantityRecord, SensorRecord
 from mechanism_sim.studies.gauss_newton import LeastSquares, WindowFit
 from mechanism_sim.studies.identification import IdentifiedParameter, Result, identify
 from mechanism_sim.studies.parameters import Parameter, parameters
+from ros_interfaces.stamps import stamp
 
 pytestmark = pytest.mark.usefixtures('in_this_process')
 
@@ -281,6 +285,55 @@ def test_the_command_reads_a_file_of_two_channels(tmp_path):
     assert found['plausible']
     for path, value in TRUTH.items():
         assert found['parameters'][path]['low'] <= value <= found['parameters'][path]['high']
+
+
+@pytest.fixture(scope='module')
+def rig(tmp_path_factory):
+    """Joint states of a rig in a bag of another program: positions alone."""
+    path = tmp_path_factory.mktemp('rig') / 'rig.mcap'
+    t = np.arange(0.0, 3.0, 0.01)
+    y = oscillation(t) + 2e-4 * np.random.default_rng(6).standard_normal(len(t))
+    with BagWriter(path) as bag:
+        bag.add_topic('/states', 'sensor_msgs/msg/JointState', Qos())
+        for a, b in zip(t.tolist(), y.tolist(), strict=True):
+            message = JointState(name=['mass', 'table'], position=[b, 0.0])
+            message.header.stamp = stamp(a)
+            bag.write('/states', serialize(message), int(a * 1e9))
+    return path
+
+
+@pytest.mark.parametrize(
+    'how',
+    [
+        {},
+        {'sensor': 'position.mass'},
+        {'channel': '/states.position[mass]', 'sensor': 'position.mass'},
+    ],
+    ids=['all', 'by quantity', 'by path'],
+)
+def test_joint_states_of_a_bag_are_signals(rig, how):
+    signals = measurements([rig], ['mass_on_spring'], **how)
+    found = identify(signals, parameters(signals[0].machine, LIMITS, '', limits=LIMITS))
+    assert found.method == 'gauss-newton'
+    for e in found.estimates:
+        assert e.low <= TRUTH[e.parameter.path] <= e.high
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({}, 'rig.mcap does not hold its scene: give a machine by --scene'),
+        ({'sensor': 'position.mas'}, "did you mean 'position.mass'"),
+        ({'channel': '/states.position', 'sensor': 'position.mass'}, 'leads to several numbers'),
+        ({'channel': '/states.effort[mass]', 'sensor': 'position.mass'}, 'effort'),
+        ({'channel': '/states.position[mass]'}, "neither a sensor nor a quantity '/states.posit"),
+        ({'full_scale': '50 m/s^2'}, 'rig.mcap is a bag: --full-scale is for a .wav file'),
+    ],
+)
+def test_bags_that_cannot_be_understood_are_refused(rig, options, words):
+    scenes = ['mass_on_spring'] if options else []
+    with pytest.raises(InputError, match=words):
+        measurements([rig], scenes, **options)
 
 
 @pytest.mark.parametrize(
