@@ -11,7 +11,7 @@ import numpy as np
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Source
-from mechanism_sim.studies.plan import SweepPlan, read_plan
+from mechanism_sim.studies.plan import SweepPlan, measure_name, read_plan
 from mechanism_sim.studies.row import SOLUTION, SweepTask
 from mechanism_sim.studies.runs import FinishedRows, Row, Show, Workers
 from mechanism_sim.tables import Table
@@ -84,7 +84,7 @@ def ensemble(
             run.name,
             run.scene,
             plan.extent,
-            measures=tuple(m for m in run.measures if wanted is None or _name(m) in wanted),
+            measures=tuple(m for m in run.measures if wanted is None or measure_name(m) in wanted),
             wanted=wanted,
             keep=keep,
         )
@@ -122,11 +122,6 @@ def _wanted(plan: SweepPlan, columns: Sequence[str] | None) -> frozenset[str] | 
     for name in columns:
         check_known(name, known, f"ensemble: columns: there is no '{name}'", 'columns:')
     return frozenset([*columns, *plan.measure_names])
-
-
-def _name(measure: str) -> str:
-    """The column of a measure."""
-    return measure.partition(' = ')[0]
 
 
 def _rows(parameters: Any) -> list[dict[str, Any]]:

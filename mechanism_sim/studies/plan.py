@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from pathlib import Path
@@ -137,7 +137,7 @@ class SweepPlan:
     @property
     def measure_names(self) -> list[str]:
         """The columns of the measures."""
-        return [text.partition(' = ')[0] for text in self.measures]
+        return [*map(measure_name, self.measures)]
 
     @property
     def measured(self) -> list[ResultColumn]:
@@ -216,14 +216,9 @@ def read_plan(
     runs: list[Run] = []
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
     taken = _measures(path.name, file, measures)
-    kept = tuple(f'{m.name} = {m.text}' if m.name != m.text else m.text for m in taken)
-    reads_sensors = any(
-        n.startswith('sensors.') for m in taken for f in m.figures for n in f.names
-    )
     factors, drawn = _drawn(path.name, file)
     own: dict[str, ResultColumn] = {}
-    limits: dict[str, float] = {}
-    measured: set[str] = set()
+    measured: dict[str, tuple[str, ...]] = {}
     listed, total = file.runs or [{}], math.prod(map(len, grid)) * len(drawn) * file.repeat
     for one, point, values_drawn in product(listed, product(*grid), drawn):
         if show:
@@ -242,12 +237,12 @@ def read_plan(
                 if repetition * file.nudge:  # the drive a little further at the start
                     machine = started_at(machine, machine.drive.start[0] + repetition * file.nudge)
                 nudged = machine.scene
-                read = [] if file.windows else of_sensors(machine, taken)
+                asked = [*taken, *_of_scene(path.name, machine, taken)]
+                read = [] if file.windows else of_sensors(machine, asked)
                 if named not in measured:
-                    measured.add(named)
-                    for column in own_columns(machine, [*taken, *read]):
+                    measured[named] = _texts(asked)
+                    for column in own_columns(machine, [*asked, *read]):
                         own.setdefault(column.name, column)
-                    limits |= _limits(path.name, file, own)
                 admit_turning(machine, span(machine, extent.revolutions, extent.duration))
                 if file.windows:
                     edges, skipped = extent.edges(machine)
@@ -258,18 +253,20 @@ def read_plan(
                 values |= {REPEAT: repetition} if REPEAT in columns else {}
                 ordered = {c: values[c] for c in columns}
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
-                asked = (*kept, *(m.text for m in read))
-                ruling += [list(asked)] if asked else []
-                ruling += [_measurement_keys(nudged)] if reads_sensors or read else []
+                texts = (*_texts(asked), *(m.text for m in read))
+                ruling += [list(texts)] if texts else []
+                ruling += [_measurement_keys(nudged)] if read or _read_sensors(asked) else []
                 key = _hash(ruling)
-                runs.append(Run(len(runs), base.name, nudged, ordered, given, key, asked))
+                runs.append(Run(len(runs), base.name, nudged, ordered, given, key, texts))
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
+    names = dict.fromkeys(measure_name(text) for texts in measured.values() for text in texts)
+    limits = _limits(path.name, file, own, names)
     units = _units(columns, runs) | {f.path: f.unit for f in factors}
     design = file.design if factors else None
     return SweepPlan(
         path.stem, file.title, extent, columns, tuple(runs), file.bags, file.windows, units,
-        tuple(own.values()), kept, tuple(factors), design, limits,
+        tuple(own.values()), _of_all(measured.values()), tuple(factors), design, limits,
     )  # fmt: skip
 
 
@@ -285,14 +282,42 @@ def _content(source: str | Path | Mapping[str, Any], called: str) -> tuple[Path,
 def _measures(file: str, sweep: SweepFile, more: Sequence[str]) -> list[OwnMeasure]:
     """All measures, those of the command line last."""
     found = [*read_all(sweep.measures, f'{file}: measures'), *read_all([*more], '--measure')]
-    names = [m.name for m in found]
+    _check_names(file, [m.name for m in found])
+    return found
+
+
+def _check_names(file: str, names: Sequence[str]) -> None:
     for name in names:
         if names.count(name) > 1 or name in RESERVED:
             raise InputError(f"{file}: a column '{name}' is there already: choose another name")
-    for name in sweep.limits:
-        wrong = f'{file}: limits.{name}: there is no such measure'
-        check_known(name, names, wrong, 'measures:')
-    return found
+
+
+def _of_scene(file: str, machine: Machine, taken: Sequence[OwnMeasure]) -> list[OwnMeasure]:
+    """The measures of the scene itself; one of the sweep by the same name is taken instead."""
+    names = {m.name for m in taken}
+    own = {name: text for name, text in machine.scene.measures.items() if name not in names}
+    _check_names(f'{file}: measures of {machine.name}', [*own])
+    return read_all(own, f'{machine.name}: measures')
+
+
+def _texts(measures: Iterable[OwnMeasure]) -> tuple[str, ...]:
+    """Measures as ``NAME = TEXT``, or as ``TEXT`` which is its own name."""
+    return tuple(f'{m.name} = {m.text}' if m.name != m.text else m.text for m in measures)
+
+
+def measure_name(text: str) -> str:
+    """The column of a measure."""
+    return text.partition(' = ')[0]
+
+
+def _of_all(measured: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
+    """The measures that all scenes have."""
+    first, *others = measured
+    return tuple(text for text in first if all(text in other for other in others))
+
+
+def _read_sensors(measures: Iterable[OwnMeasure]) -> bool:
+    return any(n.startswith('sensors.') for m in measures for f in m.figures for n in f.names)
 
 
 def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, float]]]:
@@ -313,10 +338,17 @@ def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, fl
     return factors, [dict(zip(paths, row, strict=True)) for row in rows.tolist()]
 
 
-def _limits(file: str, sweep: SweepFile, own: Mapping[str, ResultColumn]) -> dict[str, float]:
+def _limits(
+    file: str,
+    sweep: SweepFile,
+    own: Mapping[str, ResultColumn],
+    names: Collection[str],
+) -> dict[str, float]:
     """The limits in the units of their measures."""
     found = {}
     for name, text in sweep.limits.items():
+        wrong = f'{file}: limits.{name}: there is no such measure'
+        check_known(name, names, wrong, 'measures:')
         try:
             found[name] = to_si_like(text, own[name].unit)
         except ValueError as error:

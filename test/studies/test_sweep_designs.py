@@ -19,6 +19,7 @@ import scipy
 import yaml
 from running import ROOT
 
+import mechanism_sim as ms
 from mechanism_sim import tables
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
@@ -88,6 +89,29 @@ def test_every_sensor_has_its_columns(tmp_path):
         felt = speed**2 * 0.5
         assert row['known'] == pytest.approx(math.hypot(felt, G / math.sqrt(2.0)), rel=2e-3)
         assert row['largest(sensors.end)'] == pytest.approx(felt + G, rel=2e-3)
+
+
+def test_measures_of_the_scene_are_columns(tmp_path):
+    """Those of the sweep by the same name are taken instead."""
+    own = 'measures: {top: largest(drive_torque), half: 0.5 * largest(drive_torque)}\n'
+    (tmp_path / 'weighed.yaml').write_text(SCENE + own, encoding='utf-8')
+    text = 'scene: weighed.yaml\nrevolutions: 1\ngrid: {drive.speed: [10 rad/s, 20 rad/s]}\n'
+    (tmp_path / 's.yaml').write_text(
+        text + 'measures: {half: 2 * largest(drive_torque)}\nlimits: {top: 15 N m}\n',
+        encoding='utf-8',
+    )
+    plan = read_plan(str(tmp_path / 's.yaml'))
+    assert {c.name: c.unit for c in plan.measured} == {'half': 'N m', 'top': 'N m'}
+    assert plan.limits == {'top': 15.0}
+    for row in run_plan(plan, tmp_path / 't.parquet')[1]:
+        assert row['top'] == pytest.approx(row['largest_torque.bar'], rel=1e-12)
+        assert row['half'] == pytest.approx(2.0 * row['top'], rel=1e-12)
+    scene = tmp_path / 'weighed.yaml'
+    found = ms.ensemble(scene, [{'drive.speed': '10 rad/s'}], revolutions=1)
+    assert found['half'][0] == pytest.approx(0.5 * found['top'][0], rel=1e-12)
+    scene.write_text(scene.read_text(encoding='utf-8').replace('top:', 'impacts:'), 'utf-8')
+    with pytest.raises(InputError, match="of weighed: a column 'impacts' is there already"):
+        ms.ensemble(scene, [{'drive.speed': '10 rad/s'}], revolutions=1)
 
 
 def test_a_latin_hypercube_has_one_sample_in_every_class():
