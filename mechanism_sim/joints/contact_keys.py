@@ -162,7 +162,8 @@ class Play(Part):
     radial: Displacement
     """Radial clearance; 0 for a contact that only lifts off."""
     restitution: Coefficient
-    """Coefficient of restitution: 0 without rebound, 1 without loss."""
+    """Coefficient of restitution: 0 without rebound, 1 without loss. A film without `roughness`
+    needs none."""
     hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
     """Hypothesis of restitution: ratio of velocities, impulses or energies; equal if smooth."""
     friction: FrictionCoefficient = 0.0
@@ -171,6 +172,15 @@ class Play(Part):
     """The arm of friction; only with friction."""
     contact: Contact | None = None
     """A contact force law or an oil film instead of a rigid contact; for all joints or none."""
+
+    @model_validator(mode='before')
+    @classmethod
+    def _walls_that_never_touch(cls, data: Any) -> Any:
+        contact = data.get('contact') if isinstance(data, dict) else None
+        given = vars(contact) if isinstance(contact, Contact) else contact
+        given = given if isinstance(given, dict) else {}
+        never = given.get('law') == 'film' and not given.get('roughness')
+        return {'restitution': 0.0, **data} if never else data
 
     @model_validator(mode='after')
     def _known_radii(self) -> Play:

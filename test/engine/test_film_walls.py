@@ -194,3 +194,21 @@ def test_roughness_is_of_oil_and_walls_are_alike():
                 'radial': 1e-4, 'restitution': 0.5, 'contact': OIL | {'roughness': 1e-6},
             },
         })  # fmt: skip
+
+
+def test_walls_that_never_touch_need_no_restitution():
+    """A rotor in a film, as a person of the trade writes it: nothing rebounds."""
+    play = {
+        'radial': 60e-6,
+        'contact': {**OIL, 'viscosity': 0.02, 'width': 0.025, 'radius': 0.025},
+    }
+    scene = {
+        'mechanism': 'linkage',
+        'links': {'rotor': {'mass': 20.0, 'inertia': 0.1}},
+        'joints': {'b': {'revolute': ['ground', 'rotor'], 'clearance': play}},
+        'drive': {'coordinate': 'rotor', 'speed': '3000 rpm'},
+    }
+    assert ms.load_scene(scene).plan.clearances['b'].wall == ''
+    play['contact']['roughness'] = 2e-6
+    with pytest.raises(InputError, match="'joints.b.clearance.restitution' is missing"):
+        ms.load_scene(scene)
