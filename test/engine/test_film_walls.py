@@ -203,6 +203,7 @@ def test_walls_that_never_touch_need_no_restitution():
         'contact': {**OIL, 'viscosity': 0.02, 'width': 0.025, 'radius': 0.025},
     }
     scene = {
+        'title': 'Rotor in oil',
         'mechanism': 'linkage',
         'links': {'rotor': {'mass': 20.0, 'inertia': 0.1}},
         'joints': {'b': {'revolute': ['ground', 'rotor'], 'clearance': play}},
@@ -210,5 +211,5 @@ def test_walls_that_never_touch_need_no_restitution():
     }
     assert ms.load_scene(scene).plan.clearances['b'].wall == ''
     play['contact']['roughness'] = 2e-6
-    with pytest.raises(InputError, match="'joints.b.clearance.restitution' is missing"):
+    with pytest.raises(InputError, match='restitution. is missing'):
         ms.load_scene(scene)
