@@ -211,5 +211,5 @@ def test_walls_that_never_touch_need_no_restitution():
     }
     assert ms.load_scene(scene).plan.clearances['b'].wall == ''
     play['contact']['roughness'] = 2e-6
-    with pytest.raises(InputError, match='restitution. is missing'):
+    with pytest.raises(InputError, match=r'restitution. is missing'):
         ms.load_scene(scene)
