@@ -80,7 +80,7 @@ def _report(options: argparse.Namespace) -> int:
     if options.beside or options.others or options.compare:
         return _compare(options)
     from mechanism_sim.pages.writing import write_page  # noqa: PLC0415
-    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report import measured, progress  # noqa: PLC0415
 
     file = output.check_path(
         '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
@@ -90,7 +90,7 @@ def _report(options: argparse.Namespace) -> int:
     digest, record = record.digest(), record.between(start, end)
     measures = read_measures(options, record.machine)
     with progress.bar('report', record.end, quiet=options.json) as show:
-        size = write_page(record, file, source, digest, measures, show)
+        size, found = write_page(record, file, source, digest, measures, show)
     if options.json:
         print_json(
             {
@@ -99,6 +99,7 @@ def _report(options: argparse.Namespace) -> int:
                 'start': record.start,
                 'end': record.end,
                 'size': size,
+                **measured.to_json(found),
             }
         )
     else:

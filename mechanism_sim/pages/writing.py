@@ -20,7 +20,7 @@ from mechanism_sim.report.charts.chart import ChartSection
 from mechanism_sim.report.charts.overlay import overlaid
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.measure_text import Measure
-from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.measures import Measured, Measurement
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Source, load_scene, span
@@ -99,8 +99,8 @@ def write_page(
     digest: str = '',
     measures: Sequence[str] | Sequence[Measure] = (),
     show: Callable[[float, int], None] | None = None,
-) -> int:
-    """Write the page of a run; its size [bytes].
+) -> tuple[int, list[Measured]]:
+    """Write the page of a run; its size [bytes], and the measures.
 
     Parameters
     ----------
@@ -109,14 +109,16 @@ def write_page(
     show : called with the progress of what the player needs
     """
     shown, parts = recorded(record, show), sections(record)
+    found: list[Measured] = []
     if measures:
         taken = Measurement(record.machine, measures, record.start, record.end)
-        taken.add(record.piece)
-        rows = tuple((row.label, row.text) for row in measured.rows(taken.found()))
+        taken.add(record.piece, record.history)
+        found = taken.found()
+        rows = tuple((row.label, row.text) for row in measured.rows(found))
         parts = [ChartSection('measures', 'Measures', '', (), rows), *parts]
     text = pages.page(shown, parts, source, digest)
     output.write_text(file, text)
-    return len(text.encode())
+    return len(text.encode()), found
 
 
 _MOST = 6  # runs that can be told apart

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact, Mode
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.numerics.batch_means import ratio
@@ -116,11 +117,16 @@ class Measurement:
             return product(unit, 's')
         return {'count': '', 'share': '', 'work': 'J'}.get(f.function, unit)
 
-    def add(self, piece: Piece) -> None:
-        """Enter the piece that follows."""
+    def add(self, piece: Piece, history: Motion | None = None) -> None:
+        """Enter the piece that follows.
+
+        Parameters
+        ----------
+        history : from the start of the run on, what sensors went by, where that is not the piece
+        """
         if not len(piece.motion):
             return
-        self._series.add(piece)
+        self._series.add(piece, history)
         self._turns.add(piece)
         for window in self._windows.values():
             window.add(piece)
@@ -373,8 +379,8 @@ class EventSeries:
             return str(self._machine.scene.sensors[str(joint)].unit)
         return IMPACT_UNITS.get(key, '')
 
-    def add(self, piece: Piece) -> None:
-        """Enter what happened in the piece that follows."""
+    def add(self, piece: Piece, history: Motion | None = None) -> None:
+        """Enter what happened in the piece that follows, and what sensors went by."""
         if not self._parts:
             return
         self._impacts += piece.impacts
@@ -382,7 +388,7 @@ class EventSeries:
             lost = c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
             self._changes.append((c.t, c.joint, lost))
         for name, channel in self._channels.items():
-            channel.take(piece.motion)
+            channel.take(piece.motion if history is None else history)
             self._take(name)
 
     def finish(self) -> None:

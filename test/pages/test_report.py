@@ -12,8 +12,10 @@ from bags import write_bag
 from builders import EVERY_KIND, ROUGH, simulated
 from live_pages import unpacked
 from running import run as command
+from running import run_json
 from scipy.interpolate import CubicHermiteSpline
 
+import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.errors import InputError
@@ -22,6 +24,7 @@ from mechanism_sim.pages import charts, report
 from mechanism_sim.pages import recorded as frames
 from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.results.measures import Measurement
 
 
 @pytest.fixture(scope='module')
@@ -336,3 +339,17 @@ def test_a_namespace_is_for_bags(tmp_path):
 def test_a_part_outside_of_the_run_is_refused(loose):
     with pytest.raises(InputError, match='is not within the run'):
         loose.between(-1.0, 0.1)
+
+
+def test_measures_of_a_part_of_a_run_know_what_came_before(tmp_path):
+    """Filters of a sensor remember: a part is measured as it is in the whole run."""
+    asked = 'rms(sensors.rocker_accelerometer)', 'count(impacts)'
+    run = ms.simulate('four_bar_clearance', revolutions=2)
+    whole = Measurement(run.machine, asked, 0.2, run.end)
+    whole.add(run)
+    given = ['report', 'four_bar_clearance', '--from', '0.2', '--duration', f'{run.end - 0.2!r} s']
+    given += [x for text in asked for x in ('--measure', text)]
+    found = run_json(*given, '--json', '-o', str(tmp_path / 'x.html'))
+    for m in whole.found():
+        assert found['measures'][m.name]['value'] == pytest.approx(m.value, rel=1e-9)
+        assert found['measures'][m.name]['resolution'] == m.resolution
