@@ -8,6 +8,7 @@ import sys
 from pathlib import PurePath
 
 from mechanism_sim import ending
+from ros_interfaces.streams import open_streams
 
 _GARBAGE = 10_000
 """Objects between two looks for garbage: of the usual 700 a twentieth of a short command is."""
@@ -15,6 +16,7 @@ _GARBAGE = 10_000
 
 def main() -> None:
     """The command line."""
+    open_streams()
     ending.begin()
     ending.one_thread()
     gc.set_threshold(_GARBAGE, 10, 10)

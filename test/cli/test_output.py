@@ -128,6 +128,16 @@ def test_an_output_that_is_full_is_said(words):
     )
 
 
+@pytest.mark.parametrize('closed', ['>&-', '<&- >&- 2>&-'])
+def test_an_output_that_is_closed_is_nobodys(tmp_path, closed):
+    """As with ``> /dev/null``: files that are opened do not take its place."""
+    file = tmp_path / 'x.svg'
+    words = f'{sys.executable} -m mechanism_sim draw four_bar_nominal -o {file} {closed}'
+    done = subprocess.run(words, shell=True, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert file.read_text(encoding='utf-8').rstrip().endswith('</svg>')
+
+
 def test_an_output_without_umlauts_gets_them_written_out():
     plain = os.environ | {'PYTHONIOENCODING': 'ascii'}
     words = [sys.executable, '-m', 'mechanism_sim', *CHECK, '--set', 'title=Größe']
