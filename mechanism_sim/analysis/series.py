@@ -26,7 +26,7 @@ from mechanism_sim.results.ranges import search
 from mechanism_sim.results.run import Piece, instants
 from mechanism_sim.tables import Table
 from ros_interfaces.plain import fields_of
-from ros_interfaces.stamps import seconds
+from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _TOPIC = re.compile(r'/?\w+(?:/\w+)*')
 _STEP = re.compile(
@@ -49,7 +49,7 @@ _EVENTS = (
     'mechanism_sim/msg/ModeChange',
     'mechanism_sim/msg/SceneChange',
 )
-_EPOCH = 1e9  # [s]: what is later counts from 1970
+_EPOCH = 10**18  # [ns]: what is later counts from 1970
 _PER_TURN, _FEWEST, _MOST = 360.0, 2000, 40_000  # instants
 
 
@@ -96,14 +96,14 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
     where these count from 1970, from the start of the bag. Arrays of samples, which come with a
     sample rate, are spread over time.
     """
-    origin = bag.start * 1e-9 if bag.start * 1e-9 > _EPOCH else 0.0
+    origin = bag.start if bag.start > _EPOCH else 0
     by_topic: dict[str, list[_Collector]] = {}
     collectors = [_Collector(path, origin) for path in paths]
     for path, collector in zip(paths, collectors, strict=True):
         by_topic.setdefault(path.topic, []).append(collector)
     for topic, message, logged in bag.messages(by_topic):
         for collector in by_topic[topic]:
-            collector.add(message, logged / 1e9)
+            collector.add(message, logged)
     sliding = displacements(bag)
     return [collector.series(bag, sliding) for collector in collectors]
 
@@ -111,14 +111,14 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
 class _Collector:
     """Gathers what one path leads to."""
 
-    def __init__(self, path: MessagePath, origin: float) -> None:
+    def __init__(self, path: MessagePath, origin: int) -> None:
         self._path, self._origin = path, origin
         self._found: dict[tuple[str, ...], tuple[array[float], array[float]]] = {}
         self._type, self._unit = '', ''
         self._missed: MissingFieldError | None = None
 
-    def add(self, message: Any, logged: float) -> None:
-        """The message that follows, logged at a time [s]."""
+    def add(self, message: Any, logged: int) -> None:
+        """The message that follows, logged at a time [ns]."""
         self._type = self._type or _type(message)
         try:
             values = self._path.values(message)
@@ -137,16 +137,17 @@ class _Collector:
             ts.append(time)
             xs.append(value)
 
-    def _time(self, message: Any, logged: float) -> float:
+    def _time(self, message: Any, logged: int) -> float:
         own = getattr(message, 'time', None)
         if isinstance(own, float):
-            return own
+            return own - 1e-9 * self._origin if own > 1e-9 * _EPOCH else own
         stamped = getattr(
             getattr(message, 'header', message), 'stamp', getattr(message, 'clock', None)
         )
-        time = seconds(stamped) if hasattr(stamped, 'nanosec') else 0.0
+        time = nanoseconds(stamped) if hasattr(stamped, 'nanosec') else 0
         time = time or logged
-        return time - self._origin if time > _EPOCH else time
+        # whole nanoseconds: a float of 1970 on has steps of 0.2 us
+        return (time - self._origin if time > _EPOCH else time) / NANOSECONDS
 
     def series(self, bag: Bag, sliding: Collection[str] | None) -> list[Series]:
         """One for each item."""

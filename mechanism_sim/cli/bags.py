@@ -335,7 +335,7 @@ def _detail_options(sub: argparse.ArgumentParser) -> None:
     how = sub.add_argument_group('how')
     option(how, '--against', 'BAG', 'divide deviations by those of this other bag')
     option(how, '--band', 'A:B', "frequency band of envelopes, as '500 Hz:2 kHz'")
-    skip_option(how, "with --fit as '2 s'")
+    skip_option(how, "turns begin at angle zero; with --fit as '2 s'")
     text = "radius of the pin for wear, as '6 mm'; that of the scene if not given"
     option(how, '--pin-radius', 'R', text)
     option(how, '--plots', 'DIR|FILE', 'draw them: a folder, .pdf, .png or .svg')

@@ -33,7 +33,7 @@ def source_options(sub: argparse.ArgumentParser) -> None:
     time_option(sub, '--from', 'begin at this time', 'start')
     time_option(sub, '--to', 'end at this time', 'end')
     length_options(sub)
-    skip_option(sub)
+    skip_option(sub, 'turns begin at angle zero')
     namespace_option(sub)
 
 

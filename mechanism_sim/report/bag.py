@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
 
+_EPOCH = 1e9  # [s]: what is later counts from 1970
 _ROWS = 12  # of a table of revolutions, before its middle is left out
 _LINES = 10
 _ORDERS = 12
@@ -91,7 +93,12 @@ def _head(s: Summary) -> Iterator[SummaryRow]:
     early = ''
     if s.ended_early and s.planned_end is not None:
         early = f'ENDED EARLY: it was to last until {instant(s.planned_end)} s'
-    yield SummaryRow('time', f'{instant(s.start)} s to {instant(s.end)}', 's', words=early)
+    origin = s.start if s.start > _EPOCH else 0.0  # all other times count from there
+    if origin:
+        early = f'from {datetime.fromtimestamp(origin, UTC):%Y-%m-%d %H:%M:%S} UTC on'
+    end = round(s.end - origin, 6) if origin else s.end  # what a float of 1970 on resolves
+    span = f'{instant(s.start - origin)} s to {instant(end)}'
+    yield SummaryRow('time', span, 's', words=early)
     if s.motion is not None:
         m = s.motion
         how = f'slides, {m.mean_speed:.6g} m/s on average'

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bags import write_bag
 from builders import simulated
+from running import run as command
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import field_ranges
@@ -81,3 +82,20 @@ def test_samples_without_a_value_are_counted(tmp_path):
     known = {f.quantity: (f.samples, f.unknown) for f in found}
     assert known['/joint_states.velocity[rod]'] == (81, 2)
     assert known['/joint_states.position[rod]'] == (81, 0)
+
+
+def test_times_of_a_clock_are_exact_to_the_nanosecond(tmp_path):
+    """A float of seconds since 1970 has steps of 0.2 us; all count from the start of the bag."""
+    begin = 1_700_000_000_123_456_789
+    path = tmp_path / 'clock.mcap'
+    with BagWriter(path) as bag:
+        bag.add_topic('/joint_states', 'sensor_msgs/msg/JointState', Qos())
+        for k in range(5):
+            t = begin + 10_000_000 * k
+            message = JointState(name=['rod'], position=[0.1 * k])
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(t, 10**9)
+            bag.write('/joint_states', serialize(message), t)
+    run = ms.open_run(path)
+    assert run.series['position.rod'].t.tolist() == [0.0, 0.01, 0.02, 0.03, 0.04]
+    done = command('analyze', str(path))
+    assert 'time   0 s to 0.04 s (from 2023-11-14 22:13:20 UTC on)' in done.stdout
