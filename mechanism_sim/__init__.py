@@ -19,6 +19,7 @@ from mechanism_sim.numerics.lazy_sympy import postpone_sympy as _postpone_sympy
 _ROOMS = {
     'analysis.open_run': ('open_run',),
     'catalogue': ('scene_names',),
+    'errors': ('InputError', 'RunError'),
     'pages.notebook': ('explore', 'play'),
     'report.shown': ('animate', 'draw', 'plot'),
     'report.typeset': ('equations',),
@@ -41,8 +42,10 @@ _HOMES = {name: module for module, names in _ROOMS.items() for name in names}
 
 __all__ = [
     'DrivePart',
+    'InputError',
     'JointPart',
     'LinkPart',
+    'RunError',
     'Scene',
     'SensorPart',
     'animate',

@@ -30,7 +30,7 @@ from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantity import Shown
-from mechanism_sim.results.run import IMPACT_UNITS, Piece, Runner
+from mechanism_sim.results.run import IMPACT_UNITS, Piece, Runner, seconds_of
 from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
@@ -94,7 +94,7 @@ class RunDerivative:
         known = self._piece.catalogue
         chosen = known.choose(names) if names else known.shown(Shown.RUN)
         chosen = [n for n in chosen if n != 't']
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = seconds_of(t)
 
         def taken(piece: Piece) -> Array:
             found = known.table(chosen, piece.view(times))

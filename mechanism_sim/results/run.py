@@ -52,6 +52,18 @@ class Stats:
     switches: int  #: events: impacts and losses of contact
 
 
+def seconds_of(t: Any) -> Array:
+    """Times (N,) [s] of numbers, texts with units, or time differences of NumPy and pandas."""
+    given = np.atleast_1d(np.asarray(t))
+    if given.dtype.kind == 'm':
+        return np.asarray(given / np.timedelta64(1, 's'))
+    if given.dtype.kind in 'US' or given.dtype == object:
+        given = np.array([argument('t', x, 's') for x in given.ravel().tolist()])
+    if given.dtype.kind not in 'iuf':
+        raise InputError(f't: expected times [s], got {given.dtype}')
+    return given.astype(float)
+
+
 @dataclass(frozen=True)
 class Piece(Rich):
     """A part of a run.
@@ -105,11 +117,11 @@ class Piece(Rich):
 
     def view(self, t: Array | float) -> View:
         """The machine at times `t` (N,) [s]."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = seconds_of(t)
         return View.at(self.machine, self.motion, times, self.balance)
 
     def sample(self, t: Array | float, *names: str) -> Table:
-        """Quantities at times `t` [s], as arrays (N,) by name.
+        """Quantities at times `t` ([s], or texts with units), as arrays (N,) by name.
 
         Parameters
         ----------
@@ -125,7 +137,11 @@ class Piece(Rich):
         """
         known = self.catalogue
         chosen = known.choose(names) if names else known.shown(Shown.RUN)
-        return known.table(chosen, self.view(t))
+        times = seconds_of(t)
+        if len(times):
+            return known.table(chosen, self.view(times))
+        one = known.table(chosen, self.view(float(self.motion.curve.start[0])))
+        return Table({name: x[:0] for name, x in one.items()}, one.units)
 
     def to_frame(self, *names: str, rate: float | str | None = None) -> Any:
         """A data frame of `sample`, evenly over the motion: of pandas, else of polars.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -18,6 +19,7 @@ from mechanism_sim.tables import Table
 
 _HEADING = re.compile(r'(.+?)\s*\[([^\[\]]+)\]$')
 _ALWAYS = 'run', 'status'
+_TWICE = "ensemble: parameters: there are two columns of '{}': keep one"
 
 
 class Ensemble(Table):
@@ -130,6 +132,9 @@ def _rows(parameters: Any) -> list[dict[str, Any]]:
     if names := getattr(getattr(parameters, 'dtype', None), 'names', None):
         columns = {name: parameters[name] for name in names}
     elif not isinstance(parameters, Mapping) and hasattr(parameters, 'columns'):  # a data frame
+        names = [str(name) for name in parameters.columns]
+        if twice := next((name for name in names if names.count(name) > 1), ''):
+            raise InputError(_TWICE.format(twice))
         columns = {name: parameters[name].to_list() for name in parameters.columns}
     if isinstance(columns, Mapping):
         rows = _by_rows(columns)
@@ -154,7 +159,7 @@ def _overrides(row: Mapping[str, Any]) -> dict[str, Any]:
     for name, x in row.items():
         path, value = _value(str(name), x)
         if path in found:
-            raise InputError(f"ensemble: parameters: there are two columns of '{path}': keep one")
+            raise InputError(_TWICE.format(path))
         found[path] = value
     return found
 
@@ -183,6 +188,8 @@ def _value(name: str, x: Any) -> tuple[str, Any]:
     found = _HEADING.match(name)
     if found is None:
         return name, plain
+    if isinstance(plain, float) and math.isnan(plain):  # as data frames have it
+        raise InputError(f"ensemble: parameters: a cell of '{name}' is empty")
     path, unit = found.groups()
     number = isinstance(plain, int | float) and not isinstance(plain, bool)
     return path, f'{plain!r} {unit}' if number else plain

@@ -114,7 +114,7 @@ def test_a_library_that_is_missing_is_named(shown, monkeypatch):
 
 def test_the_package_completes_to_what_is_documented_and_nothing_else():
     directive = (
-        r'^\.\. (?:auto(?:function|class)|class):: (?:mechanism_sim\.pages\.writing\.)?'
+        r'^\.\. (?:auto(?:function|class|exception)|class):: (?:mechanism_sim\.pages\.writing\.)?'
         r'(\w+)(?:\(\))?$'
     )
     documented = re.findall(directive, API, re.MULTILINE)

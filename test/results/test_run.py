@@ -222,3 +222,17 @@ def test_a_run_that_no_computer_ends_is_refused(run):
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': '1e-20 rpm'})
     with pytest.raises(InputError, match=r'four_bar_clearance: 6e\+21 s take more than 1e\+11'):
         list(run(machine, **({} if run is ms.cycle else {'revolutions': 1})))
+
+
+def test_times_may_be_what_an_analyst_has():
+    """Numbers, texts with units, time differences; none at all give an empty table."""
+    solution = ms.simulate('slider_crank', duration='0.1 s')
+    known = solution.sample([0.02, 0.1], 'position.crank')['position.crank']
+    for t in (['20 ms', '0.1 s'], np.array([20, 100], 'm8[ms]'), ['20 ms', 0.1]):
+        assert np.array_equal(solution.sample(t, 'position.crank')['position.crank'], known)
+    empty, full = solution.sample([]), solution.sample(0.1)
+    assert (list(empty), empty.units) == (list(full), full.units)
+    assert {len(x) for x in empty.values()} == {0}
+    for wrong in ([True], [None], np.array(['2020-01-01'], 'M8[s]'), ['1 kg']):
+        with pytest.raises(ms.InputError, match=r'^t[ :]'):
+            solution.sample(wrong)

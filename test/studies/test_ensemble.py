@@ -212,3 +212,19 @@ def test_windows_that_end_within_steps_hold_the_flight_in_them(since, until):
     found = ms.ensemble(machine, {'links.bead.mass': ['1 kg']}, duration=until, skip=f'{since} s')
     share = (np.sqrt(0.1) - since) / (until - since)
     assert found['share_of_flight'][0] == pytest.approx(share, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        (
+            [['drive.speed [rpm]'] * 2, [[300, 310]]],
+            "two columns of 'drive.speed \\[rpm\\]': keep",
+        ),
+        ([['drive.speed [rpm]'], [[300], [np.nan]]], "a cell of 'drive.speed \\[rpm\\]' is empty"),
+    ],
+)
+def test_cells_of_a_data_frame_that_are_none_are_refused(given, said):
+    frame = pytest.importorskip('pandas').DataFrame(given[1], columns=given[0])
+    with pytest.raises(InputError, match=said):
+        ms.ensemble(SCENE, frame, **EXTENT)
