@@ -6,10 +6,12 @@ closes the loops and publishes the states of all joints and their frames. With `
 ``driver_states`` come from a controller or an encoder.
 """
 
+import os
 from pathlib import Path
 
+from ament_index_python.packages import get_packages_with_prefixes
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
@@ -20,6 +22,16 @@ ARGUMENTS = {
     'gui': ('true', 'a panel with a slider for each driving joint'),
     'rviz': ('true', 'RViz with the machine'),
 }
+NEEDED = {'gui': 'joint_state_publisher_gui', 'rviz': 'rviz2'}
+
+
+def _refuse(context):
+    """Refuse to begin without a package that is wanted, before anything has started."""
+    installed = get_packages_with_prefixes()
+    for flag, package in NEEDED.items():
+        wanted = context.launch_configurations[flag].strip().lower() in ('true', '1')
+        if wanted and package not in installed:
+            raise RuntimeError(f'{package} is not installed: install it, or give {flag}:=false')
 
 
 def generate_launch_description():
@@ -33,6 +45,8 @@ def generate_launch_description():
     relay = Node(
         package='mechanism_sim', executable='loop_relay', parameters=[scene], output='screen',
         on_exit=Shutdown(reason='loop_relay has ended'),
+        # it ends with this process however that ends
+        additional_env={'MECHANISM_SIM_PARENT': str(os.getpid())},
     )  # fmt: skip
     panel = Node(
         package='joint_state_publisher_gui', executable='joint_state_publisher_gui',
@@ -45,4 +59,4 @@ def generate_launch_description():
         package='rviz2', executable='rviz2', arguments=['-d', layout],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )  # fmt: skip
-    return LaunchDescription([*declared, relay, panel, rviz])
+    return LaunchDescription([*declared, OpaqueFunction(function=_refuse), relay, panel, rviz])

@@ -7,9 +7,9 @@ unknown angles). All functions are vectorised over the crank angle.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise, permutations
 from typing import Literal
 
 import numpy as np
@@ -281,17 +281,21 @@ def _loops(mechanism: Mechanism, driven: Collection[str]) -> Iterator[Loop]:
     """Every loop of the ground and three links, one way round."""
     order = [body.name for body in mechanism.bodies]
     order.sort(key=lambda link: link not in driven)
-    for links in permutations(order, 3):
-        if order.index(links[0]) > order.index(links[2]):
-            continue
-        ring = (GROUND, *links, GROUND)
-        between = [
-            [j for j in mechanism.joints if {j.first, j.second} == {a, b}]
-            for a, b in pairwise(ring)
-        ]
-        if all(len(js) == 1 for js in between):
-            a, b, c, d = (js[0] for js in between)
-            yield links, (a, b, c, d)
+    pairs = Counter(frozenset((j.first, j.second)) for j in mechanism.joints)
+    only = {p: j for j in mechanism.joints if pairs[p := frozenset((j.first, j.second))] == 1}
+
+    def beside(link: str, places: Iterable[int]) -> list[tuple[int, Joint]]:
+        """Links that a single joint joins to one, by their place in the order."""
+        met = ((k, only.get(frozenset((link, order[k])))) for k in places)
+        return [(k, joint) for k, joint in met if joint is not None]
+
+    every = range(len(order))
+    for k, a in beside(GROUND, every):
+        for m, b in beside(order[k], every):
+            for n, d in beside(GROUND, every[k + 1 :]):
+                c = only.get(frozenset((order[m], order[n])))
+                if c is not None:
+                    yield (order[k], order[m], order[n]), (a, b, c, d)
 
 
 def _end(joint: Joint, link: str) -> Vector2:

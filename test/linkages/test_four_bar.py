@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import pairwise, permutations
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import yaml
@@ -13,8 +16,9 @@ from mpmath import mp, mpf
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import FourBar, _loops
 from mechanism_sim.linkages.grashof import crank_turns, excess
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.files import find_scene
 
 THESIS = FourBar(0.387, 0.064, 0.309, 0.312)
@@ -322,3 +326,23 @@ def test_a_four_bar_is_known_by_its_loop_however_its_links_are_drawn(loose):
         for s in (one, other)
     ]
     assert reactions[1] == pytest.approx(reactions[0], rel=1e-6 if loose else 1e-11)
+
+
+def test_loops_are_those_that_every_three_links_make():
+    """Links of a parallelogram row, some joined twice: walking finds what trying all does."""
+    order = [f'l{k}' for k in range(6)]
+    pairs = [(GROUND, 'l0'), ('l0', 'l1'), ('l1', 'l2'), ('l2', GROUND), ('l2', 'l3'),
+             ('l3', 'l4'), ('l4', GROUND), ('l1', 'l5'), ('l5', GROUND), ('l5', 'l4'),
+             ('l3', 'l5'), ('l3', 'l5')]  # fmt: skip
+    joints = [SimpleNamespace(first=a, second=b) for a, b in pairs]
+    machine = SimpleNamespace(bodies=[SimpleNamespace(name=x) for x in order], joints=joints)
+    driven = ['l4']
+    ranked = sorted(order, key=lambda link: link not in driven)
+    tried = []
+    for links in permutations(ranked, 3):
+        ring = (GROUND, *links, GROUND)
+        own = [[j for j in joints if {j.first, j.second} == {*two}] for two in pairwise(ring)]
+        if ranked.index(links[0]) < ranked.index(links[2]) and all(len(x) == 1 for x in own):
+            tried.append((links, tuple(x[0] for x in own)))
+    assert len(tried) > 3
+    assert list(_loops(machine, driven)) == tried
