@@ -141,9 +141,10 @@ _USUAL: dict[signal.Signals, tuple[Any, SignalHandlerOptions]] = {
 }
 
 
-ROUND = 64
-"""Messages that a subscription hands over at most in its turn: for each turn the executor of rclpy
-makes a set of all entities anew, which costs more than most callbacks."""
+ROUND, TURN = 64, 0.02
+"""Messages that a subscription hands over at most in its turn, and [s] after which it takes no
+more: for each turn the executor of rclpy makes a set of all entities anew, which costs more than
+most callbacks; where callbacks take long, services must not wait for all of them."""
 
 LEASES = {
     'CYCLONEDDS_URI': 'file://{}/cyclonedds.xml',
@@ -241,11 +242,14 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                 await callback(message)
 
         def take_all(message: Any) -> None:
+            end = time.monotonic() + TURN
             if good(message):
                 callback(message)
             with suppress(InvalidHandle):  # the callback may have destroyed the subscription
                 handle = subscription.handle
                 for _ in range(ROUND):
+                    if time.monotonic() > end:
+                        return
                     with handle:
                         taken = handle.take_message(msg_type, raw)
                     if taken is None:

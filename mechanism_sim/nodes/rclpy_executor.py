@@ -3,7 +3,9 @@
 For each turn of callbacks rclpy makes a wait set of all entities, which the middleware attaches
 one by one, and for each callback a task that wakes the executor twice more. That costs more than
 most callbacks. Subscriptions and timers with plain callbacks, nearly all that happens in a run,
-are served here; all else is left to rclpy. Importing this raises ImportError where rclpy lacks the
+are served here, and services and clients in turn with them: rclpy hands on what is ready kind by
+kind, one at a time, and services come after all timers and subscriptions, which on a busy machine
+is never. All else is left to rclpy. Importing this raises ImportError where rclpy lacks the
 parts that it needs and that are not promised; rclpy's own executor does the same.
 """
 
@@ -12,6 +14,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from inspect import iscoroutinefunction
 from typing import Any
 
@@ -23,6 +26,8 @@ from rclpy.waitable import NumberOfEntities
 
 _PARTS = {'_context', '_guard', '_is_shutdown', '_sigint_gc', '_tasks'}
 if not {*rclpy.executors.Executor.__init__.__code__.co_names} >= _PARTS:
+    raise ImportError('this rclpy has an executor of another kind')
+if not {'_make_handler', '_take_service', '_take_client'} <= {*dir(rclpy.executors.Executor)}:
     raise ImportError('this rclpy has an executor of another kind')
 
 ABANDONED = rclpy_implementation.InvalidHandle
@@ -135,6 +140,22 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
             for entity in entities
             if not iscoroutinefunction(entity.callback)
         }
+        self._plain |= {
+            entity.handle.pointer: (partial(self._hand_over, node, take), entity)
+            for node in nodes
+            for take, entities in (
+                (self._take_service, node.services),
+                (self._take_client, node.clients),
+            )
+            for entity in entities
+        }
+
+    def _hand_over(self, node: Any, take: Callable[[Any], Any], entity: Any) -> None:
+        """Let rclpy take a request or a response and call what waits for it."""
+        handler = self._make_handler(entity, node, take)
+        handler()
+        if handler.exception() is not None:
+            raise handler.exception()
 
 
 def _call_timer(timer: Any) -> None:

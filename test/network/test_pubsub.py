@@ -297,6 +297,46 @@ def test_callbacks_get_bytes_or_information_if_they_ask():
         assert before <= info['source_timestamp'] <= info['received_timestamp']
 
 
+def test_a_service_gets_its_turn_amid_messages_that_never_end(either):
+    """By how many messages come between, not by time: on a busy machine all takes longer."""
+    process = either.start("""
+        import time
+        from mechanism_sim.messages import Impact, Trigger
+        from mechanism_sim.nodes.middleware import *
+        init()
+        node, handled = Node('busy'), []
+        publisher = node.create_publisher(
+            Impact, 'again', QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        )
+        def again(message):
+            handled.append(message.index)
+            time.sleep(0.002)
+            publisher.publish(message)
+        keep_all = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        node.create_subscription(Impact, 'again', again, keep_all)
+        node.create_timer(1e-6, lambda: None)
+        node.create_service(Trigger, 'ask', lambda request, response: response)
+        client = node.create_client(Trigger, 'ask')
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        while not client.service_is_ready():
+            executor.spin_once(0.1)
+        for index in range(20):
+            publisher.publish(Impact(index=index))
+        while len(handled) < 100:
+            executor.spin_once(0.1)
+        answer = client.call_async(Trigger.Request())
+        while not answer.done() and len(handled) < 4000:
+            executor.spin_once(0.1)
+        print('answered', answer.done(), len(handled) - 100)
+        shutdown()
+    """)
+    done, between = process.expect('answered').split()
+    process.finish()
+    assert done == 'True'
+    assert int(between) < 200
+
+
 @pytest.mark.usefixtures('joined')
 def test_nodes_in_one_executor_run_in_the_order_of_arrival():
     order = []
