@@ -13,14 +13,11 @@ from mechanism_sim.nodes.control import SimulationControl
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Client, Future, Parameter, ReentrantCallbackGroup
-from mechanism_sim.nodes.pace import AHEAD, Pace
+from mechanism_sim.nodes.pace import AHEAD, BEHIND, Pace
 from mechanism_sim.nodes.qos import CLOCK, RESULTS
 from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.spawning import LeadingDrive, Spawning
-
-BEHIND = 0.95
-"""Share of the real-time factor asked for below which the diagnostics warn."""
 
 
 class CrankDrive(Drive):
@@ -265,7 +262,7 @@ class CrankDrive(Drive):
     def _worthwhile(self) -> float:
         """Time [s] below which a message would extend the law by too little."""
         lead, _ = self._lead_and_factor()
-        return self.announced + 0.1 * lead
+        return self.announced + 0.25 * lead
 
     def _lead_and_factor(self) -> tuple[float, float]:
         lead, factor = self.value('lead'), self.value('realtime_factor')
@@ -294,6 +291,7 @@ class CrankDrive(Drive):
             if self.playing and asked > 0.0 and achieved < BEHIND * asked:
                 found.level = DiagnosticStatus.WARN
                 found.message = f'{achieved:.3g} times real time instead of {asked:g}'
+                self.get_logger().warning(found.message, throttle_duration_sec=60.0)
         return found
 
 

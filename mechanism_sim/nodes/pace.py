@@ -7,6 +7,9 @@ import time
 AHEAD = 0.1
 """[s] of wall time by which a law is announced before it is due, and partners may be late."""
 
+BEHIND = 0.95
+"""Share of the real-time factor asked for below which it is said."""
+
 
 class Pace:
     """Keeps simulated time at a factor of wall time since it last began to go."""

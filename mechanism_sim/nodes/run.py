@@ -18,6 +18,7 @@ from mechanism_sim.nodes.display import Display
 from mechanism_sim.nodes.lifecycle import CamNode, GearTrain, GenevaNode, LinkageNode
 from mechanism_sim.nodes.middleware import Parameter, backend
 from mechanism_sim.nodes.oscillator import OscillatorNode
+from mechanism_sim.nodes.pace import BEHIND
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.nodes.qos import PROFILES, RESULTS
 from mechanism_sim.nodes.sensors import Sensors
@@ -159,6 +160,7 @@ class Outcome:
     wall_time: float  #: [s] from the start of the first process to the end of the last
     run_time: float  #: [s] from the first message to the last: by the bag, if there is one
     realtime_factor: float  #: by `run_time`
+    realtime_factor_asked: float  #: 0: as fast as it goes
     impacts: int
     sent: dict[str, int]  #: messages by topic, as the nodes counted them
     bag: str | None  #: of the last run
@@ -171,10 +173,12 @@ class Outcome:
 
     def text(self) -> str:
         """The closing lines of a run."""
+        asked = self.realtime_factor_asked
+        behind = f'instead of {asked:g} ' if self.realtime_factor < BEHIND * asked else ''
         lines = [
             f'{self.scene} ({self.level}): {self.duration:.6g} s simulated in '
             f'{self.run_time:.3g} s, {self.realtime_factor:.3g} x real time '
-            f'({self.wall_time:.3g} s including start-up and shutdown)',
+            f'{behind}({self.wall_time:.3g} s including start-up and shutdown)',
             f'  {counted(self.impacts, "impact")}, {counted(sum(self.sent.values()), "message")}',
         ]
         if self.bag:
@@ -226,6 +230,7 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         time.monotonic() - began,
         took,
         realtime_factor(simulated, took) or 0.0,
+        plan.realtime_factor,
         monitor.impacts if monitor else 0,
         sent,
         str(bags[-1]) if bags else None,
