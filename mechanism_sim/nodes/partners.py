@@ -104,8 +104,8 @@ class Partners:
         name, now, present = self._node.get_name(), time.monotonic(), self._present()
         if present.count(name) > 1:
             raise RunError(
-                f"another '{name}' is running in this domain: end it, or give this run "
-                'a domain of its own (ROS_DOMAIN_ID=1)'
+                f"another '{name}' is running in this domain: end it, or give this run a "
+                'domain of its own (ROS_DOMAIN_ID=1), or a namespace (--namespace left)'
             )
         # One that was there may have done its part and left before this node is ready, or before
         # the graph had it.
