@@ -52,11 +52,11 @@ def quoted(value: object) -> str:
     return _SHORT.repr(value)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
+def nearest(word: str, known: Iterable[str], likeness: float = 0.5) -> str:
     """``; did you mean 'X'?`` for the nearest of the known words, or nothing."""
     import difflib  # noqa: PLC0415 - few runs are refused
 
-    close = difflib.get_close_matches(word[:100], list(known), 1, 0.5)
+    close = difflib.get_close_matches(word[:100], list(known), 1, likeness)
     return f"; did you mean '{close[0]}'?" if close else ''
 
 

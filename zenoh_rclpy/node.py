@@ -91,7 +91,9 @@ class Node(NodeGraph, NodeParameters):
         self.warnings = Warnings(self.context, self._logger)
         self._entities.append(self.warnings)
         given = [Parameter(n, value=v) for n, v in arguments.parameters_of(full_name).items()]
-        self._parameters = Parameters(full_name, [*given, *(parameter_overrides or ())])
+        given += parameter_overrides or ()
+        self._parameter_overrides = {parameter.name: parameter for parameter in given}
+        self._parameters = Parameters(full_name, given)
         events = self.create_publisher(
             message_class('rcl_interfaces/msg/ParameterEvent'),
             '/parameter_events',

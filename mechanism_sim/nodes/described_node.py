@@ -12,6 +12,7 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
+from mechanism_sim.errors import nearest
 from mechanism_sim.messages import (
     DiagnosticArray,
     DiagnosticStatus,
@@ -91,6 +92,16 @@ class DescribedNode(Node):
             description=about, read_only=read_only, dynamic_typing=True
         )
         self.declare_parameter(name, '', descriptor)
+
+    def name_strangers(self) -> None:
+        """Warn of parameters it is launched with that are nearly, but not quite, its own.
+
+        Others may be meant for other nodes: ROS hands them to all.
+        """
+        own = self.list_parameters([], 0).names
+        for name in self._parameter_overrides:
+            if name not in own and (meant := nearest(name, own, 0.7)):
+                self.get_logger().warning(f"there is no parameter '{name}'{meant}")
 
     def announce(self, name: str, value: float, since: float) -> None:
         """Tell in the log from which time [s] on a parameter's new value holds."""

@@ -83,6 +83,7 @@ def run_nodes(
             nodes += make()
             for node in nodes:
                 executor.add_node(node)
+                node.name_strangers()
             if any(node.keeps for node in nodes):
                 ending.allow(PATIENCE)
             gc.freeze()  # what is there now stays: the collector need not look through it

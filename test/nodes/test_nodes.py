@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from collections import Counter
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from running import TIMEOUT, environment, run, run_json, script, start
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
+from mechanism_sim.nodes.run import Outcome
 from mechanism_sim.recording.reader import read_bag
 
 # what nodes do is compared with runs of this process
@@ -430,3 +432,22 @@ def test_a_paced_run_is_not_faster_than_its_clock():
     outcome = run_json('run', SCENE, '--duration', '1', '--realtime-factor', '1')
     assert outcome['duration'] == pytest.approx(1.0, abs=1e-12)
     assert outcome['wall_time'] > 0.85
+
+
+@pytest.mark.usefixtures('backend')
+def test_parameters_that_are_nearly_right_are_named():
+    """ROS passes over what a node does not know; those meant for other nodes are not named."""
+    given = 'crank_drive:leed:=0.1', 'sceen:=geneva', 'lead:=0.2'
+    more = [part for text in given for part in ('-p', text)]
+    done = run('run', 'slider_crank', '--duration', '0.1', '--ros-args', *more, '--')
+    assert done.returncode == 0
+    assert "[crank_drive]: there is no parameter 'leed'; did you mean 'lead'?" in done.stderr
+    assert "[crank_drive]: there is no parameter 'sceen'; did you mean 'scene'?" in done.stderr
+    assert "'lead';" not in done.stderr
+
+
+def test_a_run_that_does_not_keep_its_pace_says_so():
+    outcome = Outcome(0, 'x', 'smooth', 1.0, 3.0, 2.0, 0.5, 1.0, 0, {}, None, [], 'zenoh')
+    assert '1 s simulated in 2 s, 0.5 x real time instead of 1 (3 s' in outcome.text()
+    assert 'instead' not in replace(outcome, realtime_factor_asked=0.0).text()
+    assert 'instead' not in replace(outcome, realtime_factor=0.99).text()
