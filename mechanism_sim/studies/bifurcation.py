@@ -294,7 +294,7 @@ def follow(
     shared : the plan of those that begin near to where they settle
     """
     state: State | None = None
-    before: Machine | None = None
+    before: Array | None = None
     course = _Course()
     found: list[dict[str, Any]] = []
     for change in changes:
@@ -302,6 +302,7 @@ def follow(
         try:
             machine = Machine(name, check_scene(name, content, change))
             why = '' if machine.drive.fastest else 'the crank is at rest'
+            own = _begin(machine)
         except InputError as error:  # of a range some values may not be
             why = str(error)
         if why:
@@ -309,32 +310,37 @@ def follow(
             found.append(_NOTHING | none)
             state, course = None, _Course()
             continue
-        for begin, seen in _starts(state, before, machine, course.step()):
+        shift = None if before is None else own - before
+        for begin, seen in _starts(state, shift, course.step()):
             try:
                 near = shared if shared and begin else plan
-                settled = _settled(machine, near, begin, seen)
+                settled = _settled(machine, own, near, begin, seen)
                 if settled:
                     response, state, ends = settled
                     break
             except RunError as error:
                 response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
-        state, before = None if branch == START else state, machine
+        state, before = None if branch == START else state, own
         course.enter(ends)
     return {'responses': found}
 
 
 def _starts(
-    state: State | None, before: Machine | None, machine: Machine, step: Array | None
+    state: State | None, shift: Array | None, step: Array | None
 ) -> Iterator[tuple[State | None, int]]:
     """Where a run may begin, the best first, and the turns that tell whether it has settled.
 
     Where a machine cannot begin as the one before ended, it begins as its scene says.
+
+    Parameters
+    ----------
+    shift : (2 f,) what lies between the starts of both scenes
     """
-    if state and before:
+    if state and shift is not None:
         if step is not None:
-            yield _moved(state, before, machine, step), _SEEN_AHEAD
-        yield _moved(state, before, machine), _SEEN
+            yield _moved(state, shift + step), _SEEN_AHEAD
+        yield _moved(state, shift), _SEEN
     yield None, _SEEN
 
 
@@ -392,25 +398,28 @@ def _begin(machine: Machine) -> Array:
     return np.concatenate([x[free] for x in found])
 
 
-def _moved(state: State, before: Machine, machine: Machine, step: Array | None = None) -> State:
-    """A state of one machine as one of another: by what lies between their starts, and a step.
+def _moved(state: State, step: Array) -> State:
+    """A state of one machine as one of another: moved by what lies between their starts.
 
     With other lengths, or at another speed of the crank, contacts would open or strike: a
     thousandth of the rates is as much as the speed of many impacts.
     """
-    now = np.array([*state.q, *state.v]) + (_begin(machine) - _begin(before))
-    q, v = (now if step is None else now + step).reshape(2, -1)
+    q, v = (np.array([*state.q, *state.v]) + step).reshape(2, -1)
     still = (0,) * len(state.turns)
     return replace(state, q=tuple(q.tolist()), v=tuple(v.tolist()), turns=still)
 
 
 def _settled(
-    machine: Machine, plan: SectionPlan, state: State | None, seen: int
+    machine: Machine, own: Array, plan: SectionPlan, state: State | None, seen: int
 ) -> tuple[dict[str, Any], State, Ends] | None:
     """The section of a machine after its transient, and the state at the end.
 
     A transient of so many turns at least is compared with as many before. None where it was
     foretold, but does not settle: it may be near what has become unstable.
+
+    Parameters
+    ----------
+    own : (2 f,) positions and rates with which the scene begins
     """
     try:
         engine = machine.start(state=state)
@@ -418,7 +427,7 @@ def _settled(
         raise RunError(str(error)) from error
     if not isinstance(engine, EventLoop):
         raise RunError(f'{machine.name}: a motion in closed form has no sections')
-    tally, runner = _SectionTally(machine, plan), Runner(machine, engine)
+    tally, runner = _SectionTally(machine, own, plan), Runner(machine, engine)
     turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
     if seen < _SEEN:
         turns = max(3 * seen, plan.transient // 4)
@@ -440,8 +449,8 @@ def _settled(
 class _SectionTally:
     """Sections of a run that comes in pieces."""
 
-    def __init__(self, machine: Machine, plan: SectionPlan) -> None:
-        self._plan, self._turn, self._begin = plan, machine.drive.period, _begin(machine)
+    def __init__(self, machine: Machine, own: Array, plan: SectionPlan) -> None:
+        self._plan, self._turn, self._begin = plan, machine.drive.period, own
         self._edges: Array = self._turn * np.arange(plan.transient + plan.keep + 1.0)
         free = machine.equations.system.free
         self._names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in free]

@@ -217,10 +217,10 @@ def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
     """Where neither the state before nor the own start leads on: others go on, none coexists."""
     settled = study._settled
 
-    def fails(machine, plan, state, seen):
+    def fails(machine, own, plan, state, seen):
         if machine.scene.drive.speed.value > speed(1.25):
             raise RunError('broken')
-        return settled(machine, plan, state, seen)
+        return settled(machine, own, plan, state, seen)
 
     monkeypatch.setattr(study, '_settled', fails)
     low, high = speed(1.2), speed(1.3)
