@@ -268,14 +268,14 @@ class Crank:
     def turned(self, t: Array) -> Array:
         """Revolutions (N,) since the start by times (N,) [s]; nan where not recorded."""
         turned = np.full(len(t), np.nan)
-        if self.curve is not None and not self._slides:
+        if self.curve is not None and not self.slides:
             k, dt, known = self._find(self.curve, t)
             turned[known] = turns_at(self.curve, 0, k[known], dt[known], self._start)
         return -turned if self._net < 0 else turned
 
     def angle(self, t: float) -> float | None:
         """The angle at time t [s], in [0, 2 pi); None where not recorded."""
-        if self.curve is None or self._slides:
+        if self.curve is None or self.slides:
             return None
         k, dt, known = self._find(self.curve, np.array([t]))
         return float(np.mod(self.curve.at(k, dt)[0, 0], TWO_PI)) if known[0] else None
@@ -292,13 +292,14 @@ class Crank:
             start=float(c.start[0]),
             end=c.end,
             crank=self._names[0][self._index],
-            revolutions=None if self._slides else abs(self._net),
+            revolutions=None if self.slides else abs(self._net),
             mean_speed=TWO_PI * self._net / lasted if lasted > 0 else 0.0,
             gaps=tuple(gaps(c)),
         )
 
     @property
-    def _slides(self) -> bool:
+    def slides(self) -> bool:
+        """True if it moves straight, without angles."""
         return self._names is not None and self._names[0][self._index] in self._displacements
 
     @cached_property
@@ -351,6 +352,7 @@ class LoadSummary:
     joints: tuple[LoadPeak, ...]
     drive_torque: LoadPeak
     moments: tuple[LoadPeak, ...] = ()  #: [N m] of bearings that tilt
+    drive_unit: str = 'N m'  #: of the drive: N where it slides
 
 
 def load_summary(
@@ -358,6 +360,7 @@ def load_summary(
     shapes: Mapping[str, PeakShape],
     crank_angle: Callable[[float], float | None],
     samples: int | None = None,
+    slides: bool = False,
 ) -> LoadSummary | None:
     """The loads among the peaks of quantities; None if there are no forces.
 
@@ -365,6 +368,7 @@ def load_summary(
     ----------
     peaks, shapes : by the names of the catalogue
     crank_angle : angle [rad] of the crank at a time [s]
+    slides : whether the main drive moves straight, by a force
     """
     found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
     for name, (value, time) in peaks.items():
@@ -380,7 +384,8 @@ def load_summary(
     none = replace(forces[0], value=0.0) if forces else LoadPeak('', 0.0, 0.0, None)
     drive = efforts[0] if efforts else none
     moments = tuple(found['bearing_moment'])
-    return LoadSummary(samples, tuple(forces), replace(drive, name='drive'), moments)
+    unit = 'N' if slides else 'N m'
+    return LoadSummary(samples, tuple(forces), replace(drive, name='drive'), moments, unit)
 
 
 @dataclass(frozen=True)
@@ -464,7 +469,9 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         start, end = moved.start, moved.end
     elif ledger.end is not None:
         end = max(end, ledger.end)
-    loads = load_summary(peaks.peaks(), peaks.shapes(), crank.angle) if peaks else None
+    loads = None
+    if peaks:
+        loads = load_summary(peaks.peaks(), peaks.shapes(), crank.angle, slides=crank.slides)
     if loads is None and present['joint_reactions']:
         loads = _published_loads(bag, topics['joint_reactions'], crank)
     of_motion = peaks.ends() if peaks else {}
@@ -510,7 +517,7 @@ def _published_loads(bag: Bag, topics: tuple[str, ...], crank: Crank) -> LoadSum
     ranges = PublishedRanges()
     for _, message, _ in bag.messages(topics):
         ranges.add(float(message.time), loads_of(message))
-    return load_summary(largest(ranges.ends), {}, crank.angle, ranges.samples)
+    return load_summary(largest(ranges.ends), {}, crank.angle, ranges.samples, crank.slides)
 
 
 def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | None]:

@@ -389,7 +389,7 @@ def load_rows(
     levels : loads not exceeded in `SHARE` of the time [N, N m] by the names in `loads`
     """
     units = [(peak, 'N') for peak in loads.joints]
-    units += [(peak, 'N m') for peak in (loads.drive_torque, *loads.moments)]
+    units += [(loads.drive_torque, loads.drive_unit), *((peak, 'N m') for peak in loads.moments)]
     rows = [(*_row(peak, unit), *_level(peak, unit, levels)) for peak, unit in units]
     columns = 6 if any(row[4] for row in rows) else 4
     held = [f'{100.0 * SHARE:g} % of the time at most'] if levels is not None else []
@@ -415,7 +415,7 @@ def _level(peak: LoadPeak, unit: str, levels: Mapping[str, float] | None) -> tup
 
 def peaks_of(loads: LoadSummary, levels: Mapping[str, float]) -> Iterator[str]:
     """A clause for each largest load that is but a peak: how long it lasts, what it carries."""
-    for peak, unit in [(x, 'N') for x in loads.joints] + [(loads.drive_torque, 'N m')]:
+    for peak, unit in [(x, 'N') for x in loads.joints] + [(loads.drive_torque, loads.drive_unit)]:
         level = levels.get(peak.name, math.inf)
         if abs(peak.value) > _BRIEF * level and peak.whole and peak.duration and peak.impulse:
             yield (

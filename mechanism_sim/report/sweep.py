@@ -150,7 +150,9 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
             row = [e.factor, e.measure, unit, _text(scale * e.effect), share]
             if indices:
                 row += [
-                    f'{i[0]:.3f} ({i[1]:.2f} to {i[2]:.2f})' if i else ''
+                    f'{i[0]:.3f}{f" ({i[1]:.2f} to {i[2]:.2f})" * math.isfinite(i[1])}'
+                    if i
+                    else ''
                     for i in (e.first, e.total)
                 ]
             table.append(row)
@@ -163,6 +165,12 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
             f'{100.0 * x.share:.1f} % (95 %: {100.0 * x.low:.1f} to {100.0 * x.high:.1f} %)'
         )
     return lines
+
+
+def _index(found: tuple[float, float, float]) -> str:
+    """An index with its interval, if it has one."""
+    index, low, high = found
+    return f'{index:.3f} ({low:.2f} to {high:.2f})' if math.isfinite(low) else f'{index:.3f}'
 
 
 def to_json(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> dict[str, Any]:

@@ -39,7 +39,12 @@ FIGURES = (
             ),
         )
     ),
-    ResultColumn('revolutions', '', 'of the crank that these figures are made of'),
+    ResultColumn(
+        'revolutions',
+        '',
+        'of the crank that these figures are made of; none where it slides or swings: they are '
+        'of the whole window',
+    ),
     ResultColumn('largest_impulse', 'N s', 'of an impact'),
     ResultColumn('largest_force', 'N', 'in any joint, between impacts'),
     ResultColumn('max_penetration', 'm', 'deepest violation of an open gap, whole run'),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from warnings import catch_warnings, filterwarnings
 
 import numpy as np
 import scipy
@@ -164,7 +165,11 @@ def _indices(plan: SweepPlan, y: Array) -> dict[str, Any]:
     pages = y.reshape(d + 2, 1, n)
     func = {'f_A': pages[0], 'f_B': pages[1], 'f_AB': pages[2:]}
     found = scipy.stats.sobol_indices(func=func, n=n)
-    spread = found.bootstrap(confidence_level=0.95, n_resamples=999)
+    with catch_warnings():
+        # an index that is the same in all resamples has no interval
+        for kind in (RuntimeWarning, scipy.stats.DegenerateDataWarning):
+            filterwarnings('ignore', category=kind)
+        spread = found.bootstrap(confidence_level=0.95, n_resamples=999)
     return {
         factor.path: tuple(
             (

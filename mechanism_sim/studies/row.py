@@ -98,6 +98,7 @@ class _Figures:
         self.since = self.edges[self._skip]
         self._whole = bool(task.extent.revolutions)
         self._main = machine.physics.coordinates.index(machine.plan.main)
+        self._slides = machine.plan.main in machine.mechanism.displacements
         self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
         self._tally = StatisticsTally(self.edges) if task.wants(*_BY_TURNS) else None
         self._digest = MotionDigest() if task.wants('digest') else None
@@ -130,12 +131,16 @@ class _Figures:
         """The figures of the whole run."""
         figures: dict[str, float] = {}
         if self._tally:
-            turned = np.abs(np.diff(self._crank))[self._skip :] / (2.0 * np.pi)
+            steps = np.diff(self._crank)[self._skip :]
+            turned = np.abs(steps) / (2.0 * np.pi)
             if self._whole:
                 turned = np.ones_like(turned)  # but for rounding
+            turns = float(turned.sum())
+            if self._slides or steps.min() < 0.0 < steps.max():  # it makes no turns
+                turned, turns = np.full(len(steps), 1.0 / len(steps)), math.nan
             means = self._tally.means(self._skip, turned)
             found = [x for m in means for x in (m.mean, m.half_width)]
-            figures |= zip((f.name for f in FIGURES), [*found, turned.sum()], strict=False)
+            figures |= zip((f.name for f in FIGURES), [*found, turns], strict=False)
         largest = {j: max(x, default=0.0) for j, x in self._struck.items()}
         figures['largest_impulse'] = max(largest.values(), default=0.0)
         if self._peaks:

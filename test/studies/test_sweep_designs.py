@@ -114,6 +114,33 @@ def test_measures_of_the_scene_are_columns(tmp_path):
         ms.ensemble(scene, [{'drive.speed': '10 rad/s'}], revolutions=1)
 
 
+def test_what_slides_or_swings_has_figures_of_the_whole_window():
+    """A mass between two stops, and a pendulum: neither makes revolutions to divide by."""
+    mass = {
+        'title': 'Mass between two stops',
+        'mechanism': 'linkage',
+        'links': {'m': {'mass': 2.0}},
+        'joints': {
+            'g': {
+                'prismatic': ['ground', 'm'],
+                'stops': {'lower': 0.0, 'upper': 0.05, 'restitution': 0.5},
+            }
+        },
+        'initial': {'velocity': {'m': 1.0}},
+        'gravity': [0.0, 0.0],
+    }
+    found = ms.ensemble(mass, [{'links.m.mass': 2.0}], duration=0.3)
+    run = ms.simulate(mass, duration=0.3)
+    assert found['impacts'][0] == pytest.approx(len(run.impacts))
+    assert found['impulse'][0] == pytest.approx(sum(i.normal_impulse for i in run.impacts))
+    assert found['dissipated'][0] == pytest.approx(run.energy.dissipated)
+    assert np.isnan(float(found['revolutions'][0]))
+    swung = ms.ensemble('pendulum', [{'gravity': [0.0, -9.81]}], duration=6.0)
+    assert np.isnan(float(swung['revolutions'][0]))
+    turned = ms.ensemble('slider_crank', [{'gravity': [0.0, -9.81]}], duration=1.0)
+    assert turned['revolutions'][0] == pytest.approx(10.0)
+
+
 def test_a_latin_hypercube_has_one_sample_in_every_class():
     factors = [factor('a', [0.0, 1.0]), factor('b', {'normal': [5.0, 2.0]})]
     found = points(factors, 'latin_hypercube', 50, 7)

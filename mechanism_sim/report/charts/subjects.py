@@ -84,7 +84,7 @@ def loads(course: ChartedRun) -> ChartSection | None:
         return None if record.slides else float(record.angle(np.array([t]))[0]) % math.tau
 
     found = {name: peak for name, peak in peaks.peaks().items() if peak.value}
-    known = load_summary(found, peaks.shapes(), angle)
+    known = load_summary(found, peaks.shapes(), angle, slides=record.slides)
     if known is None:
         return None
     levels: dict[str, float] = {}
