@@ -86,13 +86,14 @@ def playable(bag: Bag, topics: Sequence[str] = ()) -> list[str]:
 def _hindrance(bag: Bag, name: str) -> str:
     """Why a topic cannot be published, empty if it can or is not in the bag."""
     topic = bag.topics.get(name)
-    encoding = bag.encoding(name) if topic else 'cdr'
+    if topic is None:
+        return ''
+    encoding = bag.encoding(name)
     if encoding != 'cdr':
         spoken = 'JSON' if encoding == 'json' else encoding or 'nothing known'
         return f'{name} is {spoken} without a ROS 2 type'
     try:
-        if topic:
-            message_class(topic.type)
+        message_class(topic.type)
     except MessageError:
         return f'{name} is {topic.type or "of no type"}, which is not known here'
     return ''
