@@ -41,6 +41,7 @@ _holding = False  # a process is being started
 _signals = -1  # end of the pipe into which signals put bytes, once `begin` was called
 _noticed = 0.0  # [s] when a signal was taken in, by ``time.monotonic``
 _patience = PATIENCE
+_words: Callable[[], str] | None = None  # says what is kept
 
 
 def begin() -> None:
@@ -148,21 +149,31 @@ def interrupted() -> int:
     return 0 if '--ros-args' in sys.argv else INTERRUPTED
 
 
-def report_signal(text: str = 'interrupted') -> int:
+def say_when_interrupted(words: Callable[[], str] | None) -> None:
+    """Give the sentence for the time in which finished work is kept, from any thread; or none."""
+    global _words  # noqa: PLW0603
+    _words = words
+
+
+def report_signal(text: str = '') -> int:
     """Say on standard error that a signal ended the program, once; gives the exit code."""
     global _silent  # noqa: PLW0603
     if not _silent:
         _silent = True
         with suppress(OSError):
-            print(f'mechanism-sim: {text}', file=sys.stderr, flush=True)
+            print(_sentence(text), file=sys.stderr, flush=True)
     return interrupted()
+
+
+def _sentence(text: str = '') -> str:
+    return f'mechanism-sim: {text or (_words() if _words else "interrupted")}'
 
 
 def quit_now() -> None:
     """End at once, from any thread."""
     if not _silent:
         with suppress(OSError):
-            os.write(2, b'mechanism-sim: interrupted\n')
+            os.write(2, f'{_sentence()}\n'.encode(errors='backslashreplace'))
     os._exit(interrupted())
 
 

@@ -4,8 +4,52 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Generic, TypeVar
+from weakref import ref
+
+T = TypeVar('T')
+
+
+class Reused(Generic[T]):
+    """Things that cost much to make: when the owner of one is gone, the next may have it.
+
+    Nothing is called as an owner goes: Python swallows what a signal raises in a finaliser or a
+    callback of a weak reference, and a Ctrl-C would be lost there. An owner is looked for when
+    the next asks.
+
+    Parameters
+    ----------
+    most : how many things like one are kept at most; more go with their owners
+    """
+
+    def __init__(self, most: Callable[[T], int]) -> None:
+        self._most = most
+        self._lent: deque[tuple[ref[object], T]] = deque()
+
+    def take(self, owner: object, fits: Callable[[T], bool] = lambda _: True) -> T | None:
+        """A thing whose owner is gone, the last lent first, or None; others that do not fit go."""
+        for _ in range(len(self._lent)):
+            try:
+                entry = self._lent.pop()  # while it is out, no other thread can take it
+            except IndexError:
+                break
+            last, thing = entry
+            if last() is not None:
+                self._lent.appendleft(entry)
+            elif fits(thing):
+                self._lent.append((ref(owner), thing))
+                return thing
+        return None
+
+    def lend(self, thing: T, owner: object) -> T:
+        """Lend a thing that was made for an owner; the thing."""
+        if len(self._lent) < self._most(thing):
+            self._lent.append((ref(owner), thing))
+        return thing
 
 
 def resident(pid: int | None = None) -> float:

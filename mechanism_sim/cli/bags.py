@@ -89,7 +89,7 @@ def _play(options: argparse.Namespace) -> int:
         raise InputError('--rate and --delay must not be negative')
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
-    from mechanism_sim.nodes.player import player  # noqa: PLC0415
+    from mechanism_sim.nodes.player import playable, player  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
@@ -99,10 +99,11 @@ def _play(options: argparse.Namespace) -> int:
     start, length = getattr(options, 'from'), (bag.end - bag.start) / 1e9
     if not 0.0 <= start <= length:
         raise InputError(f'--from {start:g}: {options.bag} has messages from 0 to {length:g} s')
+    topics = playable(bag, options.topics)
     with player(options.timeout) as node:
         time.sleep(options.delay)
         with progress.bar('play', length, quiet=options.json) as show:
-            count = node.play(bag, options.topics, options.rate, start, options.clock, show)
+            count = node.play(bag, topics, options.rate, start, options.clock, show)
     if options.json:
         print_json({'bag': options.bag, 'messages': count})
     else:

@@ -42,8 +42,8 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
         much = f': {error}' if str(error) else ''
         needed = InputError(f'this needs more memory than there is{much}; ask for less of it')
         sys.exit(_report_failure(needed, 2, given))
-    except KeyboardInterrupt:
-        sys.exit(ending.report_signal())
+    except KeyboardInterrupt as interrupted:
+        sys.exit(ending.report_signal(str(interrupted)))
     except BrokenPipeError:
         # Whoever read our output has had enough; Python must not complain while closing it.
         _mute()

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechanism_sim import ending
 from mechanism_sim.cli.options import (
     Command,
     flag,
@@ -333,7 +332,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from mechanism_sim.report import sweep as report  # noqa: PLC0415
     from mechanism_sim.report.sweep import SweepCharts  # noqa: PLC0415
     from mechanism_sim.studies.plan import read_plan  # noqa: PLC0415
-    from mechanism_sim.studies.sweep import SweepInterrupted, run_plan  # noqa: PLC0415
+    from mechanism_sim.studies.sweep import run_plan  # noqa: PLC0415
     from mechanism_sim.tables import default_ending  # noqa: PLC0415
 
     with progress.busy('checking', options.json) as say:
@@ -349,14 +348,11 @@ def _sweep(options: argparse.Namespace) -> int:
     pareto = [x for x in (options.pareto or '').split(',') if x]
     if pareto and (len(pareto) != 2 or not options.plots):
         raise InputError("--pareto 'A,B' are two measures, with --plots PLACE")
-    try:
-        with progress.count('sweep', plan.size, quiet=options.json) as show:
-            summary, rows = run_plan(
-                plan, table, options.workers, options.dask, options.bags, options.windows,
-                options.restart, show,
-            )  # fmt: skip
-    except SweepInterrupted as interrupted:
-        return ending.report_signal(str(interrupted))
+    with progress.count('sweep', plan.size, quiet=options.json) as show:
+        summary, rows = run_plan(
+            plan, table, options.workers, options.dask, options.bags, options.windows,
+            options.restart, show,
+        )  # fmt: skip
     if options.plot or options.effects or options.plots:
         drawn = SweepCharts(plan, rows)
         if options.plot:

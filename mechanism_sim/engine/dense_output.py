@@ -14,6 +14,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.clock import Base
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.system import System
+from mechanism_sim.memory import Reused
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact_sum, shift_powers
 from mechanism_sim.planar.drive import TWO_PI
 
@@ -142,7 +143,7 @@ class Status(NamedTuple):
 
 BLOCK = 256
 """Steps of a block of memory."""
-_KEPT = 2**24  # [B] of blocks that are left to later runs
+_KEPT = 2**24  # [B] of blocks that runs leave to later ones
 
 
 def floats(array: Array) -> memoryview[float]:
@@ -155,7 +156,7 @@ class DenseOutput:
 
     A step is first written to its slot ``slots[len(lengths)]``, then entered in `taus` and
     `lengths`; the event loop does so itself, being the innermost of all loops. Memory is used
-    again after every `drain`, for fresh memory costs more than the step.
+    again after every `drain`, and by the next run: fresh memory costs more than the step.
 
     Attributes
     ----------
@@ -164,7 +165,9 @@ class DenseOutput:
     lengths : of every step [s]
     """
 
-    _spare: ClassVar[list[tuple[Array, list[memoryview[float]]]]] = []
+    _left: ClassVar[Reused[tuple[Array, list[memoryview[float]]]]] = Reused(
+        lambda made: _KEPT // made[0].nbytes
+    )
 
     def __init__(self, system: System, order: int) -> None:
         self.slots: list[memoryview[float]] = []
@@ -198,20 +201,15 @@ class DenseOutput:
 
     def grow(self) -> None:
         """Make room for more steps."""
-        block, slots = self._spare.pop() if self._spare else (np.zeros(0), [])
-        if block.shape[1:] != self._shape:
-            self._spare.clear()
-            block = np.zeros((BLOCK, *self._shape))
-            row, flat = block[0].size, floats(block)
-            slots = [flat[i : i + row] for i in range(0, block.size, row)]
+        found = self._left.take(self, lambda left: left[0].shape[1:] == self._shape)
+        block, slots = found or self._left.lend(self._made(), self)
         self._blocks.append(block)
         self.slots += slots
 
-    def __del__(self) -> None:
-        """Leave memory to the next run: where runs are short, it costs as much as their steps."""
-        for k, block in enumerate(self._blocks):
-            if len(self._spare) * block.nbytes < _KEPT:
-                self._spare.append((block, self.slots[k * BLOCK : (k + 1) * BLOCK]))
+    def _made(self) -> tuple[Array, list[memoryview[float]]]:
+        block = np.zeros((BLOCK, *self._shape))
+        row, flat = block[0].size, floats(block)
+        return block, [flat[i : i + row] for i in range(0, block.size, row)]
 
     def enter(self, tau: float, h: float) -> None:
         """Enter the step that is in its slot."""

@@ -16,6 +16,8 @@ from mechanism_sim.nodes.partners import SETTLE
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.planar.drive import DriveLaw
 
+_LOOK = 0.5  # [s] between looks whether time waits for a command
+
 
 class DriveCommands:
     """Takes commands by topic and by parameter; a command holds from where the law is known to.
@@ -28,7 +30,10 @@ class DriveCommands:
     With a parameter ``command_period`` [s] > 0 there is one command for each period, and time does
     not go on without: the first period runs by the scene, the one after the n-th command by that.
     A controller that answers each state with one command then sees the same run every time. Time
-    begins when there is a publisher of commands.
+    begins when there is a controller: a publisher of commands, or a command, as of a program that
+    the graph does not show. What is commanded before holds from 0 on, and is none of the n: a
+    program that nobody sees can but repeat it until it is heard. A controller is no partner: when
+    one leaves, time waits for the command of another, and the log says so.
     """
 
     def __init__(self, drive: Drive) -> None:
@@ -40,6 +45,8 @@ class DriveCommands:
         self._taken = 0
         self._early: deque[float] = deque()
         self._since: float | None = None  # [s] of wall time when a controller was first seen
+        self._begun = False
+        self._held = 0.0, -1.0  # [s] of wall time since when time is held, and where
         self._name = ''
         commanded = drive.machine.drive.commands
         name, given = commanded_part(law)
@@ -58,18 +65,27 @@ class DriveCommands:
         about = f'Commanded {name} of the drive, SI'
         self._launched = self._present = drive.declare(name, given, about, (-limit, limit))
         drive.add_post_set_parameters_callback(self._follow)
-        heard = drive.create_subscription(Float64, f'command/{name}', self._receive, RESULTS)
+        receive = drive.once_ready(self._receive)
+        heard = drive.create_subscription(Float64, f'command/{name}', receive, RESULTS)
         self._topic = heard.topic_name
+        if self._period:
+            drive.create_timer(_LOOK, self._watch)
 
     @property
     def horizon(self) -> float:
-        """Time [s] up to which commands are there; 0 until there is a publisher of commands."""
+        """Time [s] up to which commands are there; 0 until there is a controller."""
         if not self._period:
             return math.inf
-        if self._since is None and self._drive.get_publishers_info_by_topic(self._topic):
-            self._since = time.monotonic()
-        there = self._since is not None and time.monotonic() > self._since + SETTLE
-        return (self._taken + 1) * self._period if there else 0.0
+        if not self._begun:
+            if self._since is None and self._published:
+                self._since = time.monotonic()
+            self._begun = self._since is not None and time.monotonic() > self._since + SETTLE
+        return (self._taken + 1) * self._period if self._begun else 0.0
+
+    @property
+    def _published(self) -> bool:
+        """True if the graph shows who publishes commands."""
+        return bool(self._drive.get_publishers_info_by_topic(self._topic))
 
     def begin(self) -> None:
         """A run begins, or begins anew: as it was launched, or with another value of the scene."""
@@ -91,6 +107,20 @@ class DriveCommands:
             self._taken += 1
             self._hold(self._early.popleft())
 
+    def _watch(self) -> None:
+        """Say that time waits for a command, if it does for long."""
+        drive, (since, at) = self._drive, self._held
+        if not drive.due or drive.announced < self.horizon:
+            self._held = 0.0, -1.0
+        elif at != drive.announced:
+            self._held = time.monotonic(), drive.announced
+        elif not self._begun:
+            drive.partners.say_waiting(f'a publisher of {self._topic}', since, 'controller')
+        else:
+            nobody = '' if self._published else ', which nobody in the graph publishes'
+            said = f'a command on {self._topic} since t = {at:.9g} s{nobody}'
+            drive.partners.say_waiting(said, since, 'command')
+
     def _follow(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:
             if parameter.name == self._name and parameter.value != self._present:
@@ -110,10 +140,11 @@ class DriveCommands:
             )
 
     def _command(self, value: float) -> None:
-        if self._period:
+        if self._period and self._begun:
             self._early.append(value)
             self.look()
         else:
+            self._since = self._since or time.monotonic()
             self._hold(value)
 
     def _hold(self, value: float) -> None:

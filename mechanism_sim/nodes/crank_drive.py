@@ -92,6 +92,12 @@ class CrankDrive(Drive):
         """Time [s] up to which all partners have come."""
         return min(self.partners.time, self.spawning.time, self.announced)
 
+    @property
+    def due(self) -> bool:
+        """True if time is to go on: all partners have come to where the law is announced to."""
+        at, wanted = self.announced, self.playing or self.announced < self._goal
+        return self.ready and not self.final and wanted and self.time >= at < self._leader.time
+
     def play(self) -> None:
         """Let time go on by itself."""
         self.playing = True

@@ -30,6 +30,11 @@ class Drive(SimulationNode):
     def law(self) -> Any:
         """The law that holds where it is announced to."""
 
+    @property
+    @abstractmethod
+    def due(self) -> bool:
+        """True if time is to go on: all partners have come to where the law is announced to."""
+
     @abstractmethod
     def take_over(self, laws: Sequence[Any]) -> None:
         """Let other laws take over, the first at `announced`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -43,6 +44,7 @@ class Partners:
         self._seen: set[str] = set()
         self._different = ''
         self._missing_since: dict[str, float] = {}
+        self._said: dict[str, float] = {}  # [s] when it was last said for whom this node waits
 
     # --- their reports --------------------------------------------------------------------------
 
@@ -120,7 +122,7 @@ class Partners:
             # The partner has to find this node before it leaves, and to end by itself.
             self._settled = now + FAREWELL if self._different else self._settled
             return not self._different
-        self._say_waiting(', '.join(missing) or ' on '.join(unheard or ()))
+        self.say_waiting(', '.join(missing) or ' on '.join(unheard or ()))
         if now <= self._deadline:
             return False
         said = f'{name}: waited {self._node.value("partner_timeout"):g} s for'
@@ -149,12 +151,21 @@ class Partners:
         """Say on which topics nobody publishes."""
         node = self._node
         if silent := [t for t in node.heard if not node.get_publishers_info_by_topic(t)]:
-            self._say_waiting(f'a publisher of {", ".join(silent)}')
+            self.say_waiting(f'a publisher of {", ".join(silent)}')
 
-    def _say_waiting(self, for_whom: str) -> None:
-        if time.monotonic() > self._settled + SAY_AFTER:
-            log = self._node.get_logger()
-            log.info(f'waiting for {for_whom}', throttle_duration_sec=SAY_AGAIN)
+    def say_waiting(
+        self, for_whom: str, since: float | None = None, kind: str = 'partners'
+    ) -> None:
+        """Say for whom this node waits, once it has for a while, and seldom for each kind.
+
+        Parameters
+        ----------
+        since : by ``time.monotonic`` [s]; since it looks for partners, if not given
+        """
+        now, began = time.monotonic(), self._settled if since is None else since
+        if now > began + SAY_AFTER and now > self._said.get(kind, -math.inf) + SAY_AGAIN:
+            self._said[kind] = now
+            self._node.get_logger().info(f'waiting for {for_whom}')
 
     def _present(self) -> list[str]:
         """Names of the nodes in the graph that are whole, this one among them."""

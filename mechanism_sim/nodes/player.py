@@ -22,6 +22,7 @@ from mechanism_sim.nodes.middleware import (
     leave,
 )
 from mechanism_sim.recording.reader import Bag
+from mechanism_sim.terminal import print_notice
 from ros_interfaces.names import InvalidNameError
 
 _LOOK = 0.05  # [s] between two looks at the subscriptions
@@ -58,6 +59,46 @@ def player(patience: float = 10.0) -> Iterator[BagPlayer]:
         leave(nodes)
 
 
+def playable(bag: Bag, topics: Sequence[str] = ()) -> list[str]:
+    """The topics that are to be played; others of the bag are named on standard error.
+
+    Parameters
+    ----------
+    topics : those wanted, all without any
+
+    Raises
+    ------
+    InputError
+        If one that is wanted cannot be published, or none of all.
+    """
+    wanted = list(topics) or list(bag.topics)
+    hindered = {name: why for name in wanted if (why := _hindrance(bag, name))}
+    chosen = [name for name in wanted if name not in hindered]
+    if lost := [why for name, why in hindered.items() if topics or bag.topics[name].count]:
+        pronoun = 'it' if len(lost) == 1 else 'they'
+        said = f'{bag.path}: {", ".join(lost)}: {pronoun} cannot be published'
+        if topics or not any(bag.topics[name].count for name in chosen):
+            raise InputError(said)
+        print_notice(said)
+    return chosen
+
+
+def _hindrance(bag: Bag, name: str) -> str:
+    """Why a topic cannot be published, empty if it can or is not in the bag."""
+    topic = bag.topics.get(name)
+    if topic is None:
+        return ''
+    encoding = bag.encoding(name)
+    if encoding != 'cdr':
+        spoken = 'JSON' if encoding == 'json' else encoding or 'nothing known'
+        return f'{name} is {spoken} without a ROS 2 type'
+    try:
+        message_class(topic.type)
+    except MessageError:
+        return f'{name} is {topic.type or "of no type"}, which is not known here'
+    return ''
+
+
 class BagPlayer:
     """Publishes what bags hold."""
 
@@ -67,7 +108,7 @@ class BagPlayer:
     def play(
         self,
         bag: Bag,
-        topics: Sequence[str] = (),
+        topics: Sequence[str],
         rate: float = 1.0,
         start: float = 0.0,
         clock: float | None = None,
@@ -77,20 +118,16 @@ class BagPlayer:
 
         Parameters
         ----------
-        topics : those wanted, all without any
+        topics : those wanted, see `playable`
         rate : recorded seconds per second; 0 as fast as possible
         start : [s] after the first message
         clock : Hz of messages on ``/clock`` with the time of the bag, if it has none
         """
-        chosen = list(topics) or [name for name in bag.topics if bag.encoding(name) == 'cdr']
-        for name in chosen:
-            if name in bag.topics and bag.encoding(name) != 'cdr':
-                raise InputError(f'{bag.path}: {name} is {bag.encoding(name)}, not of ROS 2')
         publishers = {
             name: self._node.create_publisher(
                 message_class(bag.topics[name].type), name, _profile(bag.topics[name].qos)
             )
-            for name in chosen
+            for name in topics
             if name in bag.topics
         }
         ticks, tick = None, 0.0
@@ -98,7 +135,7 @@ class BagPlayer:
             ticks = self._node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
         _wait_for_subscriptions(list(publishers.values()), self._patience)
         began, count, first = time.monotonic(), 0, bag.start / 1e9 + start
-        for name, message, stamp in bag.messages(chosen):
+        for name, message, stamp in bag.messages(topics):
             now = stamp / 1e9
             if now < first and publishers[name].qos_profile.durability != (
                 DurabilityPolicy.TRANSIENT_LOCAL

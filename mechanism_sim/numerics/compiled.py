@@ -19,13 +19,12 @@ from functools import lru_cache
 from hashlib import sha256
 from itertools import accumulate
 from typing import Any
-from weakref import finalize
 
 import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.memory import give_back
+from mechanism_sim.memory import Reused, give_back
 from mechanism_sim.numerics import symbolic
 from mechanism_sim.numerics.code_cache import compiled
 from mechanism_sim.numerics.machine_code import foreign
@@ -145,8 +144,8 @@ def _integrator(
     compact: bool,
     level: int,
     flag: int,
-) -> tuple[hy.taylor_adaptive_dbl, list[hy.taylor_adaptive_dbl]]:
-    """An integrator, and copies of it that nobody uses."""
+) -> tuple[hy.taylor_adaptive_dbl, Reused[hy.taylor_adaptive_dbl]]:
+    """An integrator, and the copies of it that runs have."""
 
     def marking(index: int) -> hy.callback:
         def fell(integrator: hy.taylor_adaptive_dbl, _direction: int) -> bool:
@@ -176,7 +175,7 @@ def _integrator(
         )
 
     with _counted():
-        return compiled(make), []
+        return compiled(make), Reused(lambda _: _IDLE)
 
 
 class TaylorEquations:
@@ -212,22 +211,16 @@ def integrator(
     """
     # of compact code the third level takes half as long again for nothing
     level = min(OPTIMISATION, 1 if compact else 3)
-    first, idle = _integrator(equations.states, equations.terms, tolerance, compact, level, flag)
-    found = idle.pop() if idle else copy(first)
+    first, copies = _integrator(equations.states, equations.terms, tolerance, compact, level, flag)
+    found = copies.take(owner) or copies.lend(copy(first), owner)
     found.time, found.state[:], found.pars[:] = 0.0, 0.0, 0.0
     if found.with_events:
         found.reset_cooldowns()
-    finalize(owner, _release, idle, found).atexit = False
     return found
 
 
-def _release(idle: list[hy.taylor_adaptive_dbl], used: hy.taylor_adaptive_dbl) -> None:
-    if len(idle) < _IDLE:
-        idle.append(used)
-
-
 _IDLE = 4
-"""Integrators of one kind that are kept for the next run."""
+"""Integrators of one kind that are kept for later runs."""
 
 
 COLUMNS = 1024

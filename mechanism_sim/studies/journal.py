@@ -13,16 +13,21 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
-from mechanism_sim import output, strict_json
+from mechanism_sim import ending, output, strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.studies.runs import FinishedRows, RunResult, has_failed
+from mechanism_sim.units import counted
 
 _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 """Packages whose version may change the last digit, and with it the impacts of a long run."""
 
 
+class StudyInterrupted(KeyboardInterrupt):
+    """SIGINT or SIGTERM ended a study; the text tells how to resume it."""
+
+
 class Journal(FinishedRows):
-    """The finished runs of a study, on disk.
+    """The finished runs of a study, on disk; `StudyInterrupted` of an interrupt in its block.
 
     Parameters
     ----------
@@ -30,13 +35,19 @@ class Journal(FinishedRows):
     plan : fingerprint of what is to be computed
     restart : forget what is there
     study : its name in messages
+    size : number of its runs, where it is known before
     """
 
     def __init__(
-        self, table: Path, plan: str, restart: bool = False, study: str = 'sweep'
+        self,
+        table: Path,
+        plan: str,
+        restart: bool = False,
+        study: str = 'sweep',
+        size: int | None = None,
     ) -> None:
         super().__init__()
-        self._study = study
+        self._study, self._size = study, size
         self.path = journal_of(table)
         fresh = not self.path.exists() or restart
         if fresh and table.exists() and not restart:
@@ -100,11 +111,22 @@ class Journal(FinishedRows):
             os.fsync(self._file.fileno())
 
     def __enter__(self) -> Self:
+        ending.say_when_interrupted(self._kept)
         return self
 
-    def __exit__(self, *_failure: object) -> None:
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
+        ending.say_when_interrupted(None)
         with output.errors_as_sentences(self.path):
             self._file.close()
+        if isinstance(error, KeyboardInterrupt):
+            raise StudyInterrupted(self._kept()) from None
+
+    def _kept(self) -> str:
+        count = len(self.rows)
+        runs = f'{count} of {self._size} runs' if self._size else counted(count, 'run')
+        return (
+            f"interrupted after {runs}, kept in '{self.path}'; the same command goes on from there"
+        )
 
 
 def journal_of(table: Path) -> Path:

@@ -40,10 +40,6 @@ class SweepSummary:
     windows_folder: str | None = None
 
 
-class SweepInterrupted(Exception):  # noqa: N818 - nothing went wrong
-    """SIGINT or SIGTERM ended a sweep; the text tells how to resume it."""
-
-
 def sweep(
     source: str | Path | Mapping[str, Any],
     file: str | Path | None = None,
@@ -108,26 +104,20 @@ def run_plan(
 
     Raises
     ------
-    SweepInterrupted
+    StudyInterrupted
         At SIGINT and SIGTERM.
     """
     tables.check_file('-o', table)
     makers = Workers(workers, dask, apart=True, lost=_LOST)
     began = time.perf_counter()
     into = _window_folder(plan, table, windows, restart)
-    with Journal(table, plan.fingerprint, restart) as journal:
+    with Journal(table, plan.fingerprint, restart, size=plan.size) as journal:
         every = _tasks(plan, _bag_folder(plan, table, bags), into)
         tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
         for task in tasks:  # one without its windows is made anew
             journal.rows.pop(task.key, None)
-        try:
-            with makers:
-                makers.do(tasks, journal, show)
-        except KeyboardInterrupt:
-            raise SweepInterrupted(
-                f'interrupted after {len(journal.rows)} of {plan.size} runs, which are kept in '
-                f"'{journal.path}'; the same command goes on from there"
-            ) from None
+        with makers:
+            makers.do(tasks, journal, show)
         rows = [journal.rows[run.key] for run in plan.runs]
         plan.write(table, rows)
     summary = SweepSummary(

@@ -89,6 +89,28 @@ def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
         assert (started == 'started\n') == ('started' in moment)
 
 
+@pytest.mark.parametrize(
+    'work', ['wait()', MOMENTS['at work in C, for which no handler is called']]
+)
+def test_a_signal_says_what_is_kept_of_work(work):
+    """As of a search that compiles, where Python raises no KeyboardInterrupt for a while."""
+    text = PROGRAM.format(
+        body=f"ending.say_when_interrupted(lambda: 'interrupted after 2 runs, \\udcff'); {work}"
+    )
+    with subprocess.Popen(
+        [sys.executable, '-c', FOLLOW + text],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None
+        assert process.stdout.readline() == 'ready\n'
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=TIMEOUT)
+    assert (process.returncode, said) == (
+        130,
+        'mechanism-sim: interrupted after 2 runs, \\udcff\n',
+    )
+
+
 def handles(pid: int, number: int) -> bool:
     """Whether a process has a handler of a signal."""
     with open(f'/proc/{pid}/status', encoding='utf-8') as status:

@@ -20,6 +20,7 @@ from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.events import Impact, Mode, ModeChange, gains
 from mechanism_sim.engine.totals import Totals
 from mechanism_sim.errors import InputError
+from mechanism_sim.memory import Reused
 from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
 from mechanism_sim.report import tables
 from mechanism_sim.results import run as runs
@@ -312,3 +313,42 @@ def test_memory_does_not_grow_with_the_run():
     )  # fmt: skip
     early, late = map(int, done.stdout.split())
     assert late - early < 8_000  # kB
+
+
+def test_no_ctrl_c_is_lost_as_a_run_goes(machine):
+    """Where Python swallows exceptions, nothing runs that a signal could interrupt."""
+    run = machine.start()
+    run.advance(0.01)
+    run.drain()
+    gone, called = weakref.ref(run), []
+    gc.collect()
+    gc.disable()  # it may call what is not of this run
+    sys.setprofile(lambda frame, event, _: event == 'call' and called.append(frame.f_code.co_name))
+    del run
+    sys.setprofile(None)
+    gc.enable()
+    assert gone() is None
+    assert not called
+
+
+class Owner:
+    """Somebody who has a thing for a while."""
+
+
+def test_a_thing_is_used_again_by_the_next_who_asks_when_its_owner_is_gone():
+    things, first, second = Reused(lambda _: 2), Owner(), Owner()
+    assert things.take(first) is None
+    assert things.lend('a', first) == 'a'
+    assert things.take(second) is None
+    things.lend('b', second)
+    things.lend('c', third := Owner())  # of two kept at most
+    del first, third
+    assert things.take(second) == 'a'
+    assert things.take(second) is None
+
+
+def test_a_thing_that_does_not_fit_is_let_go():
+    things = Reused(lambda _: 2)
+    things.lend('a', Owner())
+    assert things.take(owner := Owner(), lambda thing: thing == 'b') is None
+    assert things.take(owner) is None

@@ -23,9 +23,9 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
-from mechanism_sim.messages import Clock, Impact, JointState, Log, service_class
+from mechanism_sim.messages import Clock, Float64, Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import control_relay, middleware, pace, partners
+from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
@@ -36,6 +36,8 @@ from ros_interfaces.stamps import nanoseconds
 
 SCENE = 'four_bar_clearance'
 PLAYING, QUITTING = 1, 3
+CONTROLLER = ROOT / 'docs' / 'speed_controller.py'
+LOCKED = {'command_period': 0.005}
 FATAL = 50  # of rcl_interfaces/Log
 
 pytestmark = pytest.mark.usefixtures('network')
@@ -245,19 +247,106 @@ def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path)
 
 def test_a_controller_outside_commands_each_sample_as_by_hand():
     """The program of the pages, with a node of its own."""
-    program = ROOT / 'docs' / 'speed_controller.py'
-    controller, speed = runpy.run_path(str(program))['SpeedController'](), []
+    controller, speed = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
     controller.create_subscription(
         JointState, 'joint_states', lambda m: speed.append(m.velocity[0]), RESULTS
     )
     try:
-        with nodes_of('four_bar_governed', 0.05, drive={'command_period': 0.005}) as nodes:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
             finish(nodes, controller)
             spin([controller], lambda: len(speed) == 10)
         assert np.abs(by_hand(10) - speed).max() < 1e-6
         assert max(speed) - min(speed) > 0.1
     finally:
         controller.destroy_node()
+
+
+def test_a_controller_that_the_graph_does_not_show_is_heard(monkeypatch):
+    """As of plain Zenoh without a token. It repeats what it says until a state has come."""
+    monkeypatch.setattr(commands, 'SETTLE', 1e9)
+    controller, speed = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
+    speaks = controller.create_publisher(Float64, 'command/effort', RESULTS)
+    controller.create_subscription(
+        JointState, 'joint_states', lambda m: speed.append(m.velocity[0]), RESULTS
+    )
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
+            drive = nodes['crank_drive']
+            seen, take_over, held = drive.get_publishers_info_by_topic, drive.take_over, []
+            monkeypatch.setattr(
+                drive,
+                'get_publishers_info_by_topic',
+                lambda topic: [] if topic == '/command/effort' else seen(topic),
+            )
+            monkeypatch.setattr(
+                drive,
+                'take_over',
+                lambda laws: (held.append(laws[0].coefficients[0]), take_over(laws)),
+            )
+            every = [*nodes.values(), controller]
+            spin(every, lambda: drive.ready and speaks.get_subscription_count())
+            said = [3.0, 2.0, 0.0]  # the last is that of the scene
+            for effort in said:
+                speaks.publish(Float64(data=effort))
+            spin(every, lambda: held == said)
+            assert drive.announced == len(speed) == 0
+            monkeypatch.setattr(commands, 'SETTLE', 0.0)
+            finish(nodes, controller)
+            spin([controller], lambda: len(speed) == 10)
+        assert np.abs(by_hand(10) - speed).max() < 1e-6
+    finally:
+        controller.destroy_node()
+
+
+class Commander(Node):
+    """Answers so many states."""
+
+    def __init__(self, name: str, count: int) -> None:
+        super().__init__(name)
+        self.left = count
+        self.create_subscription(JointState, 'joint_states', self.answer, RESULTS)
+        self.command = self.create_publisher(Float64, 'command/effort', RESULTS)
+
+    def answer(self, _: object = None) -> None:
+        if self.left:
+            self.left -= 1
+            self.command.publish(Float64(data=0.1))
+
+
+def hearing(node: Node, topic: str) -> list[str]:
+    """Names of the nodes that hear a topic, as a node sees it."""
+    return [s.node_name for s in node.get_subscriptions_info_by_topic(topic)]
+
+
+def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(monkeypatch, capsys):
+    monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
+    monkeypatch.setattr(partners, 'SAY_AGAIN', 0.0)
+    told, there = [], []
+
+    def says(said: str) -> Callable[[], bool]:
+        def heard() -> bool:
+            told.extend(capsys.readouterr().err.splitlines())
+            return any(line.endswith(f'[crank_drive]: waiting for {said}') for line in told)
+
+        return heard
+
+    with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
+        run = [*nodes.values()]
+        try:
+            spin(run, says('a publisher of /command/effort'))
+            there.append(Commander('first', 3))
+            held = 'a command on /command/effort since t = 0.02 s'
+            spin([*run, *there], says(held))
+            there.pop().destroy_node()
+            spin(run, says(f'{held}, which nobody in the graph publishes'))
+            there.append(Commander('second', 6))
+            spin([*run, *there], lambda: 'second' in hearing(nodes['linkage'], 'joint_states'))
+            there[0].answer()  # the state at which the first has left
+            finish(nodes, *there)
+        finally:
+            for node in there:
+                node.destroy_node()
+    assert not there[0].left
 
 
 class Component(Node):
@@ -295,7 +384,7 @@ def test_a_controller_manager_commands_each_sample_as_by_hand(monkeypatch):
     relay = control_relay.ControlRelay([Parameter('scene', value='four_bar_governed')])
     component = Component()
     try:
-        with nodes_of('four_bar_governed', 0.05, drive={'command_period': 0.005}) as nodes:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
             finish(nodes, relay, component)
         np.testing.assert_allclose(component.speeds[:10], by_hand(10), rtol=0.0, atol=1e-6)
         assert set(np.diff(component.ticks)) == {5_000_000}

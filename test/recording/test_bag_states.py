@@ -20,6 +20,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import message_class, serialize
 from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of, pack
+from mechanism_sim.nodes.player import playable
 from mechanism_sim.recording.inventory import info
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
@@ -357,3 +358,55 @@ def test_a_bag_is_not_played_from_where_it_is_not(ended, start):
     done = command('bag', 'play', str(ended[0]), f'--from={start}')
     assert done.returncode == 2
     assert f'--from {start}: {ended[0]} has messages from 0 to 0.20' in done.stderr
+
+
+THING = 'is JSON without a ROS 2 type'
+
+
+@pytest.fixture
+def others(tmp_path):
+    """A bag of another program, with a topic of ROS or without."""
+
+    def write(types):
+        path = tmp_path / 'others.mcap'
+        with path.open('wb') as file:
+            writer = Writer(file)
+            writer.start()
+            for name, (encoding, kind) in types.items():
+                schema = writer.register_schema(kind, 'ros2msg', b'string data')
+                channel = writer.register_channel(name, encoding, schema)
+                data = (
+                    serialize(message_class('std_msgs/msg/String')(data='x'))
+                    if encoding == 'cdr'
+                    else b'{"x": 1}'
+                )
+                writer.add_message(channel, log_time=0, publish_time=0, data=data)
+            writer.finish()
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ('topics', 'asked', 'said'),
+    [
+        ({'/a': ('json', 'A')}, (), f'/a {THING}: it cannot be published'),
+        ({'/a': ('json', 'A'), '/b': ('json', 'A')}, (),
+         f'/a {THING}, /b {THING}: they cannot be published'),
+        ({'/a': ('json', 'A'), '/s': ('cdr', 'std_msgs/msg/String')}, ('--topics', '/s', '/a'),
+         f'/a {THING}: it cannot be published'),
+        ({'/x': ('cdr', 'other/msg/X')}, (),
+         '/x is other/msg/X, which is not known here: it cannot be published'),
+    ],
+)  # fmt: skip
+def test_a_bag_of_which_nothing_can_be_published_is_refused(others, topics, asked, said):
+    bag = others(topics)
+    done = command('bag', 'play', str(bag), *asked, refused=True)
+    assert (done.returncode, done.stderr) == (2, f'mechanism-sim: {bag}: {said}\n')
+
+
+def test_topics_that_cannot_be_published_are_named_and_the_others_played(others, capsys):
+    bag = others({'/a': ('json', 'A'), '/s': ('cdr', 'std_msgs/msg/String')})
+    assert playable(read_bag(bag)) == playable(read_bag(bag), ['/s']) == ['/s']
+    said = f'mechanism-sim: {bag}: /a {THING}: it cannot be published\n'
+    assert capsys.readouterr().err == said  # of the first; who asks for a topic misses no other

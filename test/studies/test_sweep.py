@@ -22,11 +22,12 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.studies.journal import StudyInterrupted
 from mechanism_sim.studies.plan import Extent, read_plan
 from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, compute
 from mechanism_sim.studies.statistics import statistics
-from mechanism_sim.studies.sweep import SweepInterrupted, run_plan
+from mechanism_sim.studies.sweep import run_plan
 
 SWEEP = f"""
 scene: four_bar_clearance
@@ -372,7 +373,7 @@ def test_a_sweep_that_is_interrupted_goes_on_and_writes_the_same_table(tmp_path)
             raise KeyboardInterrupt
 
     with pytest.raises(
-        SweepInterrupted, match=r'after 2 of 4 .* the same command goes on from there'
+        StudyInterrupted, match=r'after 2 of 4 .* the same command goes on from there'
     ):
         run_plan(plan, table, show=interrupt)
     kept = keys_of(journal)

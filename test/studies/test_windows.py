@@ -23,9 +23,10 @@ from mechanism_sim import ending
 from mechanism_sim.errors import InputError
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.channel import Block
+from mechanism_sim.studies.journal import StudyInterrupted
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.schema import WindowsPart
-from mechanism_sim.studies.sweep import SweepInterrupted, run_plan
+from mechanism_sim.studies.sweep import run_plan
 from mechanism_sim.studies.windows import Cutter
 
 SENSOR = 'sensors.rocker_accelerometer'
@@ -213,7 +214,7 @@ def test_a_sweep_that_is_interrupted_or_loses_a_file_writes_the_same_windows(tmp
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    with pytest.raises(SweepInterrupted, match='after 1 of 2'):
+    with pytest.raises(StudyInterrupted, match='after 1 of 2'):
         run_plan(plan, table, show=interrupt)
     assert not table.exists()
     for kept, computed in ((1, 1), (1, 1)):
