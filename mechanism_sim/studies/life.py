@@ -252,7 +252,7 @@ def _kept(
     table: str | Path | None, plan: str, restart: bool
 ) -> AbstractContextManager[FinishedRows]:
     """Where rows of runs are kept: beside a table, or nowhere."""
-    return Journal(Path(table), plan, restart) if table else nullcontext(FinishedRows())
+    return Journal(Path(table), plan, restart, 'life') if table else nullcontext(FinishedRows())
 
 
 def _worn_bearings(machine: Machine, plan: LifePlan) -> dict[str, Clearance]:
@@ -322,11 +322,14 @@ class _Runs:
 
     def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
         """Of the machine with these depths."""
-        key, self.count = str(self.count), self.count + 1
         if self._show:
-            self._show(f'{cycles:.3g} cycles, clearance {1e3 * last.max():.4g} mm, run {key}')
+            self._show(
+                f'{cycles:.3g} cycles, clearance {1e3 * last.max():.4g} mm, run {self.count}'
+            )
+        self.count += 1
+        content = worn_scene(self._content, depths)
+        key = sha256(strict_json.dumps(content).encode()).hexdigest()
         if key not in self._rows.rows:
-            content = worn_scene(self._content, depths)
             names = tuple(self.worn)
             task = Call(key, wear_in, (self.machine.name, content, names, self.plan, self._asked))
             finished = compute(task)

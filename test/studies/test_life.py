@@ -90,6 +90,25 @@ def test_what_a_pin_sinks_over_keeps_the_force():
     assert room_for_pin(found, CLEARANCE) == pytest.approx(found, abs=1e-9 * CLEARANCE)
 
 
+def test_a_journal_goes_on_with_another_limit(tmp_path):
+    """As afresh, with the runs of the same depths from the journal: here that of the new one."""
+    table = tmp_path / 'life.csv'
+    how = {'cycles': 1e12, 'revolutions': 2, 'skip': 0}
+    journal = tmp_path / 'life.csv.journal'
+    for limit, tolerance in ((1.01, 0.02), (1.1, 0.02), (1.1, 0.01), (1.01, 0.02)):
+        given = {**how, 'tolerance': tolerance}
+        lines = len(journal.read_text().splitlines()) - 1 if journal.exists() else 0
+        found = ms.life(wheel(), f'clearance > {limit * CLEARANCE} m', table=table, **given)
+        fresh = ms.life(wheel(), f'clearance > {limit * CLEARANCE} m', **given)
+        assert (found.cycles, found.low, found.high) == (fresh.cycles, fresh.low, fresh.high)
+        assert {n: x.tolist() for n, x in found.table().items()} == {
+            n: x.tolist() for n, x in fresh.table().items()
+        }
+        made = len(journal.read_text().splitlines()) - 1 - lines
+        assert made < found.runs or not lines
+    assert made == 0
+
+
 @pytest.mark.slow
 def test_the_command_goes_on_from_its_journal_and_writes_scenes(tmp_path):
     """A second time nothing is run; a scene of a stage begins where the life stood."""
