@@ -62,6 +62,7 @@ OWN = {'clearance': 'm', 'depth': 'm'}
 """Figures of worn bearings that a condition may name, the largest of all or of one joint."""
 _ROUNDEST = 0.3  # of the clearance: least radius of what the pin's centre runs along, in runs
 _NOISE, _SLIGHT = 1.5, 0.01  # of standard errors, of depths: what smoothing may change
+_SIZES = 1.0, 820.0, 3e5, 0.1, 10.0, 0.01
 _GROWTH = 0.3  # of the clearance, by which it grows in a step at most
 _FIRST = 0.1  # of the clearance, by which it grows in the first step
 _AHEAD = 1.01  # of the cycles that seem left, in the last step
@@ -458,11 +459,15 @@ def room_for_pin(depths: Array, clearance: float, roundest: float = 0.0) -> Arra
     # it has no value for the sine and cosine of the first harmonic: moved circles stay circles
     row = np.zeros(PLACES)
     row[[0, 1, -1]] = -2.0 * math.cos(step), 1.0, 1.0
-    bends = scipy.linalg.circulant(row) / (2.0 - 2.0 * math.cos(step))
-    if (bends @ p >= -1e-9).all():
+    bends = scipy.linalg.circulant(row) / 4.0
+    if (bends @ p >= -1e-12).all():
         return depths
-    pressed = scipy.optimize.nnls(bends.T, -p, maxiter=50 * PLACES)[0]
-    return np.asarray(depths + clearance * (bends.T @ pressed))
+    for size in _SIZES:  # SciPy's solver ends wrongly now and then, but not at every size
+        rows = size * bends.T
+        change = rows @ scipy.optimize.nnls(rows, -p, maxiter=50 * PLACES)[0]
+        if (bends @ (p + change)).min() > -1e-9:
+            return np.asarray(depths + clearance * change)
+    raise RunError('no depths are found that leave room for the pin')
 
 
 def _roomy(
