@@ -250,8 +250,11 @@ class BearingGap(Gap, Protocol):
     def apart(self) -> Point:
         """From the bushing's centre to the pin's, Q."""
 
-    def touch(self, q: Array) -> tuple[Array, Array | float]:
-        """Normal (2, N) from bushing to pin, and along it Q (N,) [m], at coordinates q (n, N)."""
+    def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
+        """Normal (2, N) from bushing to pin, along it Q (N,) [m], force of a unit multiplier.
+
+        At coordinates q (n, N). The force is 1 where the gap is a distance.
+        """
 
 
 @dataclass(frozen=True)

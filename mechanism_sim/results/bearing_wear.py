@@ -30,13 +30,15 @@ speed [J]; of impacts, sums of normal impulse times slip speed [N m], and of fri
 
 
 def wear_sums(
-    machine: Machine, piece: Piece, joint: str, sectors: int, times: Array, radius: float
-) -> Array:
+    machine: Machine, piece: Piece, joint: str, sectors: int, times: Array, radius: float,
+    *, shared: bool = False,
+) -> Array:  # fmt: skip
     """Sums (2, 5, B, sectors) of bushing and pin, in parts of a run, by sectors from -pi on.
 
     Normal force, slip and direction are those at 8 Gauss nodes of every step, or of each
-    0.3 rad of one; each node counts in
-    the sector where it lies.
+    0.3 rad of one; each node counts in the sector where it lies. If `shared`, the sums are those
+    of even places from angle 0 on: a node counts at both beside it, by how near they are, so that
+    the direction of a force is kept wherever it points.
 
     Parameters
     ----------
@@ -49,9 +51,13 @@ def wear_sums(
 
     def enter(part: Array, places: tuple[Array, Array], rows: dict[int, Array]) -> None:
         for own, angle in zip(sums, places, strict=True):
-            cell = sectors * part + _sector(angle, sectors)
-            for row, values in rows.items():
-                own[row] += np.bincount(cell, values, minlength=parts * sectors)
+            for cell, share in (
+                _shares(angle, sectors) if shared else [(_sector(angle, sectors), 1.0)]
+            ):
+                for row, values in rows.items():
+                    own[row] += np.bincount(
+                        sectors * part + cell, share * values, minlength=parts * sectors
+                    )
 
     slides = machine.mechanism.displacements
     angles = [i for i, c in enumerate(physics.coordinates) if c not in slides]
@@ -71,8 +77,9 @@ def wear_sums(
             width = (high - low)[:, None]
             seen = physics.observe(motion, k, low[:, None] + width * fractions)
             weights = (width * np.tile(SMOOTH.weights, finer) / finer).ravel()
-            normal, tangential = seen.normal_force[gap], seen.friction_force[gap]
-            places, slip = _touch(machine, joint, seen, radius)
+            places, slip, length = _touch(machine, joint, seen, radius)
+            normal = length * seen.normal_force[gap]
+            tangential = length * seen.friction_force[gap]
             rows = {
                 LOAD: normal, LOAD_WAY: normal * np.abs(slip), WORK: np.abs(tangential * slip),
             }  # fmt: skip
@@ -94,6 +101,7 @@ def wear_sums(
         )
         both = [_touch(machine, joint, physics.observe(motion, k, dt), radius) for k, dt in ends]
         way = 0.5 * (np.abs(both[0][1]) + np.abs(both[1][1]))
+        normal, tangential = both[0][2] * normal, both[0][2] * tangential
         part_of = np.searchsorted(times, t, 'right') - 1
         enter(
             part_of, both[0][0], {STRUCK_WAY: normal * way, STRUCK_WORK: np.abs(tangential) * way}
@@ -103,8 +111,8 @@ def wear_sums(
 
 def _touch(
     machine: Machine, joint: str, seen: Observation, radius: float
-) -> tuple[tuple[Array, Array], Array]:
-    """Where the contact lies on bushing and pin (N,) [rad], and the slip (N,) [m/s].
+) -> tuple[tuple[Array, Array], Array, Array | float]:
+    """Where the contact lies on bushing and pin (N,) [rad], the slip (N,) [m/s], force over N.
 
     The slip is ``n x Q' + rp w1 - (rp + Q.n) w2``, Q from the bushing's centre to the pin's, n the
     normal.
@@ -114,16 +122,23 @@ def _touch(
     assert isinstance(gap, BearingGap)  # noqa: S101 - nothing else is asked for
     view = JointView(machine.mechanism, pair, machine.physics, seen, np.zeros((0, 0), np.uint8))
     (x, y), (vx, vy), _ = view.trace(gap.apart)
-    (nx, ny), clearance = gap.touch(seen.position)
+    (nx, ny), clearance, length = gap.touch(seen.position)
     first, second = view.turning(pair.first), view.turning(pair.second)
     slip = nx * vy - ny * vx + radius * first.velocity - (radius + clearance) * second.velocity
     on_bushing = np.arctan2(y + radius * ny, x + radius * nx)
-    return (on_bushing - second.position, np.arctan2(ny, nx) - first.position), slip
+    return (on_bushing - second.position, np.arctan2(ny, nx) - first.position), slip, length
 
 
 def _sector(angle: Array, sectors: int) -> NDArray[np.int64]:
     """Numbers (N,) of the sectors from -pi on in which angles (N,) [rad] lie."""
     return np.floor((angle / (2.0 * np.pi) + 0.5) * sectors).astype(np.int64) % sectors
+
+
+def _shares(angle: Array, places: int) -> list[tuple[NDArray[np.int64], Array]]:
+    """Numbers (N,) of the even places from angle 0 on beside angles (N,) [rad], and shares."""
+    at = angle / (2.0 * np.pi) * places
+    low = np.floor(at).astype(np.int64)
+    return [(low % places, low + 1.0 - at), ((low + 1) % places, at - low)]
 
 
 def binned(angle: Array, values: Array, sectors: int) -> Array:

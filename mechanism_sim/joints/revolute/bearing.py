@@ -83,10 +83,10 @@ class BearingClearance:
         minus = self._minus_curvature(frames)
         return -(x * minus), -(y * minus)
 
-    def touch(self, q: Array) -> tuple[Array, Array | float]:
-        """``Q/|Q|``, and c."""
+    def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
+        """``Q/|Q|``, c, and 1."""
         x, y = self.mechanism.trace(self.apart, q)[0]
-        return np.array([x, y]) / np.hypot(x, y), self.clearance
+        return np.array([x, y]) / np.hypot(x, y), self.clearance, 1.0
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """On the bushing's link, about the bushing's centre."""

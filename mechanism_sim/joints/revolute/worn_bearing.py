@@ -115,14 +115,15 @@ class WornBearing(BearingClearance):
     def _room(self) -> float:
         return self.shape.widest
 
-    def touch(self, q: Array) -> tuple[Array, Array | float]:
-        """The normal of the surfaces as they are, and ``Q.n``."""
+    def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
+        """The normal of the surfaces as they are, ``Q.n``, and the gradient's length, nearly 1."""
         x, y = self.mechanism.trace(self.apart, q)[0]
         ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
                 for _, (link, at), _ in self._worn]  # fmt: skip
         outward = -self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
-        normal = np.array([outward.real, outward.imag]) / np.abs(outward)
-        return normal, normal[0] * x + normal[1] * y
+        length = np.abs(outward)
+        normal = np.array([outward.real, outward.imag]) / length
+        return normal, normal[0] * x + normal[1] * y, length
 
 
 @dataclass(frozen=True, eq=False)
