@@ -29,7 +29,7 @@ _SHOWN = 300  # characters of names in a sentence
 _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', re.IGNORECASE)
 _THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
-"""What programs write in place of a number that is not known, in any case."""
+"""Cells that stand for a number that is not known, in any case."""
 _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
 
 

@@ -240,10 +240,12 @@ class CrankDrive(Drive):
         end, horizon = self.duration, self._horizon()
         stays = self.value('hold') or self._leader.name  # who follows ends when its leader does
         final = self._quitting or (horizon >= end and not stays)
+        # a message that extends the law by less is not worth while
+        worthwhile = self.announced + 0.25 * self._lead_and_factor()[0]
         if self._quitting:
             horizon = self.announced
         elif horizon <= self.announced or (
-            self.playing and horizon < min(end, self._given, self._worthwhile())
+            self.playing and horizon < min(end, self._given, worthwhile)
         ):
             return
         self.final = final
@@ -264,11 +266,6 @@ class CrankDrive(Drive):
         if self.value('hold') and horizon >= end:
             self.pause()
         self.report(horizon, finished=final)
-
-    def _worthwhile(self) -> float:
-        """Time [s] below which a message would extend the law by too little."""
-        lead, _ = self._lead_and_factor()
-        return self.announced + 0.25 * lead
 
     def _lead_and_factor(self) -> tuple[float, float]:
         lead, factor = self.value('lead'), self.value('realtime_factor')
