@@ -221,9 +221,8 @@ class DynamicPhysics:
                     float(curve.duration[k] * part) for part in _LOOKS.fractions[look : look + 2]
                 )
                 line = curve, k, e, np.array([x[k, look], y[k, look]])
-                if (
-                    _ahead(since, *line) < 0.0
-                ):  # else they meet at this very look, but for rounding
+                # else they meet at this very look, but for rounding
+                if _ahead(since, *line) < 0.0:
                     since = scipy.optimize.brentq(_ahead, before, since, line)
                 x0, y0 = e.between(curve.local(np.array([k]), np.array([since])).T)[:, 0].tolist()
                 if math.hypot(x0, y0) < _MEET * self.system.mechanism.size:  # else beside it

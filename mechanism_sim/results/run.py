@@ -53,7 +53,13 @@ class Stats:
 
 
 def seconds_of(t: Any) -> Array:
-    """Times (N,) [s] of numbers, texts with units, or time differences of NumPy and pandas."""
+    """Times (N,) [s] of numbers, texts with units, or time differences of NumPy and pandas.
+
+    Raises
+    ------
+    InputError
+        For what is no time, such as a truth value or a date.
+    """
     given = np.atleast_1d(np.asarray(t))
     if given.dtype.kind == 'm':
         return np.asarray(given / np.timedelta64(1, 's'))

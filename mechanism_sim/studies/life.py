@@ -62,7 +62,7 @@ OWN = {'clearance': 'm', 'depth': 'm'}
 """Figures of worn bearings that a condition may name, the largest of all or of one joint."""
 _ROUNDEST = 0.3  # of the clearance: least radius of what the pin's centre runs along, in runs
 _NOISE, _SLIGHT = 1.5, 0.01  # of standard errors, of depths: what smoothing may change
-_SIZES = 1.0, 820.0, 3e5, 0.1, 10.0, 0.01
+_SIZES = 1.0, 820.0, 3e5, 0.1, 10.0, 0.01  # of the rows that a solver is tried with, one by one
 _GROWTH = 0.3  # of the clearance, by which it grows in a step at most
 _FIRST = 0.1  # of the clearance, by which it grows in the first step
 _AHEAD = 1.01  # of the cycles that seem left, in the last step

@@ -23,6 +23,7 @@ import mechanism_sim as ms
 from mechanism_sim import tables
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.sweep import _index
 from mechanism_sim.studies.design import factor, points
 from mechanism_sim.studies.effects import effects, exceedances
 from mechanism_sim.studies.plan import read_plan
@@ -112,6 +113,12 @@ def test_measures_of_the_scene_are_columns(tmp_path):
     scene.write_text(scene.read_text(encoding='utf-8').replace('top:', 'impacts:'), 'utf-8')
     with pytest.raises(InputError, match="of weighed: a column 'impacts' is there already"):
         ms.ensemble(scene, [{'drive.speed': '10 rad/s'}], revolutions=1)
+
+
+def test_an_index_without_an_interval_has_none():
+    """It is the same in all resamples where a factor has no influence."""
+    assert _index((0.0, math.nan, math.nan)) == '0.000'
+    assert _index((0.25, 0.125, 0.5)) == '0.250 (0.12 to 0.50)'
 
 
 def test_what_slides_or_swings_has_figures_of_the_whole_window():
