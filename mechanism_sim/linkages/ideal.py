@@ -147,6 +147,7 @@ class FourBarMotion:
         self.coordinates = tuple(coordinates)
         self._links = [self.coordinates.index(link) for link in loop.links]
         self.driven = self._links[:1]
+        self.turning = _turning(len(self.coordinates), self.driven)
 
     def follow(
         self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
@@ -164,6 +165,10 @@ class FourBarMotion:
         """As `follow`; the closed form gives each instant by itself."""
         return self.follow(last, driven[0], driven, driven, None)[0]
 
+    def branches_meet(self, q: Array) -> NDArray[np.bool_]:
+        """False (N,): change points are not for closed forms."""
+        return np.zeros(q.shape[1], dtype=bool)
+
     def motion(
         self,
         near: Array,
@@ -172,7 +177,7 @@ class FourBarMotion:
         along: tuple[Array, Array] | None = None,
         rows: Array | None = None,
     ) -> tuple[Array, Array, Array, Passage | None]:
-        """Coordinates, rates and accelerations; change points are not for closed forms."""
+        """Coordinates, rates and accelerations, by whole turns next to others (n, N)."""
         found = np.empty((3, *near.shape))
         found[:, self._links] = self.loop.motion(near[self._links[0]], v[0], a[0])
         q, rates, accelerations = found
@@ -211,6 +216,7 @@ class LinkageMotion:
     Attributes
     ----------
     driven, sliding : which of the coordinates are driven, and which are displacements
+    turning : (n,) those whose whole turns are taken off: angles that follow
     """
 
     def __init__(self, kinematics: Kinematics) -> None:
@@ -219,6 +225,7 @@ class LinkageMotion:
         self.driven = kinematics.held
         names = kinematics.mechanism.displacements
         self.sliding = [i for i, c in enumerate(self.coordinates) if c in names]
+        self.turning = _turning(len(self.coordinates), [*self.driven, *self.sliding])
 
     @property
     def edges(self) -> Edges | None:
@@ -253,7 +260,7 @@ class LinkageMotion:
             seen = np.column_stack([last, q])
         except RunError as error:
             q, failed, seen = last[:, None], error, last[:, None]
-        if not self._branches_meet(seen).any():
+        if not self.branches_meet(seen).any():
             if failed:
                 raise failed
             return q, None
@@ -281,7 +288,7 @@ class LinkageMotion:
             )
         return q, None
 
-    def _branches_meet(self, q: Array) -> NDArray[np.bool_]:
+    def branches_meet(self, q: Array) -> NDArray[np.bool_]:
         """True if positions (n, N) are nearly singular, as where two branches meet.
 
         At a limit of the drive all closures together are independent: the motion turns back there,
@@ -390,7 +397,7 @@ class LinkageMotion:
         kinematics, passage = self.kinematics, None
         q, rates, accelerations = near.copy(), np.empty_like(near), np.empty_like(near)
         rest = np.ones(near.shape[1], dtype=bool)
-        near_singular = self._branches_meet(near)
+        near_singular = self.branches_meet(near)
         if along is not None and near_singular.any():
             index = np.flatnonzero(near_singular)
             drive, pace, bend = self._parameter(
@@ -431,6 +438,13 @@ class LinkageMotion:
     def left_open(self, q: Array) -> float:
         """Largest distance from zero of a closure [m]."""
         return float(np.abs(self.kinematics.closure(q)[0]).max(initial=0.0))
+
+
+def _turning(count: int, others: Sequence[int]) -> NDArray[np.bool_]:
+    """All of so many coordinates but some."""
+    turning = np.ones(count, dtype=bool)
+    turning[list(others)] = False
+    return turning
 
 
 IdealMotion: TypeAlias = FourBarMotion | LinkageMotion

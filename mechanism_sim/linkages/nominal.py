@@ -25,6 +25,7 @@ from mechanism_sim.engine.physics import each_instant, outside, rows
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
+from mechanism_sim.linkages.known_pieces import KnownPieces, NextPiece
 from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, NominalPiece
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
@@ -86,6 +87,8 @@ class NominalRun:
     timed : whether something depends on time itself: then no piece of a slow drive is longer
     """
 
+    events = 0
+
     def __init__(
         self,
         ideal: IdealMotion,
@@ -98,7 +101,6 @@ class NominalRun:
         steep: SteepLoads | None = None,
     ) -> None:
         self.steps = 0
-        self.events = 0
         self._time = Fraction(0)
         self._ideal = ideal
         self._edges = edges
@@ -112,6 +114,8 @@ class NominalRun:
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
+        more = (edges and edges.outside) or (steep and (steep.timed or steep.outside))
+        self._known = KnownPieces(ideal, self._scale, bool(more))
         self._coming: deque[DriveLaw] = deque()
         self._sources: dict[str, LawSource] = {}
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
@@ -168,8 +172,9 @@ class NominalRun:
         first = self.steps
         while most is None or self.steps - first < most:
             end = self._usual_end()
+            rounded = float(end)  # fractions take long to compare
             change = self._coming[0].valid_from if self._coming else math.inf
-            if change <= end and change <= until:
+            if change <= until and change <= end:
                 self._add(Fraction(change))
                 if self._time == change:
                     law = self._coming.popleft()
@@ -178,7 +183,7 @@ class NominalRun:
                     self._continue(law)
                     self._about = None, []
                 continue
-            if end > until:
+            if rounded > until or (rounded == until and end > until):
                 if final and self.time < until:
                     self._add(Fraction(until))
                     continue
@@ -233,16 +238,60 @@ class NominalRun:
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""
         h = whole = float(end - self._time)
-        if h <= 0.0 or self._add_rows(end):
+        if h <= 0.0:
             return
+        made = self._next(h, end)
+        if made is None:
+            return
+        h, self._share = made.length, made.share
+        self._present, self._slope = made.present, made.slope
+        self._short = self._short + 1 if self._share < _SHORT else 0
+        if self._short > _MOST_SHORT:
+            raise RunError(
+                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
+                'are nearly singular there'
+            )
+        self._pieces.append((self._time, h, self._turns.copy(), made.coefficients))
+        if made.smooth:
+            self._share = min(1.0, 2.0 * self._share)
+        self.steps += 1
+        self._time = end if h == whole else self._time + Fraction(h)
+        self._last = made.coefficients @ h ** np.arange(len(_NODES))
+        self._take_off_turns()
+
+    def _next(self, h: float, end: Fraction) -> NextPiece | None:
+        """The piece of so many seconds, known or made; None if rows of tables are added."""
+        (turns, local), *_ = self._local
+        known, here = self._known, (self._last, self._about, self._share)
+        place = known.place(self._last, local, h, self._share) if self._slope is None else None
+        if not (place and place in known) and self._add_rows(end):
+            return None
+        if place is None:
+            return self._made(h)
+        if place not in known:
+            self._last = known.start(place)
+            angle = float(self._last[self._ideal.driven[0]])
+            self._about = self._time, [(turns, (angle, local[1]))]
+            try:
+                made = self._made(h)
+            except RunError:  # told of what is really there
+                made = None
+            known.enter(place, made)
+            self._last, self._about, self._share = here
+        self._turns[self._ideal.driven] = turns
+        return known.beside(place, local) or self._made(h)
+
+    def _made(self, h: float) -> NextPiece:
+        """The piece from here on, of so many seconds, or of fewer if that would not be exact."""
         # [s] from now, where a switch has turned over between nodes, of so long a piece
         seen: list[float] = []
         looked = math.inf
-        resolved = self._loads is None
+        resolved, switched = self._loads is None, False
         while True:
             shortest = self._share < _SHORTEST
             try:
-                h = self._before_switch(h, seen)
+                before = self._before_switch(h, seen)
+                h, switched = before, switched or before < h
                 values, slope = self._followed(h * _ENDED)
                 values = values[:, :-1]
             except RunError:  # too far for Newton's method, or for the mechanism
@@ -251,7 +300,9 @@ class NominalRun:
             else:
                 terms = np.abs(chebyshev_coefficients(values)).T / self._scale
                 if shortest or self._is_exact(values, terms, slope):
-                    coefficients = self._fitted(values, h)
+                    coefficients = _with_laws(
+                        fit_powers(values, h), self._local, self._ideal.driven
+                    )
                     if not (self._hidden or self._loads):
                         break
                     turns, now = self._turns.tolist(), self.time
@@ -278,21 +329,9 @@ class NominalRun:
                     continue
             self._share *= 0.5
             h *= 0.5
-        self._short = self._short + 1 if self._share < _SHORT else 0
-        if self._short > _MOST_SHORT:
-            raise RunError(
-                f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
-                'are nearly singular there'
-            )
-        self._pieces.append((self._time, h, self._turns.copy(), coefficients))
         # terms decay geometrically: those in the middle foretell the last ones of twice the length
-        if 2.0 ** len(_NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL:
-            self._share = min(1.0, 2.0 * self._share)
-        self.steps += 1
-        self._time = end if h == whole else self._time + Fraction(h)
-        self._last = coefficients @ h ** np.arange(len(_NODES))
-        self._slope = slope
-        self._take_off_turns()
+        smooth = 2.0 ** len(_NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL
+        return NextPiece(h, coefficients, slope, self._present, switched, self._share, smooth)
 
     def _add_rows(self, end: Fraction) -> bool:
         """Add the pieces up to `end` if many short rows of tables follow each other there.
@@ -331,15 +370,13 @@ class NominalRun:
         begun = self._turns.copy()
         for k in range(good):
             coefficients = powers[k]
-            coefficients[:, 0] -= TWO_PI * (self._turns - begun) * self._turning
-            for (_, local), i in zip(self._local, driven, strict=True):
-                coefficients[i] = 0.0
-                coefficients[i, : len(local)] = local
+            coefficients[:, 0] -= TWO_PI * (self._turns - begun) * self._ideal.turning
+            _with_laws(coefficients, self._local, driven)
             self._pieces.append((self._time, float(wide[k]), self._turns.copy(), coefficients))
             self.steps += 1
             whole = k == len(wide) - 1
             self._time = end if whole else self._time + Fraction(float(wide[k]))
-            self._last = last[k] - TWO_PI * (self._turns - begun) * self._turning
+            self._last = last[k] - TWO_PI * (self._turns - begun) * self._ideal.turning
             self._driven(np.zeros(0))
             self._take_off_turns()
         if good == len(bad):
@@ -348,7 +385,7 @@ class NominalRun:
 
     def _take_off_turns(self) -> None:
         """Keep angles that follow within a turn; those of drives are known by their laws."""
-        whole = np.where(self._turning, np.trunc(self._last / TWO_PI), 0.0)
+        whole = np.where(self._ideal.turning, np.trunc(self._last / TWO_PI), 0.0)
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
 
@@ -361,14 +398,6 @@ class NominalRun:
             return True
         # beside a nearly singular position rounding is larger: no halving helps
         return bool(slope is None and tail <= _ROUNDED * self._ideal.rounding(values))
-
-    def _fitted(self, values: Array, h: float) -> Array:
-        """Coefficients (n, m) of powers of the time through values at nodes; laws as they are."""
-        coefficients = fit_powers(values, h)
-        for (_, local), i in zip(self._local, self._ideal.driven, strict=True):
-            coefficients[i] = 0.0
-            coefficients[i, : len(local)] = local
-        return coefficients
 
     def _before_switch(self, h: float, looked: Sequence[float] = ()) -> float:
         """The next h [s], or as much of it as ends where another row of a switch begins.
@@ -453,13 +482,6 @@ class NominalRun:
             q[i] = polynomial.polyval(times, local)
         return q
 
-    @property
-    def _turning(self) -> NDArray[np.bool_]:
-        """Coordinates whose whole turns are taken off here: angles that follow."""
-        n = len(self._last)
-        fixed = {*self._ideal.driven, *self._ideal.sliding}
-        return np.array([i not in fixed for i in range(n)])
-
     def change_restitution(self, joint: str, restitution: float) -> None:
         """There are no impacts: KeyError."""
         raise KeyError(joint)
@@ -491,7 +513,12 @@ class NominalRun:
         pieces, self._pieces = self._pieces, []
         count, n = len(pieces), len(self._last)
         start = np.array([float(p[0]) for p in pieces])
-        low = [float(p[0] - Fraction(t)) for p, t in zip(pieces, start.tolist(), strict=True)]
+        # what rounding leaves out, in whole numbers: fractions would look for common divisors
+        exact = [(*p[0].as_integer_ratio(), *float(p[0]).as_integer_ratio()) for p in pieces]
+        low = [
+            (above * unit - rounded * below) / (below * unit)
+            for above, below, rounded, unit in exact
+        ]
         curve = PiecewisePolynomial(
             start,
             np.array(low),
@@ -501,6 +528,16 @@ class NominalRun:
         )
         none = np.zeros((count, 0))
         return Motion(curve, np.zeros((count, 0), np.uint8), none, np.zeros((count, 0, 3))), [], []
+
+
+def _with_laws(
+    coefficients: Array, laws: Sequence[tuple[int, tuple[float, ...]]], driven: Sequence[int]
+) -> Array:
+    """Coefficients (n, m) of which those of drives are as their laws have them."""
+    for (_, local), i in zip(laws, driven, strict=True):
+        coefficients[i] = 0.0
+        coefficients[i, : len(local)] = local
+    return coefficients
 
 
 class NominalPhysics:
@@ -674,6 +711,10 @@ class NominalPhysics:
         segments = np.repeat(np.arange(count), _SEARCHED)
         dt = np.outer(curve.duration, np.linspace(0.0, 1.0, _SEARCHED)).ravel()
         found = self._without_work(motion)
+        near = self._ideal.branches_meet(curve.local(segments, dt).T)
+        if not near.any():
+            return found
+        segments, dt = segments[near], dt[near]
         for turn in range(_ROUNDS):
             _, _, _, passage = self._motion(curve, segments, dt)
             if passage is None:

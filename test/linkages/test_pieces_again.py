@@ -1,0 +1,92 @@
+"""Pieces of ideal motions that a steady drive comes by again: the same bits however it is run."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mechanism_sim as ms
+from mechanism_sim.linkages.ideal import LinkageMotion
+from mechanism_sim.linkages.nominal import NominalRun
+
+SCENES = 'slider_crank', 'geneva', 'planetary', 'quick_return', 'rack_and_pinion', 'measured_cam'
+
+
+def bits(*motions):
+    return [
+        np.concatenate([np.asarray(getattr(m.curve, name)) for m in motions]).tobytes()
+        for name in ('start', 'start_low', 'duration', 'turns', 'coefficients')
+    ]
+
+
+@pytest.mark.parametrize('scene', SCENES)
+def test_pieces_do_not_depend_on_how_a_run_is_advanced_or_taken_up(scene):
+    machine = ms.load_scene(scene)
+    turn = machine.drive.period
+    whole, parts, taken_up = machine.start(), machine.start(), machine.start()
+    whole.advance(7.0 * turn)
+    expected = whole.drain()[0]
+    seen = []
+    for share in np.cumsum([0.03, 0.9, 1.27, 0.01, 2.8, 1.99]):
+        parts.advance(share * turn)
+        seen.append(parts.drain()[0])
+        parts.preview((share + 0.013) * turn)
+    taken_up.restore(parts.snapshot())  # nothing is known to it of the turns before
+    taken_up.advance(7.0 * turn)
+    assert bits(*seen, taken_up.drain()[0]) == bits(expected)
+
+
+@pytest.mark.parametrize(
+    'turns', [40, pytest.param(10_000, marks=pytest.mark.slow)], ids=['some', 'many']
+)
+def test_the_last_of_many_turns_is_as_its_closed_form(turns):
+    """Crank and rod of the package's slider-crank: x = r cos a + sqrt(l^2 - r^2 sin^2 a)."""
+    machine = ms.load_scene('slider_crank')
+    links = machine.scene.links
+    r, rod = links['crank'].length, links['rod'].length
+    run = machine.start()
+    for k in range(turns // 40):
+        run.advance((k + 1) * 40 * machine.drive.period)
+        motion = run.drain()[0]
+    curve = motion.curve
+    share = np.array([0.0, 0.31, 0.77, 1.0])
+    segments = np.repeat(np.arange(len(curve)), len(share))
+    dt = np.outer(curve.duration, share).ravel()
+    names = machine.mechanism.coordinates
+    q, v, a = (dict(zip(names, curve.local(segments, dt, d).T, strict=True)) for d in range(3))
+    crank, w = q['crank'], v['crank']
+    s, c = r * np.sin(crank), r * np.cos(crank)
+    along = np.sqrt(rod**2 - s**2)
+    slides = next(n for n in names if n in machine.mechanism.displacements)
+    by = -s - s * c / along  # dx / d crank
+    bend = -c - (c**2 - s**2) / along - (s * c) ** 2 / along**3
+    assert q[slides] == pytest.approx(c + along, abs=1e-13)
+    assert v[slides] == pytest.approx(w * by, abs=1e-11 * abs(w).max())
+    assert a[slides] == pytest.approx(w**2 * bend, abs=1e-8 * abs(w).max() ** 2)
+
+
+def test_closures_are_solved_in_the_first_turn_only(monkeypatch):
+    solved, follow = [], LinkageMotion.follow
+    monkeypatch.setattr(
+        LinkageMotion, 'follow', lambda *args: solved.append(args) or follow(*args)
+    )
+    machine = ms.load_scene('slider_crank')
+    run = machine.start()
+    assert isinstance(run, NominalRun)
+    run.advance(3.0 * machine.drive.period)
+    first = len(solved)
+    run.advance(100.0 * machine.drive.period)
+    assert run.steps > 1500
+    # a start that lies amid two places of the grid may fall on either
+    assert len(solved) - first < 0.1 * run.steps
+
+
+def test_where_more_than_the_angle_counts_every_piece_is_its_own():
+    """A load by the time: what began at the same angle a turn before is something else."""
+    load = {'at': 'piston', 'force': ['10 N if sin(31 rad/s * t) > 0.3 else 0 N', 0]}
+    machine = ms.load_scene('slider_crank', {'loads': {'pulse': load}})
+    run = machine.start()
+    run.advance(3.2 * machine.drive.period)
+    ends = np.array([np.cumsum(run.drain()[0].curve.duration)]).T
+    edges = (np.array([np.arcsin(0.3), np.pi - np.arcsin(0.3)]) + 2.0 * np.pi) / 31.0
+    assert np.abs(ends - edges).min(axis=0) == pytest.approx(0.0, abs=1e-12)
