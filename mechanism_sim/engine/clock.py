@@ -81,5 +81,7 @@ def horner(coefficients: Sequence[float], x: float) -> float:
 
 def take_off_turns(angle: float) -> tuple[int, float]:
     """Whole turns in an angle [rad], and what is left of it, smaller than a turn."""
+    if abs(angle) < 6.0:  # less than a turn
+        return 0, angle + 0.0
     whole = int(Fraction(angle) / TWO_PI)
     return whole, float(Fraction(angle) - whole * TWO_PI)

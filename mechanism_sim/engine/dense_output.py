@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -118,6 +119,8 @@ class Motion:
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
         """One motion from consecutive parts."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(
             PiecewisePolynomial.joined([part.curve for part in parts]),
             np.concatenate([part.modes for part in parts]),
@@ -230,6 +233,8 @@ class DenseOutput:
         """Steps entered from now on count from `base` and are taken in `status`."""
         if not self._bases or base is not self._bases[-1]:
             self._bases.append(base)
+        if self._marks and self._marks[-1][0] == len(self.lengths):
+            self._marks.pop()  # no step was taken in it
         self._marks.append((len(self.lengths), status, len(self._bases) - 1))
 
     def drain(self) -> Motion:
@@ -264,7 +269,7 @@ class DenseOutput:
         """The steps since the last `drain` as motion."""
         system, count = self._system, len(self.lengths)
         begins, status, marked = zip(*self._marks, strict=True)
-        each = np.diff([*begins, count])
+        each = [end - begin for begin, end in pairwise((*begins, count))]
         f, order = len(system.free), self._shape[1]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         states = np.zeros((count if system.states else 0, len(system.states), order))
@@ -311,5 +316,6 @@ class DenseOutput:
         for row, base in zip(laws, self._bases, strict=True):
             for k, c in enumerate(self._system.powered):
                 row[k] = base.torques[k]
-                row[k, 0] -= row[k, 1] * float(base.turns[c] * TWO_PI)
+                if row[k, 1]:
+                    row[k, 0] -= row[k, 1] * float(base.turns[c] * TWO_PI)
         return laws[of]
