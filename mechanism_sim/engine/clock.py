@@ -48,7 +48,9 @@ class Base:
 
     def local(self, t: float) -> float:
         """Time since the base [s] of a time since the start of the run."""
-        return float(Fraction(t) - self.time)
+        a, b = t.as_integer_ratio()
+        n, d = self.time.as_integer_ratio()
+        return (a * d - n * b) / (b * d)  # as fractions round it, but without reducing them
 
     def next_after(self, rate: float = 0.0) -> float:
         """Local time [s] after which a new base is due: one turn of the fastest drive.

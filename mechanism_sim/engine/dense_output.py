@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,7 @@ class Motion:
 
     def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
         """Modes (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
-        return np.repeat(self.modes[segments], instants(dt), axis=0).T
+        return _repeated(self.modes[segments], dt).T
 
     def closed_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.bool_]:
         """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
@@ -53,11 +53,11 @@ class Motion:
 
     def approach_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Speeds of the first touch (gaps, N) [m/s]."""
-        return np.repeat(self.approach[segments], instants(dt), axis=0).T
+        return _repeated(self.approach[segments], dt).T
 
     def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Coefficients of the torque laws (k, 3, N)."""
-        return np.repeat(self.torques[segments], instants(dt), axis=0).transpose(1, 2, 0)
+        return _repeated(self.torques[segments], dt).transpose(1, 2, 0)
 
     @property
     def state_curve(self) -> PiecewisePolynomial:
@@ -129,6 +129,12 @@ class Motion:
             np.concatenate([part.acting for part in parts]),
             np.concatenate([part.states for part in parts]),
         )
+
+
+def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:
+    """Rows of segments at each of the instants that are asked for in them."""
+    each = instants(dt)
+    return rows if each == 1 else np.repeat(rows, each, axis=0)
 
 
 def instants(dt: Array | Nodes) -> int:
