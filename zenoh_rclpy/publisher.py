@@ -77,7 +77,8 @@ class Publisher:
         publisher = self._publisher
         if self._here or not isinstance(publisher, zenoh.Publisher):
             return True
-        return bool(publisher.matching_status.matching)
+        status: Any = publisher.matching_status  # no bool, as zenoh's types say
+        return bool(status.matching)
 
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until other processes have what was published; False if the time is over first.
