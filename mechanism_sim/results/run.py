@@ -278,7 +278,7 @@ class Runner:
         self.known, self.more = self.engine.time, True
         self._audited, self._together = audited, together
         self._entered: list[Piece] = []  # not audited yet
-        self._judged = 0  # steps, when it was last judged
+        self._judged = self.engine.steps  # when it was last judged
         self._balance = EnergyTerms(Work(*np.zeros((len(Work._fields), 0))), [])
 
     def to(
@@ -352,7 +352,8 @@ class Runner:
         if not self._audited:
             return piece
         self._entered.append(piece)
-        if not last and self.engine.steps - self._judged < self._together:
+        waits = self._together and self.engine.steps - self._judged < self._together
+        if waits and not last:
             return piece
         balance, self._judged = self.balance(), self.engine.steps
         self.audit.judge(allowed_penetration(self.machine))
