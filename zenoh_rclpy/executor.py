@@ -8,6 +8,7 @@ import time
 from typing import Any
 
 from zenoh_rclpy import context as contexts
+from zenoh_rclpy.clock import SECOND
 from zenoh_rclpy.errors import ExternalShutdownException
 from zenoh_rclpy.future import Future
 from zenoh_rclpy.inbox import Ready
@@ -99,18 +100,21 @@ class SingleThreadedExecutor:
                 time.sleep(LOOK_AT_TIMERS)
             self._received = received
             self._next_look = time.monotonic() + LOOK_AT_TIMERS
-            timers = [
-                timer for node in self._nodes for timer in node.timers if timer.callback_group.free
-            ]
-            due = [timer for timer in timers if timer.is_ready()]
+            left = {
+                timer: timer.time_until_next_call()
+                for node in self._nodes
+                for timer in node.timers
+                if timer.callback_group.free and not timer.is_canceled()
+            }
+            first = min(left, key=left.__getitem__, default=None)
             # After a timer it is the others' turn: one that is always due must not starve them.
-            if due and not (self._ran_timer and self._ready):
+            if first and left[first] <= 0 and not (self._ran_timer and self._ready):
                 self._ran_timer = True
-                min(due, key=Timer.time_until_next_call).execute()
+                first.execute()
                 return
             self._ran_timer = False
             try:
-                entity = self._ready.get(timeout=_wait(timers, end))
+                entity = self._ready.get(timeout=_wait(left, end))
             except TimeoutError:
                 if end is not None and time.monotonic() >= end:
                     return
@@ -134,8 +138,9 @@ class SingleThreadedExecutor:
             self.spin_once(0.05 if left is None else min(left, 0.05))
 
 
-def _wait(timers: list[Timer], end: float | None) -> float | None:
-    waits = [wait for timer in timers if (wait := timer.wall_wait()) is not None]
+def _wait(left: dict[Timer, int], end: float | None) -> float | None:
+    """How long to sleep [s], with so many nanoseconds left to timers; None: for ever."""
+    waits = [max(0, ns) / SECOND for timer, ns in left.items() if not timer.is_simulated]
     if end is not None:
         waits.append(max(0.0, end - time.monotonic()))
     return min(waits, default=None)

@@ -72,6 +72,14 @@ class Publisher:
         """Number of subscriptions to this topic with this type."""
         return self._context.graph.count(wire.SUBSCRIPTION, self.topic_name, self._type)
 
+    def is_heard(self) -> bool:
+        """True if a message reaches anybody, programs on plain Zenoh included, or is kept."""
+        publisher = self._publisher
+        if self._here or not isinstance(publisher, zenoh.Publisher):
+            return True
+        status: Any = publisher.matching_status  # no bool, as zenoh's types say
+        return bool(status.matching)
+
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until other processes have what was published; False if the time is over first.
 

@@ -55,18 +55,16 @@ class Timer:
 
         A clock that is another now, or was set back to before the last call, starts it over.
         """
-        if self._simulated != (self._clock.simulated is not None):
-            self._simulated = not self._simulated
+        now, simulated = self._clock.ticks(), self._clock.simulated is not None
+        if simulated != self._simulated or now < self._last:
+            self._simulated = simulated
             self._start_over()
-        elif self._clock.ticks() < self._last:
-            self._start_over()
-        return self._next - self._clock.ticks()
+        return self._next - now
 
-    def wall_wait(self) -> float | None:
-        """Seconds that an executor may sleep; None if only ``/clock`` can make the timer due."""
-        if self._cancelled or self._clock.simulated is not None:
-            return None
-        return max(0, self.time_until_next_call()) / SECOND
+    @property
+    def is_simulated(self) -> bool:
+        """True if only ``/clock`` can make the timer due."""
+        return self._clock.simulated is not None
 
     def execute(self) -> None:
         """Call back, and take the next call that is still to come."""

@@ -48,7 +48,9 @@ class Base:
 
     def local(self, t: float) -> float:
         """Time since the base [s] of a time since the start of the run."""
-        return float(Fraction(t) - self.time)
+        a, b = t.as_integer_ratio()
+        n, d = self.time.as_integer_ratio()
+        return (a * d - n * b) / (b * d)  # as fractions round it, but without reducing them
 
     def next_after(self, rate: float = 0.0) -> float:
         """Local time [s] after which a new base is due: one turn of the fastest drive.
@@ -81,5 +83,7 @@ def horner(coefficients: Sequence[float], x: float) -> float:
 
 def take_off_turns(angle: float) -> tuple[int, float]:
     """Whole turns in an angle [rad], and what is left of it, smaller than a turn."""
+    if abs(angle) < 6.0:  # less than a turn
+        return 0, angle + 0.0
     whole = int(Fraction(angle) / TWO_PI)
     return whole, float(Fraction(angle) - whole * TWO_PI)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from itertools import pairwise
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class Motion:
 
     def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
         """Modes (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
-        return np.repeat(self.modes[segments], instants(dt), axis=0).T
+        return _repeated(self.modes[segments], dt).T
 
     def closed_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.bool_]:
         """Flags (gaps, N) at times `dt`, in the order of ``curve.at(segments, dt)``."""
@@ -52,11 +53,11 @@ class Motion:
 
     def approach_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Speeds of the first touch (gaps, N) [m/s]."""
-        return np.repeat(self.approach[segments], instants(dt), axis=0).T
+        return _repeated(self.approach[segments], dt).T
 
     def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Coefficients of the torque laws (k, 3, N)."""
-        return np.repeat(self.torques[segments], instants(dt), axis=0).transpose(1, 2, 0)
+        return _repeated(self.torques[segments], dt).transpose(1, 2, 0)
 
     @property
     def state_curve(self) -> PiecewisePolynomial:
@@ -118,6 +119,8 @@ class Motion:
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
         """One motion from consecutive parts."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(
             PiecewisePolynomial.joined([part.curve for part in parts]),
             np.concatenate([part.modes for part in parts]),
@@ -126,6 +129,12 @@ class Motion:
             np.concatenate([part.acting for part in parts]),
             np.concatenate([part.states for part in parts]),
         )
+
+
+def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:
+    """Rows of segments at each of the instants that are asked for in them."""
+    each = instants(dt)
+    return rows if each == 1 else np.repeat(rows, each, axis=0)
 
 
 def instants(dt: Array | Nodes) -> int:
@@ -230,6 +239,8 @@ class DenseOutput:
         """Steps entered from now on count from `base` and are taken in `status`."""
         if not self._bases or base is not self._bases[-1]:
             self._bases.append(base)
+        if self._marks and self._marks[-1][0] == len(self.lengths):
+            self._marks.pop()  # no step was taken in it
         self._marks.append((len(self.lengths), status, len(self._bases) - 1))
 
     def drain(self) -> Motion:
@@ -264,7 +275,7 @@ class DenseOutput:
         """The steps since the last `drain` as motion."""
         system, count = self._system, len(self.lengths)
         begins, status, marked = zip(*self._marks, strict=True)
-        each = np.diff([*begins, count])
+        each = [end - begin for begin, end in pairwise((*begins, count))]
         f, order = len(system.free), self._shape[1]
         coefficients = np.zeros((count, len(system.coordinates), order + 1))
         states = np.zeros((count if system.states else 0, len(system.states), order))
@@ -311,5 +322,6 @@ class DenseOutput:
         for row, base in zip(laws, self._bases, strict=True):
             for k, c in enumerate(self._system.powered):
                 row[k] = base.torques[k]
-                row[k, 0] -= row[k, 1] * float(base.turns[c] * TWO_PI)
+                if row[k, 1]:
+                    row[k, 0] -= row[k, 1] * float(base.turns[c] * TWO_PI)
         return laws[of]

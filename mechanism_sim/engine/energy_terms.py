@@ -24,6 +24,15 @@ class EnergyTerms(NamedTuple):
     drive_work: float = 0.0  #: before the motion
     dissipated: float = 0.0  #: before the motion
 
+    @property
+    def after(self) -> tuple[float, float]:
+        """Work of the drives and losses [J] since the start of the run, at the end."""
+        struck = np.array([(i.drive_work, i.sudden_loss) for i in self.impacts])
+        drive, lost = struck.reshape(-1, 2).sum(axis=0).tolist()
+        drive += float(self.work.drive.sum())
+        lost += float(self.work.friction.sum())
+        return self.drive_work + drive, self.dissipated + lost
+
 
 def energy_so_far(
     physics: Physics, motion: Motion, balance: EnergyTerms, k: NDArray[np.intp], dt: Array

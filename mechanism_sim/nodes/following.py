@@ -100,7 +100,9 @@ class Schedule:
 
     def due(self, end: float) -> NDArray[np.float64]:
         """Times [s] before `end` that were not handed out yet."""
-        last = max(self._next, int(np.ceil(end * self._rate)))
+        if self._next / self._rate >= end:
+            return np.zeros(0)
+        last = max(self._next, math.ceil(end * self._rate))
         t = np.arange(self._next, last + 1) / self._rate
         t = t[t < end]
         self._next += len(t)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mechanism_sim.engine.audit import Work
 from mechanism_sim.engine.dense_output import Motion as MotionBatch
-from mechanism_sim.engine.energy_terms import work_since_start
+from mechanism_sim.engine.energy_terms import EnergyTerms, work_since_start
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.export.urdf import to_urdf
@@ -37,10 +37,11 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.results.run import Batch, Piece, Runner, prepare
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.machine import Run
 
 BATCH = Batch(steps=1024, stride=256, longest=0.05)
 """Largest contents of a message."""
+TOGETHER = 256
+"""Steps that are audited at once where messages have few."""
 
 
 class MachineDescription:
@@ -107,6 +108,8 @@ class Integration:
     def diagnose(self) -> dict[str, object]:
         """Statistics of the solver."""
         run = self._runner
+        if run:
+            run.balance()
         balance: dict[str, object] = {
             'steps': run.engine.steps if run else 0,
             'events': run.engine.events if run else 0,
@@ -177,7 +180,8 @@ class Integration:
             self._node.ignore(self._drive, 'it is not a law of the drive of this machine')
             return
         if self._runner is None:
-            self._runner = Runner(self._machine, self._machine.start(law))
+            started = self._machine.start(law)
+            self._runner = Runner(self._machine, started, together=TOGETHER)
             for path, value in self._restitutions.changed.items():
                 self._change(path, value)
         elif message.law_id != self._law_id:
@@ -188,7 +192,7 @@ class Integration:
                 return
         self._law_id = message.law_id
         for piece in self._runner.to(message.valid_until, final=message.final, batch=BATCH):
-            self._publish(piece, self._runner.engine)
+            self._publish(piece, self._runner)
             if self._runner.more:
                 self._node.report(self._known)
 
@@ -201,32 +205,42 @@ class Integration:
 
     def _send_motion(self, motion: MotionBatch, end: float) -> None:
         """Publish motion that ends at `end` [s], and up to where it is known."""
-        number = self._node.run
-        names = row_names(self._machine), self._machine.physics.clearances
-        self._node.send(self._motion, pack(motion, *names, self._known, number, end))
+
+        def make() -> list[Any]:
+            names = row_names(self._machine), self._machine.physics.clearances
+            return [pack(motion, *names, self._known, self._node.run, end)]
+
+        self._node.send_all(self._motion, 1, make)
         self._published_until = self._known
 
-    def _publish(self, piece: Piece, engine: Run) -> None:
-        motion, balance, physics = piece.motion, piece.balance, self._machine.physics
-        self._node.send_all(self._modes, self._events.mode_changes(piece.modes))
+    def _publish(self, piece: Piece, runner: Runner) -> None:
+        engine = runner.engine
+        motion, send, events = piece.motion, self._node.send_all, self._events
+        send(self._modes, len(piece.modes), events.mode_changes, piece.modes)
         if len(motion) or self._known > self._published_until:
             self._send_motion(motion, engine.time)
         ahead = engine.preview(self._known)
         seen = [m for m in (motion, ahead) if m is not None and len(m)]
+
+        def balance() -> EnergyTerms:
+            known, physics = runner.balance(), self._machine.physics
+            if ahead is None or not len(ahead) or not physics.has_forces:
+                return known
+            # no sample lies behind the last segment, whose own work is not asked for
+            each = np.arange(len(ahead) - 1)
+            coming = work_since_start(physics, ahead, each, ahead.curve.duration[:-1])
+            none = np.zeros((len(Work._fields), 1))
+            work = Work(*np.concatenate([known.work, coming, none], axis=1))
+            return known._replace(work=work)
+
         if seen:
             self._latest = seen[-1]
-            if ahead is not None and len(ahead) and physics.has_forces:
-                # no sample lies behind the last segment, whose own work is not asked for
-                each = np.arange(len(ahead) - 1)
-                coming = work_since_start(physics, ahead, each, ahead.curve.duration[:-1])
-                none = np.zeros((len(Work._fields), 1))
-                work = Work(*np.concatenate([balance.work, coming, none], axis=1))
-                balance = balance._replace(work=work)
             self._samples.publish(MotionBatch.joined(seen), balance)
         if len(motion):
             self._also(motion)
-        self._node.send_all(self._impacts, self._events.impacts(piece.impacts, self._impact_count))
-        self._impact_count += len(piece.impacts)
+        impacts = piece.impacts
+        send(self._impacts, len(impacts), events.impacts, impacts, self._impact_count)
+        self._impact_count += len(impacts)
 
 
 class Restitutions:

@@ -267,11 +267,12 @@ def transforms(
 
 
 class SampleTopic(NamedTuple):
-    """A topic of samples: when they are due, and what writes them."""
+    """A topic of samples: when they are due, what writes them, how many for each instant."""
 
     publisher: Any
     schedule: Schedule
     write: Callable[[View], list[bytes]]
+    each: int
 
 
 class SampleTopics:
@@ -316,13 +317,17 @@ class SampleTopics:
         if 'bearing_loads' in publisher:
             write = bearing_loads(machine, world)
             writers.append(('bearing_loads', outputs.joint_reactions, write))
+        shafts = len(shafts_of(machine))
         self._topics = [
-            SampleTopic(publisher[topic], Schedule(rate), write) for topic, rate, write in writers
+            SampleTopic(
+                publisher[topic], Schedule(rate), write, shafts if topic == 'bearing_loads' else 1
+            )
+            for topic, rate, write in writers
         ]
         self._frames_due = Schedule(outputs.transforms)
         self._write_frames = transforms(machine.mechanism, frame)
 
-    def publish(self, motion: Motion, balance: EnergyTerms) -> None:
+    def publish(self, motion: Motion, balance: Callable[[], EnergyTerms]) -> None:
         """Publish the samples that are due before the end of a motion that follows the last."""
         curve, views = motion.curve, dict[bytes, View]()
 
@@ -333,13 +338,17 @@ class SampleTopics:
                 views[key] = View.at(self._machine, motion, t, balance)
             return views[key]
 
+        def write(topic: SampleTopic, t: Array) -> list[bytes]:
+            return topic.write(view(t))
+
         for topic in self._topics:
             t = topic.schedule.due(curve.end)
-            if t.size:
-                self._node.send_all(topic.publisher, topic.write(view(t)))
+            self._node.send_all(topic.publisher, len(t) * topic.each, write, topic, t)
         t = self._frames_due.due(curve.end)
-        if t.size:
+
+        def frames() -> list[bytes]:
             k, dt = curve.find(t)
             # quaternions repeat after two turns: these keep their signs
-            angles = curve.local(k, dt) + TWO_PI * (curve.turns_at(k, dt) % 2)
-            self._node.send_all(self._publishers['/tf'], self._write_frames(t, angles))
+            return self._write_frames(t, curve.local(k, dt) + TWO_PI * (curve.turns_at(k, dt) % 2))
+
+        self._node.send_all(self._publishers['/tf'], len(t), frames)

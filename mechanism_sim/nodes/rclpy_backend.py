@@ -215,6 +215,8 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                     publish_when_possible(message)
 
         publisher.publish, publisher.publish_all = publish_when_possible, publish_all
+        kept = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        publisher.is_heard = lambda: kept or publisher.get_subscription_count() > 0
         return publisher
 
     def create_subscription(

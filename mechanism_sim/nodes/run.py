@@ -64,6 +64,9 @@ START_PATIENCE = 120.0
 END_PATIENCE = 15.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
 
+LOOK = 0.02
+"""[s] between looks whether processes still run."""
+
 
 @dataclass(frozen=True)
 class NodePlan:
@@ -246,14 +249,19 @@ class _Children:
         self.code = 0
         self._processes = {name: _spawn(plan, name) for name in plan.nodes}
         self._deadline: float | None = None
+        self._next_look = 0.0
 
     def running(self) -> bool:
         """True if any still runs; one that fails makes all others end."""
+        now = time.monotonic()
+        if now < self._next_look:
+            return True
+        self._next_look = now + LOOK
         codes = {name: process.poll() for name, process in self._processes.items()}
         failed = {name: code for name, code in codes.items() if code}
         if failed and not self.code:
             self.interrupt(report_end(*next(iter(failed.items()))))
-        if self._deadline is not None and time.monotonic() > self._deadline:
+        if self._deadline is not None and now > self._deadline:
             for process in self._processes.values():
                 process.kill()
         return None in codes.values()
@@ -269,7 +277,7 @@ class _Children:
     def wait(self) -> None:
         """Wait until all have ended."""
         while self.running():
-            time.sleep(0.02)
+            time.sleep(LOOK)
 
 
 def _spawn(plan: NodePlan, node: str) -> subprocess.Popen[bytes]:

@@ -123,4 +123,5 @@ class Sensors(SimulationNode):
 
     def _send(self, final: bool) -> None:
         for sensor, publisher in self._sensors:
-            self.send_all(publisher, sensor.messages(final))
+            messages = sensor.messages(final)
+            self.send_all(publisher, len(messages), list, messages)

@@ -201,10 +201,13 @@ class SimulationNode(DescribedNode):
         publisher.publish(message)
         self.counts[publisher.topic_name] += 1
 
-    def send_all(self, publisher: Any, messages: Sequence[bytes]) -> None:
-        """Publish serialised messages in their order, and count them."""
-        publish_all(publisher, messages)
-        self.counts[publisher.topic_name] += len(messages)
+    def send_all(
+        self, publisher: Any, count: int, make: Callable[..., Sequence[Any]], *given: Any
+    ) -> None:
+        """Publish messages in their order, and count them; they are made if anybody hears them."""
+        if count and publisher.is_heard():
+            publish_all(publisher, make(*given))
+        self.counts[publisher.topic_name] += count
 
     def report_soon(self, t: float) -> None:
         """Report within `REPORT_PERIOD`; calls within that time make one report."""

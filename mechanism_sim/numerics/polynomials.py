@@ -63,7 +63,10 @@ class PiecewisePolynomial:
         """One curve from consecutive ones, of the highest degree among them."""
         powers = [c.coefficients for c in curves]
         count = max(x.shape[2] for x in powers)
-        wide = [np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2]))) for x in powers]
+        wide = [
+            x if x.shape[2] == count else np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2])))
+            for x in powers
+        ]
         columns = ('start', 'start_low', 'duration', 'turns')
         start, low, duration, turns = (
             np.concatenate([getattr(c, name) for c in curves]) for name in columns

@@ -37,7 +37,7 @@ class View:
     Parameters
     ----------
     segments, dt : the instants, as those of ``motion.curve.at(segments, dt)``
-    balance : of the motion, for what was done so far
+    balance : of the motion, for what was done so far, or what gives it
     t : the same instants (N,) [s], if they are known
     static : whether forces are without those of inertia
     """
@@ -48,7 +48,7 @@ class View:
         motion: Motion,
         segments: NDArray[np.intp],
         dt: Array | Nodes,
-        balance: EnergyTerms | None = None,
+        balance: EnergyTerms | Callable[[], EnergyTerms] | None = None,
         t: Array | None = None,
         static: bool = False,
     ) -> None:
@@ -65,7 +65,7 @@ class View:
         machine: Machine,
         motion: Motion,
         t: Array,
-        balance: EnergyTerms | None = None,
+        balance: EnergyTerms | Callable[[], EnergyTerms] | None = None,
         static: bool = False,
     ) -> Self:
         """The view at times (N,) [s]."""
@@ -147,7 +147,8 @@ class View:
     def _so_far(self) -> tuple[Array, Array]:
         if self._balance is None:
             raise ValueError('the work up to this time is not known for this motion')
-        return energy_so_far(self._physics, self._motion, self._balance, *self._instants)
+        balance = self._balance() if callable(self._balance) else self._balance
+        return energy_so_far(self._physics, self._motion, balance, *self._instants)
 
     def joint(self, joint: Joint) -> JointView:
         """One of its joints."""

@@ -1,7 +1,8 @@
 """Runs: pieces of motion as polynomials, events, energy; the one loop that makes and audits them.
 
 Whoever needs a run reads its pieces or observes them: solutions, streams, nodes, sweeps, studies.
-Nobody sees a piece that has not been audited, so that a run that fails does so everywhere alike.
+Nobody sees a piece that has not been audited, so that a run that fails does so everywhere alike;
+nodes hand on pieces of few steps at once, and audit them together.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -251,6 +252,8 @@ class Runner:
     resume : from where the run goes on
     audited : whether its motion is that of the machine; a shooting method tries motions that may
         violate gaps, and asks for the audit of the one that it ends with
+    together : steps that are audited at once where pieces have fewer: then work in pieces is not
+        known before `balance` is asked for, and a run that fails does so some steps later
 
     Attributes
     ----------
@@ -267,12 +270,16 @@ class Runner:
         engine: Run | None = None,
         resume: Snapshot | None = None,
         audited: bool = True,
+        together: int = 0,
     ) -> None:
         self.machine = machine
         self.engine = engine or (machine.resume(resume) if resume else machine.start())
         self.audit = Audit(machine.physics)
         self.known, self.more = self.engine.time, True
-        self._audited = audited
+        self._audited, self._together = audited, together
+        self._entered: list[Piece] = []  # not audited yet
+        self._judged = self.engine.steps  # when it was last judged
+        self._balance = EnergyTerms(Work(*np.zeros((len(Work._fields), 0))), [])
 
     def to(
         self,
@@ -308,7 +315,7 @@ class Runner:
                 held()
                 self.engine.advance(until, final)
             self.known = self.engine.time if self.more or final else until
-            piece = self._piece()
+            piece = self._piece(final and not self.more)
             for observe in observers:
                 observe(piece)
             yield piece
@@ -337,17 +344,34 @@ class Runner:
             if long or engine.steps - first >= batch.steps:
                 return True
 
-    def _piece(self) -> Piece:
-        """All that the engine has come to since the last one, audited."""
+    def _piece(self, last: bool) -> Piece:
+        """All that the engine has come to since the last one, audited if it is time to."""
         motion, impacts, changes = self.engine.drain()
+        unknown = Work(*np.full((len(Work._fields), len(motion)), np.nan))
+        piece = Piece(self.machine, motion, EnergyTerms(unknown, impacts), impacts, changes)
         if not self._audited:
-            unknown = Work(*np.full((len(Work._fields), len(motion)), np.nan))
-            return Piece(self.machine, motion, EnergyTerms(unknown, impacts), impacts, changes)
-        before = self.audit.drive_work, self.audit.dissipated
-        work = self.audit.add(motion, impacts)
+            return piece
+        self._entered.append(piece)
+        waits = self._together and self.engine.steps - self._judged < self._together
+        if waits and not last:
+            return piece
+        balance, self._judged = self.balance(), self.engine.steps
         self.audit.judge(allowed_penetration(self.machine))
-        balance = EnergyTerms(work, impacts, *before)
-        return Piece(self.machine, motion, balance, impacts, changes)
+        return replace(piece, balance=balance)
+
+    def balance(self) -> EnergyTerms:
+        """Work and losses of the last piece; audits it, and those before it that are not yet."""
+        if not self._entered:
+            return self._balance
+        pieces, self._entered, first = self._entered, [], 0
+        impacts = [impact for piece in pieces for impact in piece.impacts]
+        work = self.audit.add(Motion.joined([piece.motion for piece in pieces]), impacts)
+        for piece in pieces:  # piece by piece, so that sums do not depend on what is audited when
+            end = first + len(piece.motion)
+            own = Work(*(x[first:end] for x in work))
+            self._balance = EnergyTerms(own, piece.impacts, *self._balance.after)
+            first = end
+        return self._balance
 
 
 def allowed_penetration(machine: Machine) -> float:

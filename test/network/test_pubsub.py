@@ -7,6 +7,7 @@ import threading
 import time
 
 import pytest
+import zenoh
 from middleware_network import PATIENCE, Network, Process, eventually, spin_until
 from running import ROOT, TIMEOUT
 
@@ -241,6 +242,27 @@ def test_a_late_subscriber_of_the_same_process_gets_what_lasts():
     publisher.publish(Impact(index=5))
     spin_until(node, lambda: got[-1:] == [5])
     assert got == [3, 4, 5]
+
+
+def test_a_publisher_knows_whether_anybody_hears_it(joined):
+    """Here, in another process, on plain Zenoh; what is kept is for who comes later."""
+    node = Node('speaker')
+    publisher = node.create_publisher(Impact, 'impacts', 10)
+    assert node.create_publisher(Impact, 'lasts', LATCHED).is_heard()
+    assert not publisher.is_heard()
+    heard = node.create_subscription(Impact, 'impacts', lambda _: None, 10)
+    assert publisher.is_heard()
+    node.destroy_subscription(heard)
+    assert not publisher.is_heard()
+    other = joined.start(COLLECT, 1, 0.0)
+    assert eventually(publisher.is_heard)
+    publisher.publish(Impact(index=0))
+    other.finish()
+    assert eventually(lambda: not publisher.is_heard())
+    plain = zenoh.open(session_config())
+    plain.declare_subscriber('*/impacts/**', lambda _: None)
+    assert eventually(publisher.is_heard)
+    plain.close()
 
 
 @pytest.mark.usefixtures('joined')

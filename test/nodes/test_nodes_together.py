@@ -25,7 +25,7 @@ from mechanism_sim.errors import RunError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Clock, Float64, Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
-from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners
+from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners, publications
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
@@ -116,6 +116,23 @@ def test_a_subscriber_that_is_slower_than_a_whole_run_loses_nothing():
         assert sent > 10
     finally:
         listener.destroy_node()
+
+
+def test_what_nobody_hears_is_counted_but_not_made(monkeypatch, tmp_path):
+    """A run counts the same messages with a recorder and without."""
+    made, counts, write = [], [], publications.SampleTopic
+    monkeypatch.setattr(publications, 'SampleTopic', lambda publisher, schedule, make, each: write(
+        publisher, schedule, lambda view: made.append(publisher.topic_name) or make(view), each,
+    ))  # fmt: skip
+    for bag in (tmp_path / 'heard.mcap', None):
+        with nodes_of(SCENE, 0.1, overrides=('start=centred',), record=bag) as nodes:
+            finish(nodes)
+            counts.append(nodes['linkage'].counts)
+        assert bool(made) == bool(bag)
+        made.clear()
+    for topic in counts[0].keys() - {'/motion', '/progress'}:
+        assert counts[0][topic] == counts[1][topic]
+    assert counts[1]['/linkage_state'] > 5
 
 
 def test_a_partner_that_leaves_is_named(monkeypatch):

@@ -85,6 +85,30 @@ def test_the_motion_does_not_depend_on_how_it_is_asked_for(name):
     assert runner.audit.drive_work == pytest.approx(whole.energy.drive_work)
 
 
+def test_short_pieces_may_be_audited_together(monkeypatch):
+    """What is known of each in the end, and of all of them, is the same bit by bit."""
+    counts, add = [], audit.Audit.add
+    monkeypatch.setattr(audit.Audit, 'add', lambda self, motion, impacts: (
+        counts.append(len(motion)), add(self, motion, impacts),
+    )[1])  # fmt: skip
+    alone, group, end = Runner(loose()), Runner(loose(), together=200), 0.3
+    short = Batch(6, 3)
+    known = [piece.balance for piece in alone.to(end, batch=short)]
+    pieces, said, steps = len(counts), [], sum(counts)
+    counts.clear()
+    for number, _ in enumerate(group.to(end, batch=short)):
+        said.append(group.balance() if number % 40 == 7 else None)
+    said[-1] = group.balance()
+    assert sum(counts) == steps
+    assert len(counts) < pieces / 10
+    assert all(b is None or b.after == a.after for a, b in zip(known, said, strict=True))
+    assert len([b for b in said if b]) > 3
+    assert group.audit.max_penetration == alone.audit.max_penetration
+    ours, theirs = alone.audit.energy, group.audit.energy
+    assert ours.residual == pytest.approx(theirs.residual, abs=1e-12)
+    assert ours.exchanged == pytest.approx(theirs.exchanged, rel=1e-9)
+
+
 def test_a_run_goes_on_from_a_snapshot():
     machine = loose()
     first = ms.simulate(machine, revolutions=1)
@@ -121,6 +145,9 @@ WAYS = {
     'simulate': lambda machine: ms.simulate(machine, revolutions=1),
     'stream': lambda machine: ms.stream(machine, revolutions=1).finish(),
     'run': lambda machine: list(run(machine, machine.drive.period)),
+    'short pieces': lambda machine: list(
+        Runner(machine, together=10**6).to(machine.drive.period, batch=Batch(6, 3))
+    ),
     'statistics': lambda machine: statistics(machine, 21, 1),
     'cycle': ms.cycle,
     'measures': lambda machine: ms.measure(
