@@ -31,6 +31,7 @@ _NEAR_ROOT = TOLERANCES.guards.near_root * TOLERANCES.guards.watch_scale
 
 
 _UNWATCHED = (0.0, 1.0, 0.0)
+_ROOT = 'where a root reaches 0 it has no slope: write sqrt(max(x, 0))'
 
 
 class PendingStep(NamedTuple):
@@ -259,8 +260,11 @@ class TaylorSteps:
                 return RunError(
                     f'the state {known.label} of first order ends at t = {time:.9g} s, where it '
                     f'is {known.scale * y:.6g} and its rate {known.scale * float(rate):.6g}'
+                    f'{f"; {_ROOT}" if math.isnan(rate) else ""}'
                 )
         far = ', or its elastic links bend too far' if self._system.mechanism.having(Beam) else ''
+        if self._system.states:
+            far += f'; {_ROOT}'
         return RunError(
             f'the integration broke down at t = {time:.9g} s: the state '
             f'became infinite; the mechanism may be at a singular position{far}'

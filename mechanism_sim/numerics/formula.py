@@ -19,12 +19,17 @@ import heyoka as hy
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.numerics import expressions
 from mechanism_sim.numerics.expressions import CORNERED, SMOOTH, ExpressionNode, parse
+from mechanism_sim.tolerances import TOLERANCES
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name in SMOOTH}
 """Smooth ones of one argument."""
 
 PERIODIC = 'sin', 'cos', 'tan'
 """Those that repeat after a turn of their argument."""
+
+_EMPTY = 10.0 * TOLERANCES.switches.margin
+"""Of the size of its terms: up to there the root in ``sqrt(max(x, 0))`` is 0. At 0 its slope is
+infinite, and a state that it brings there would never be seen to arrive."""
 
 _BINARY: dict[str, Callable[[Any, Any], Any]] = {
     '+': operator.add, '-': operator.sub, '*': operator.mul, '/': operator.truediv,
@@ -104,6 +109,21 @@ def of_tree(tree: ExpressionNode, words: Words, text: str) -> hy.expression:
     return hy.expression(0.0) + _Builder(words, text).value(tree)
 
 
+def _at_least_none(node: ExpressionNode) -> ExpressionNode | None:
+    """The other argument of ``max(x, 0)``; None of other nodes."""
+    if (node.kind, node.name) != ('call', 'max'):
+        return None
+    left = [x for x in node.args if (x.kind, x.value) != ('number', 0.0)]
+    return left[0] if len(left) == 1 < len(node.args) else None
+
+
+def _terms(node: ExpressionNode) -> list[ExpressionNode]:
+    """What a node adds up or chooses from, whose sizes tell that of its rounding."""
+    if node.kind in ('+', '-', 'negative'):
+        return [t for x in node.args for t in _terms(x)]
+    return [t for x in node.args[1:] for t in _terms(x)] if node.kind == 'if' else [node]
+
+
 class _Builder:
     """Makes expressions of the nodes of a formula's tree."""
 
@@ -133,6 +153,8 @@ class _Builder:
                 return -self.value(args[0])
             case '+' | '-' | '*' | '/':
                 return _BINARY[node.kind](self.value(args[0]), self.value(args[1]))
+            case '**' if 0.0 < args[1].value < 1.0 and (inner := _at_least_none(args[0])):
+                return self._root(inner, args[1].value)
             case '**':
                 return self._power(self.value(args[0]), args[1].value)
             case 'if':
@@ -155,6 +177,14 @@ class _Builder:
         whole = reduce(operator.mul, [base] * abs(int(power)))
         return whole if power > 0.0 else 1.0 / whole
 
+    def _root(self, node: ExpressionNode, power: float) -> Any:
+        """A root of what is positive, 0 elsewhere: there it is a root of 1, which has a slope."""
+        x, terms = self.value(node), [self.value(t) for t in _terms(node)]
+        size = hy.sqrt(reduce(operator.add, [t * t for t in terms], hy.expression(1.0)))
+        flag = self._words.flag(x / size - _EMPTY)
+        within = flag * x + (1.0 - flag)
+        return flag * (hy.sqrt(within) if power == 0.5 else within**power)
+
     def _call(self, node: ExpressionNode) -> Any:
         """A function; of one that repeats after a turn without those of angles.
 
@@ -173,6 +203,8 @@ class _Builder:
         args = [self.value(x) for x in node.args]
         self._without_turns = before
         x = args[0]
+        if name == 'sqrt' and (inner := _at_least_none(node.args[0])):
+            return self._root(inner, 0.5)
         if name in ('min', 'max'):
             sign = 1.0 if name == 'max' else -1.0
             return reduce(lambda a, b: b + self._positive(sign * (a - b), a, b) * (a - b), args)
