@@ -2,7 +2,6 @@
 
 import atexit
 import gc
-import io
 import os
 import sys
 from pathlib import PurePath
@@ -20,8 +19,6 @@ def main() -> None:
     ending.begin()
     ending.one_thread()
     gc.set_threshold(_GARBAGE, 10, 10)
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without umlauts gets them as \xfc
-        sys.stdout.reconfigure(errors='backslashreplace')
     from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
 
     try:

@@ -1,5 +1,6 @@
-"""Standard streams of a program that was begun with some of them closed."""
+"""Standard streams of a program: closed, full, or without umlauts."""
 
+import io
 import os
 import sys
 
@@ -12,3 +13,10 @@ def open_streams() -> None:
     for name, mode in (('stdin', 'r'), ('stdout', 'w'), ('stderr', 'w')):  # in this order
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, mode, encoding='utf-8'))  # noqa: SIM115 - to the end
+    if isinstance(sys.stdout, io.TextIOWrapper):  # one without umlauts gets them as \xfc
+        sys.stdout.reconfigure(errors='backslashreplace')
+
+
+def mute_output() -> None:
+    """Redirect an output that is closed or full: Python would write to it again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -7,6 +7,7 @@ on rclpy where it is installed, on this package elsewhere.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -60,10 +61,12 @@ class UsageError(ValueError):
     """Something that a command was given cannot be used."""
 
 
-def missing(sentence: str, name: str, known: Iterable[str]) -> UsageError:
+def missing(
+    sentence: str, name: str, known: Iterable[str], kind: type[Exception] = UsageError
+) -> Exception:
     """There is no such thing; the nearest of those that are there."""
     (close,) = get_close_matches(name, list(known), 1, 0.5) or ('',)
-    return UsageError(f"{sentence}; did you mean '{close}'?" if close else sentence)
+    return kind(f"{sentence}; did you mean '{close}'?" if close else sentence)
 
 
 def refusal(answer: Any) -> str:
@@ -255,18 +258,32 @@ class CommandNode:
             self.node.destroy_subscription(subscription)
 
     def publish(
-        self, topic: str, kind: str, values: Any, count: int, rate: float, told: Callable[[], None]
+        self,
+        topic: str,
+        kind: str,
+        values: Any,
+        count: int | None,
+        rate: float,
+        told: Callable[[], None],
     ) -> None:
-        """Publish a message so many times, once there is a subscription or patience ends."""
+        """Publish a message so many times once there is a subscription; or without end, at once.
+
+        Raises
+        ------
+        MiddlewareError
+            If nobody subscribes, or does not take in all.
+        """
         full = topic if topic.startswith('/') else f'/{topic}'
         message = from_plain(message_class(kind), values)
         publisher = self.node.create_publisher(type(message), full, 10)
-        self._wait(publisher.get_subscription_count)
-        for k in range(count):
+        if count and not self._wait(publisher.get_subscription_count):
+            known = [n for n, _ in self.topics() if self.node.count_subscribers(n)]
+            raise missing(f'nobody subscribes to {full}', full, known, MiddlewareError)
+        for k in range(count or sys.maxsize):
+            if k:
+                time.sleep(1.0 / rate)
             publisher.publish(message)
             told()
-            if k + 1 < count:
-                time.sleep(1.0 / rate)
         if not publisher.wait_for_all_acked(Duration(seconds=_LAST)):
             raise MiddlewareError(f'{full}: a subscription has not taken in all in {_LAST:g} s')
 

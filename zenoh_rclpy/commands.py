@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Callable
@@ -15,6 +14,8 @@ from contextlib import suppress
 from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import TYPE_CHECKING, Any, NoReturn
+
+from ros_interfaces.streams import mute_output
 
 if TYPE_CHECKING:
     from zenoh_rclpy.command_node import CommandNode
@@ -134,38 +135,42 @@ def _number(text: str, least: int = 1) -> int:
 def main(args: list[str] | None = None) -> int:
     """Run a command; exit code 0 done, 1 failed, 2 bad input, 130 interrupted."""
     given = sys.argv[1:] if args is None else args
+    code, error = 0, ''
+    try:
+        code, error = _run(given)
+        if error and '--json' in given and code != 130:
+            _print_json({'error': error, 'code': code})
+        sys.stdout.flush()
+    except OSError as failure:
+        mute_output()
+        # A pipe is closed when whoever read it has had enough. What was wrong before is said.
+        if not error and not isinstance(failure, BrokenPipeError):
+            code, error = 1, f'the output cannot be written: {failure.strerror or failure}'
+    if error:
+        print(f'zros: {error}', file=sys.stderr, flush=True)
+    return code
+
+
+def _run(given: list[str]) -> tuple[int, str]:
+    """Exit code of a command, and in one sentence what is wrong."""
     try:
         options = make_parser().parse_args(given)
         from zenoh_rclpy.command_node import command_node  # noqa: PLC0415 - not for --help
 
         with command_node(options.timeout) as node:
-            code = int(options.act(node, options) or 0)
-        sys.stdout.flush()
-        return code
+            return int(options.act(node, options) or 0), ''
+    except SystemExit as ended:  # after --help
+        return int(ended.code or 0), ''
     except (ValueError, ImportError, argparse.ArgumentTypeError) as error:
-        return _fail(str(error), 2, given)
+        return 2, str(error)
     except KeyboardInterrupt:
-        return _fail('interrupted', 130, given)
-    except OSError as error:
-        # Python would write to an output that is closed or full again at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, BrokenPipeError):  # whoever read it has had enough
-            return 0
-        return _fail(f'the output cannot be written: {error.strerror or error}', 1, [])
+        return 130, 'interrupted'
     except Exception as error:
         if type(error).__name__ == 'ExternalShutdownException':  # of rclpy, or of this package
-            return _fail('interrupted', 130, given)
+            return 130, 'interrupted'
         if isinstance(error, RuntimeError):
-            return _fail(str(error), 1, given)
+            return 1, str(error)
         raise
-
-
-def _fail(text: str, code: int, args: list[str]) -> int:
-    """Say what is wrong on standard error, and in JSON if that is asked for; gives the code."""
-    if '--json' in args and code != 130:
-        _print_json({'error': text, 'code': code})
-    print(f'zros: {text}', file=sys.stderr, flush=True)
-    return code
 
 
 # topics
@@ -257,12 +262,12 @@ def _print_rate(options: argparse.Namespace, times: list[float]) -> None:
 
 def _pub(node: CommandNode, options: argparse.Namespace) -> None:
     def show() -> None:
-        if not options.json:
-            print(f'published on {options.topic}', flush=True)
+        topic = options.topic
+        text = json.dumps({'published': topic}) if options.json else f'published on {topic}'
+        print(text, flush=True)
 
-    count = options.count or sys.maxsize
     values = _values(options.values)
-    node.publish(options.topic, options.type, values, count, options.rate, show)
+    node.publish(options.topic, options.type, values, options.count, options.rate, show)
 
 
 # parameters

@@ -18,7 +18,7 @@ from typing import Any
 
 import zenoh
 
-from zenoh_rclpy.errors import MiddlewareError
+from zenoh_rclpy.errors import InvalidSettingError
 
 LOOPBACK = 'tcp/127.0.0.1:7447'
 HOUR = 3_600_000_000  # [us]
@@ -147,7 +147,7 @@ def _host_and_port(endpoint: str) -> tuple[str, int]:
     protocol, _, address = endpoint.partition('/')
     host, _, port = address.partition('#')[0].rpartition(':')
     if protocol != 'tcp' or not host or not port.isdecimal():
-        raise MiddlewareError(
+        raise InvalidSettingError(
             f'MECHANISM_SIM_ROUTER={endpoint!r} is no endpoint of the form tcp/127.0.0.1:7447'
         )
     return host.strip('[]'), int(port)
@@ -159,7 +159,7 @@ def _configuration(variable: str, defaults: dict[str, Any]) -> zenoh.Config:
         try:
             return zenoh.Config.from_file(path)
         except zenoh.ZError as error:
-            raise MiddlewareError(f'{variable}={path!r} is not readable: {error}') from error
+            raise InvalidSettingError(f'{variable}={path!r} is not readable: {error}') from error
     config = zenoh.Config()
     for key, value in defaults.items():
         config.insert_json5(key, json.dumps(value))
@@ -176,11 +176,11 @@ def _insert(config: zenoh.Config, key: str, value: str) -> None:
     try:
         config.insert_json5(key, value)
     except zenoh.ZError as error:
-        raise MiddlewareError(f'ZENOH_CONFIG_OVERRIDE: {key}={value}: {error}') from error
+        raise InvalidSettingError(f'ZENOH_CONFIG_OVERRIDE: {key}={value}: {error}') from error
 
 
 def _number(variable: str, text: str) -> int:
     try:
         return int(text)
     except ValueError:
-        raise MiddlewareError(f'{variable}={text!r} is not a whole number') from None
+        raise InvalidSettingError(f'{variable}={text!r} is not a whole number') from None

@@ -9,6 +9,10 @@ class ExternalShutdownException(MiddlewareError):  # noqa: N818
     """A signal asked the process to end while it was spinning."""
 
 
+class InvalidSettingError(MiddlewareError, ValueError):
+    """An environment variable makes no sense."""
+
+
 class InvalidArgumentsError(MiddlewareError, ValueError):
     """Arguments after ``--ros-args`` make no sense."""
 

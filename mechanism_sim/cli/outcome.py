@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import errno
-import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
@@ -15,6 +14,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.packages import refusal
 from mechanism_sim.terminal import print_error
+from ros_interfaces.streams import mute_output
 
 _GONE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
 
@@ -45,8 +45,8 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
     except KeyboardInterrupt as interrupted:
         sys.exit(ending.report_signal(str(interrupted)))
     except BrokenPipeError:
-        # Whoever read our output has had enough; Python must not complain while closing it.
-        _mute()
+        # Whoever read our output has had enough.
+        mute_output()
         sys.exit(0)
     except Exception as error:
         refused = refusal(error)
@@ -56,7 +56,7 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
             sys.exit(_report_failure(refused, 2, given))
         if not isinstance(error, OSError) or error.errno not in _GONE:
             raise
-        _mute()
+        mute_output()
         where = f"'{error.filename}'" if error.filename else 'the output'
         sys.exit(print_error(RunError(f'{where} cannot be written: {error.strerror}'), 1))
 
@@ -77,14 +77,12 @@ def run_program(
     carry_out(work, given)
 
 
-def _mute() -> None:
-    """Redirect an output that is closed: Python would write to it again at its end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
 def _report_failure(error: Exception, code: int, args: Sequence[str]) -> int:
     """Print an error; as JSON, too, with `--json` if nothing is printed yet."""
     if '--json' in args and 'node' not in args[:1] and not PRINTED:
-        print_json({'error': str(error), 'code': code})
-        sys.stdout.flush()
+        try:
+            print_json({'error': str(error), 'code': code})
+            sys.stdout.flush()
+        except OSError:  # closed or full: standard error has it
+            mute_output()
     return print_error(error, code)

@@ -29,6 +29,7 @@ from mechanism_sim.editor.sketch import (
     Spot,
 )
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.keys.names import check_link_name
 from mechanism_sim.packages import reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene import Machine
@@ -375,6 +376,8 @@ class Session:
             raise InputError(
                 f"'{name}' cannot be its name: use letters, digits and _, no name in use"
             )
+        if path[0] == 'links' and len(path) == 2:
+            check_link_name(name)
         short = self._written_out() if path[0] in ('links', 'joints') else []
         self.document.rename(path, name, short)
         if path[0] == 'links':

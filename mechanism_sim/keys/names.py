@@ -30,6 +30,15 @@ def scene_errors(name: str) -> Iterator[None]:
         raise SceneError(f'{name}: {error}') from error
 
 
+def check_link_name(link: str) -> None:
+    """Refuse names of links that are none, or that formulas know otherwise."""
+    if not link.isidentifier() or link in RESERVED:
+        raise InputError(
+            f"links.{link}: the name '{link}' cannot be used; names are letters, digits "
+            f'and _, but not {", ".join(RESERVED)}, which formulas name'
+        )
+
+
 class Names:
     """The references of one scene; `where` is the key that asks.
 
@@ -43,11 +52,7 @@ class Names:
     def __init__(self, scene: Any) -> None:
         self.scene = scene
         for link in scene.links:
-            if link != GROUND and (not link.isidentifier() or link in RESERVED):
-                raise InputError(
-                    f"links.{link}: the name '{link}' cannot be used; names are letters, digits "
-                    f'and _, but not {", ".join(RESERVED)}, which formulas name'
-                )
+            check_link_name(link)
         self.links = [link for link in scene.links if link != GROUND]
         if not self.links:
             raise InputError('links: there is no moving link; add one beside the ground')

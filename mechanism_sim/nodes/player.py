@@ -54,7 +54,7 @@ def player(patience: float = 10.0) -> Iterator[BagPlayer]:
     except (MessageError, InvalidNameError) as error:
         raise InputError(str(error)) from error
     except MiddlewareError as error:
-        raise RunError(str(error)) from error
+        raise (InputError if isinstance(error, ValueError) else RunError)(str(error)) from error
     finally:
         leave(nodes)
 

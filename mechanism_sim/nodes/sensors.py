@@ -58,6 +58,10 @@ class _Sensor:
         return self._layouts[size]
 
 
+_EXACT = 1e-9
+"""Variance of exact values: the least that robot_localization takes. Zeros would mean unknown."""
+
+
 class _Unit:
     """One sensor as an inertial unit, by the conventions of REP-145."""
 
@@ -66,8 +70,14 @@ class _Unit:
         self._unit = scene.inertial_unit(machine, name)
         chain = scene.chain()
         variance = chain.noise.rms.value**2 + chain.adc.step**2 / 12.0
-        covariance = float64_array(np.diag([variance, variance, 0.0]))
-        message = Imu(linear_acceleration_covariance=covariance)
+        noisy, exact = (
+            float64_array(np.diag(np.maximum(v, _EXACT)))
+            for v in ([variance, variance, 0.0], [0.0] * 3)
+        )
+        message = Imu(
+            orientation_covariance=exact, angular_velocity_covariance=exact,
+            linear_acceleration_covariance=noisy,
+        )  # fmt: skip
         message.header.frame_id = frame
         self._layout = Layout(message)
 

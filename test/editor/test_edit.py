@@ -29,6 +29,7 @@ from mechanism_sim.editor.tools import TOOLS as OF_KINDS
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.joints.kinds import KINDS
+from mechanism_sim.keys.names import RESERVED
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.sensors import SENSORS
@@ -606,6 +607,15 @@ def test_a_part_goes_with_what_cannot_be_without_it():
     assert given['joints']['link_1_link_2']['revolute'] == ['crank.end', 'link_2']
     assert given['drive']['coordinate'] == 'crank'
     assert page.said == []
+
+
+def test_no_link_gets_a_name_that_formulas_know_otherwise():
+    page = four_bar()
+    before = page.text
+    for name in RESERVED:
+        page.ask('rename', path=['links', 'link_1'], name=name)
+        assert f"the name '{name}' cannot be used" in page.said[-1]
+        assert page.text == before
 
 
 def test_a_four_bar_in_short_is_written_out_for_what_it_cannot_say():

@@ -419,7 +419,13 @@ def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
         hand = Hand(tab, address)
         hand.page.locator('#outline [data-path="links.crank"]').click()
         hand.page.locator('[name="links.crank.length"]').wait_for()
+        said = hand.page.locator('#said')
+        hand.page.locator('[name="rename"]').fill('a b')
+        hand.page.keyboard.press('Enter')
+        said.wait_for()
+        assert "'a b' cannot be its name" in said.inner_text()
         hand.fill('links.crank.length', '-5 mm')
+        assert said.is_hidden()  # that was about something else
         wrong = hand.page.locator('.row.wrong')
         assert wrong.locator('label').inner_text() == 'length'
         sentence = wrong.locator('[role="alert"]').inner_text()
@@ -443,15 +449,19 @@ def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
 def test_it_fits_windows_of_every_size_by_day_and_night(browser, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with editing('four_bar_coupler_curve') as address:
-        for width, height in ((390, 844), (1440, 900)):
+        for opened, width, height in ((390, 390, 844), (1440, 1440, 900), (1440, 400, 844)):
             for scheme in ('light', 'dark'):
                 context = browser.new_context(
-                    viewport={'width': width, 'height': height}, color_scheme=scheme
+                    viewport={'width': opened, 'height': height}, color_scheme=scheme
                 )
                 hand = Hand(Tab(context.new_page(), tmp_path), address)
                 hand.page.locator('#outline [data-path="links.coupler"]').click()
                 hand.page.locator('[name="links.coupler.length"]').wait_for()
                 hand.ran()
+                hand.page.set_viewport_size({'width': width, 'height': height})
+                hand.page.evaluate(
+                    'new Promise((go) => requestAnimationFrame(() => requestAnimationFrame(go)))'
+                )
                 wide = hand.page.evaluate('document.documentElement.scrollWidth')
                 assert wide <= width
                 sheet = hand.page.locator('#over').bounding_box()

@@ -17,6 +17,10 @@ HINGE = (
     '<joint name="h" type="{}"><parent link="a"/><child link="{}"/><axis xyz="{}"/></joint>'
 )  # fmt: skip
 MJCF = '<mujoco><worldbody><body name="a"><joint {}/></body></worldbody>{}</mujoco>'
+DOCTYPE = """<?xml version="1.0" encoding="utf-8" standalone="no"?>
+<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN"
+  "http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">
+"""
 BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
 
 
@@ -38,7 +42,9 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
         ('m.urdf', '<robot', 'm.urdf is not XML'),
         ('m.urdf', '<sdf/>', 'begins with <sdf>, not with <robot>'),
-        ('m.urdf', BOMB, 'a DOCTYPE and entities are not read'),
+        ('m.urdf', BOMB, 'entities are not read: take them out'),
+        ('m.svg', DOCTYPE + '<svg/>', 'there is no closed curve in the drawing'),
+        ('m.svg', DOCTYPE + '<svg>&a;</svg>', 'm.svg is not XML (ParseError: undefined entity'),
         ('m.urdf', URDF.format(''), 'there must be one link that no joint carries'),
         ('m.urdf', URDF.format(HINGE.format('ball', 'b', '0 0 1')), 'joints of type ball are not'),
         ('m.urdf', URDF.format(HINGE.format('revolute', 'c', '0 0 1')), 'there must be one link'),

@@ -153,20 +153,24 @@ def test_a_port_of_somebody_else_is_an_error_in_one_sentence(network, monkeypatc
 
 
 @pytest.mark.parametrize(
-    ('variable', 'value', 'message'),
+    ('variable', 'value', 'message', 'bad_input'),
     [
-        ('MECHANISM_SIM_ROUTER', 'localhost', 'no endpoint of the form'),
-        ('MECHANISM_SIM_ROUTER', 'tcp/192.0.2.1:1', 'No router answers at'),
-        ('ROS_DOMAIN_ID', 'seven', 'not a whole number'),
-        ('ZENOH_SESSION_CONFIG_URI', '/no/such/file', 'not readable'),
-        ('ZENOH_CONFIG_OVERRIDE', 'no/such/key=1', 'no/such/key=1'),
+        ('MECHANISM_SIM_ROUTER', 'localhost', 'no endpoint of the form', True),
+        ('MECHANISM_SIM_ROUTER', 'tcp/192.0.2.1:1', 'No router answers at', False),
+        ('ROS_DOMAIN_ID', 'seven', 'not a whole number', True),
+        ('ZENOH_SESSION_CONFIG_URI', '/no/such/file', 'not readable', True),
+        ('ZENOH_CONFIG_OVERRIDE', 'no/such/key=1', 'no/such/key=1', True),
     ],
 )
-def test_what_the_environment_gets_wrong_is_said(network, monkeypatch, variable, value, message):
+def test_what_the_environment_gets_wrong_is_said(
+    network, monkeypatch, variable, value, message, bad_input
+):
+    """Bad input is a ValueError, too: commands end with 2."""
     assert network
     monkeypatch.setenv(variable, value)
-    with pytest.raises(MiddlewareError, match=message):
+    with pytest.raises(MiddlewareError, match=message) as raised:
         init()
+    assert isinstance(raised.value, ValueError) == bad_input
 
 
 def test_the_environment_may_choose_the_network(network, monkeypatch):

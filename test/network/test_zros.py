@@ -204,6 +204,39 @@ def test_what_is_not_there_is_said_in_one_sentence(network):
     assert json.loads(done.stdout) == {'error': "there is no topic '/impacts'", 'code': 2}
 
 
+@pytest.mark.parametrize('more', [[], ['--json']])
+@pytest.mark.usefixtures('network')
+def test_what_nobody_hears_is_not_published(more, capsys):
+    words = ['topic', 'pub', '--once', '/x', 'std_msgs/msg/Float64', '--timeout', '0.2', *more]
+    assert main(words) == 1
+    out, err = capsys.readouterr()
+    assert err == 'zros: nobody subscribes to /x\n'
+    assert bool(out) == bool(more)
+
+
+@pytest.mark.parametrize(
+    ('more', 'said'), [([], 'published on /x\n'), (['--json'], '{"published": "/x"}\n')]
+)
+def test_what_is_published_is_said(more, said, monkeypatch, capsys):
+    node = nullcontext(SimpleNamespace(publish=lambda *given: given[-1]()))
+    monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
+    assert main(['topic', 'pub', '--once', '/x', 'std_msgs/msg/Float64', *more]) == 0
+    assert capsys.readouterr() == (said, '')
+
+
+def test_umlauts_are_written_out_where_there_are_none(network):
+    """In YAML, which has them as they are."""
+    code = (
+        'import zenoh_rclpy.commands as commands, zenoh_rclpy.__main__ as program;'
+        'commands._run = lambda given: (print("\xfc"), (0, ""))[1]; program.main()'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code], env=network | {'PYTHONIOENCODING': 'ascii'},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, '\\xfc\n', '')
+
+
 @pytest.mark.parametrize(
     'ask',
     [
@@ -212,6 +245,7 @@ def test_what_is_not_there_is_said_in_one_sentence(network):
         lambda node: node.call('/nothing', 'std_srvs/srv/Trigger', {}),
         lambda node: node.send_goal('/nothing', f'{PACKAGE}/action/SimulateSteps', {}, None),
         lambda node: node.endpoints('/nothing'),
+        lambda node: node.publish('/comand', 'std_msgs/msg/Float64', None, 1, 1.0, lambda: None),
     ],
 )
 def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
@@ -224,9 +258,12 @@ def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
 
     clock.sleep = wait
     nothing = SimpleNamespace(
-        get_topic_names_and_types=list, get_service_names_and_types=list, get_node_names=list,
+        get_topic_names_and_types=lambda: [('/comand', []), ('/command', [])],
+        get_service_names_and_types=list, get_node_names=list,
         get_node_names_and_namespaces=list,
         create_client=lambda *_: SimpleNamespace(service_is_ready=lambda: False),
+        create_publisher=lambda *_: SimpleNamespace(get_subscription_count=lambda: 0),
+        count_subscribers=lambda name: name == '/command',
     )  # fmt: skip
     monkeypatch.setattr(commanding, 'time', clock)
     monkeypatch.setattr(commanding, 'Node', lambda *_, **__: nothing)
@@ -234,7 +271,8 @@ def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
     monkeypatch.setattr(
         commanding, 'ActionClient', lambda *_: SimpleNamespace(wait_for_server=wait)
     )
-    with pytest.raises(UsageError, match='there is no'):
+    said = "there is no|^nobody subscribes to /comand; did you mean '/command'"
+    with pytest.raises((UsageError, MiddlewareError), match=said):
         ask(CommandNode(10.0))
     assert 10.0 <= clock.now < 10.1
 
@@ -288,14 +326,25 @@ def test_a_rate_is_printed_each_second_and_kept_at_a_signal(
     assert lines[-1].endswith(f'of {last} messages')
 
 
-def test_an_output_that_is_full_is_said(network):
+FULL = 'the output cannot be written: No space left on device'
+
+
+@pytest.mark.parametrize(
+    ('words', 'code', 'said'),
+    [
+        ('service list --json', 1, FULL),
+        ('--help', 1, FULL),
+        ('topic info /x --timeout 0.1 --json', 2, "there is no topic '/x'"),
+    ],
+)
+def test_an_output_that_is_full_is_said(network, words, code, said):
     with open('/dev/full', 'w') as full:
         done = subprocess.run(
-            [sys.executable, '-m', 'zenoh_rclpy', 'service', 'list', '--json'], env=network,
-            stdout=full, stderr=subprocess.PIPE, text=True, timeout=TIMEOUT, check=False,
+            [sys.executable, '-m', 'zenoh_rclpy', *words.split()],
+            env=network | {'PYTHONUNBUFFERED': ''}, stdout=full,
+            stderr=subprocess.PIPE, text=True, timeout=TIMEOUT, check=False,
         )  # fmt: skip
-    said = 'zros: the output cannot be written: No space left on device\n'
-    assert (done.returncode, done.stderr) == (1, said)
+    assert (done.returncode, done.stderr) == (code, f'zros: {said}\n')
 
 
 def test_a_bag_is_not_played_backwards():

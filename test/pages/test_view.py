@@ -479,6 +479,24 @@ def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(a
     assert run.tab.complaints == []
 
 
+@pytest.mark.parametrize('path', ['drive.speed', f'{PLAY}.radial', 'realtime_factor'])
+def test_a_key_moves_a_slider_by_a_value_at_least(acted, path):
+    run = acted(SCENE, 0.1, 0.2)
+    slider = run.page.locator(f'input[data-path="{path}"]')
+    run.tell()
+    control = run.controls[path]
+    place, value = float(slider.input_value()), control.value
+    for key, way in (('ArrowRight', 1), ('ArrowRight', 1), ('ArrowLeft', -1), ('ArrowLeft', -1)):
+        slider.press(key)
+        asked = run.command()
+        assert (asked.type, asked.path) == ('set', path)
+        assert way * (asked.value - value) > 0.0
+        assert way * (float(slider.input_value()) - place) > 0.0
+        place, value = float(slider.input_value()), asked.value
+        run.controls[path] = control.at(asked.value / control.scale)
+        run.tell()
+
+
 @pytest.mark.slow
 def test_space_pauses_whatever_was_clicked_before(acted):
     run = acted(SCENE, 0.05)

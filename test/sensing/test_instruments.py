@@ -87,9 +87,13 @@ def test_an_inertial_unit_feels_gravity_and_knows_its_attitude(bags):
         assert np.abs(turned - np.exp(1j * seen['position.rocker'])).max() < 1e-12
         rate = np.array([m.angular_velocity.z for m in messages])
         assert np.abs(rate - seen['velocity.rocker']).max() < 1e-9
-        covariance = messages[0].linear_acceleration_covariance.reshape(3, 3)
-        step = 1024.0 / 2**12
-        assert np.diag(covariance) == pytest.approx([0.09 + step**2 / 12.0] * 2 + [0.0])
+        first, step = messages[0], 1024.0 / 2**12
+        for covariance, variance in (
+            (first.linear_acceleration_covariance, 0.09 + step**2 / 12.0),
+            (first.angular_velocity_covariance, 1e-9), (first.orientation_covariance, 1e-9),
+        ):  # fmt: skip
+            wanted = np.diag([variance, variance, 1e-9])  # all zeros would mean unknown
+            assert covariance.reshape(3, 3) == pytest.approx(wanted)
 
 
 def test_at_rest_an_inertial_unit_reads_upwards():

@@ -38,7 +38,8 @@ export class Canvas {
       event.preventDefault();
       this.zoom(Math.exp(-0.0015 * event.deltaY), this.#pixel(event));
     }, { passive: false });
-    new ResizeObserver(() => this.#look()).observe(over);
+    this.bounds = null; // shown whole, until it is zoomed or shifted by hand
+    new ResizeObserver(() => (this.bounds ? this.fit(this.bounds) : this.#look())).observe(over);
   }
 
   get size() { return [this.over.clientWidth || 1, this.over.clientHeight || 1]; }
@@ -68,12 +69,14 @@ export class Canvas {
     this.scale = Math.min(1e7, Math.max(1, this.scale * factor));
     const after = this.world(about);
     this.centre = this.centre.map((x, i) => x + before[i] - after[i]);
+    this.bounds = null;
     this.#look();
   }
 
   /** Shows all within bounds. @param {number[]} bounds left, bottom, right, top [m] */
   fit([left, bottom, right, top]) {
     const [w, h] = this.size;
+    this.bounds = [left, bottom, right, top];
     this.centre = [0.5 * (left + right), 0.5 * (bottom + top)];
     const wide = Math.max(right - left, 1e-3);
     const high = Math.max(top - bottom, 1e-3);
@@ -324,6 +327,7 @@ export class Canvas {
     if (['move', 'turn', 'remove'].includes(this.tool) && !(from.handle && this.tool !== 'remove')) {
       const [x, y] = this.pressed.centre;
       this.centre = [x - (at[0] - from.pixel[0]) / this.scale, y + (at[1] - from.pixel[1]) / this.scale];
+      this.bounds = null;
       this.#look();
       return;
     }

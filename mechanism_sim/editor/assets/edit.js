@@ -108,6 +108,7 @@ function connect() {
 }
 
 function ask(message) {
+  by('said').hidden = true; // of what was asked for before
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 

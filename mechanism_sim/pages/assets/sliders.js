@@ -7,6 +7,10 @@ const ANEW = 'restarts the run';
 const same = ({ known, control: { low, high } }, value) => (
   Math.abs(value - known) <= 1e-6 * Math.abs(known) + 1e-9 * (high - low));
 
+/** Whether a value is what was asked for last, or what the machine has. */
+const known = (slider, value) => (
+  value === slider.asked || (slider.asked === null && same(slider, value)));
+
 /** Sliders for the values of a machine. */
 export class Sliders {
   /**
@@ -83,7 +87,8 @@ export class Sliders {
       box.append(note);
     }
     const slider = { control, box, input, output, note, asked: null, known: control.value,
-      held: false, until: 0, sent: 0, later: 0 };
+      key: null, held: false, until: 0, sent: 0, later: 0 };
+    input.addEventListener('keydown', () => { slider.key = Number(input.value); });
     input.addEventListener('input', () => this.#move(slider));
     input.addEventListener('change', () => this.#send(slider, true));
     return slider;
@@ -91,6 +96,7 @@ export class Sliders {
 
   #move(slider) {
     slider.held = true; // by a hand
+    if (slider.key !== null) step(slider);
     write(slider, valueOf(slider));
     if (slider.control.effect !== 'now' || slider.later) return;
     const wait = Math.max(0, slider.sent + this.every - performance.now());
@@ -102,13 +108,25 @@ export class Sliders {
     slider.later = 0;
     slider.held = !released;
     const value = valueOf(slider);
-    if (value === slider.asked || (slider.asked === null && same(slider, value))) return;
+    if (known(slider, value)) return;
     slider.sent = performance.now();
     slider.until = slider.sent + PATIENCE;
     slider.asked = value;
     if (slider.note) slider.note.textContent = 'restarting …';
     this.ask(slider.control.path, value);
   }
+}
+
+/** Moves the thumb, which a key has moved, on to where the rounded value is another. */
+function step(slider) {
+  const { input } = slider;
+  const way = Math.sign(Number(input.value) - slider.key);
+  const before = slider.asked ?? slider.known;
+  const stays = (value) => known(slider, value) || way * (value - before) < 0;
+  while (input.value > 0 && input.value < WAYS && stays(valueOf(slider))) {
+    input.value = Number(input.value) + way;
+  }
+  slider.key = null;
 }
 
 function valueOf({ control, input }) {
