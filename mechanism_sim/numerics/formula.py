@@ -118,7 +118,7 @@ def _at_least_none(node: ExpressionNode) -> ExpressionNode | None:
 
 
 def _terms(node: ExpressionNode) -> list[ExpressionNode]:
-    """What a node adds up or chooses from, whose sizes tell that of its rounding."""
+    """Terms that a node adds up or chooses from, whose sizes tell that of its rounding."""
     if node.kind in ('+', '-', 'negative'):
         return [t for x in node.args for t in _terms(x)]
     return [t for x in node.args[1:] for t in _terms(x)] if node.kind == 'if' else [node]
