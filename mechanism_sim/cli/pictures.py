@@ -162,7 +162,6 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.report.charts.lines import OVER_TIME, against  # noqa: PLC0415
     from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
 
     if is_signal_file(options.scene):
@@ -206,27 +205,43 @@ def _plot(options: argparse.Namespace) -> int:
     if not options.what:
         return _list(options, asked, bag)
     title = Path(options.scene).name if bag else asked.record.machine.scene.title
-    over = OVER_TIME
-    if options.against != 'time':
-        over = against(asked.record.piece, options.against)
-    return _write(options, series, (title, over), asked.marks(start, end))
+    return _write(options, series, (title, _over(options, asked, series)), asked.marks(start, end))
+
+
+def _over(
+    options: argparse.Namespace, asked: Asked | AskedSignals, series: list[Series]
+) -> Abscissa:
+    """The abscissa that is asked for."""
+    from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import (  # noqa: PLC0415
+        OVER_TIME,
+        against,
+        against_recorded,
+    )
+
+    if options.against == 'time':
+        return OVER_TIME
+    if given := asked.recorded(options.against):
+        return against_recorded(given, series)
+    assert isinstance(asked, Asked)  # noqa: S101 - signals know what is recorded only
+    return against(asked.record.piece, options.against)
 
 
 def _plot_signals(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.open_run import AskedSignals  # noqa: PLC0415
-    from mechanism_sim.report.charts.lines import OVER_TIME  # noqa: PLC0415
 
-    others = 'charts', 'ideal', 'against', 'duration', 'revolutions', 'skip', 'namespace', 'set'
+    others = 'charts', 'ideal', 'duration', 'revolutions', 'skip', 'namespace', 'set'
     refuse_options(options, others, 'does not apply to a file of signals')
     if not options.what:
-        refuse_options(options, ['output'], 'needs the name of a channel')
+        refuse_options(options, ['output', 'against'], 'needs the name of a channel')
     else:
         _check_files(options)
     asked = AskedSignals(options.scene, options.full_scale or '')
     if not options.what:
         return _list(options, asked, None)
     series = asked.series(options.what, options.start, options.end)
-    return _write(options, series, (Path(options.scene).name, OVER_TIME), (None, []))
+    over = _over(options, asked, series)
+    return _write(options, series, (Path(options.scene).name, over), (None, []))
 
 
 def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:

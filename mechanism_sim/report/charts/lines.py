@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.analysis.series import Series, sampled
+from mechanism_sim.analysis.series import Items, Series, parse, sampled
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import GROUND, index
@@ -103,6 +103,16 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
     return Abscissa(axis, at, of=found.name)
 
 
+def against_recorded(s: Series, series: Sequence[Series]) -> Abscissa:
+    """Over recorded values, for series that have instants within theirs."""
+    if all(np.isnan(s.at(x.t)).all() for x in series):
+        raise InputError(f'{s.name} has no value at the instants of {series[0].name}')
+    unit, scale = for_people(s.unit)
+    words, labels = named([s])
+    owner = '' if labels[s.name] == s.name else f' of {labels[s.name]}'
+    return Abscissa(Axis(f'{words}{owner}', unit), lambda t: scale * s.at(t), of=s.name)
+
+
 def check_abscissa(machine: Machine, what: str) -> None:
     """Refuse what a run of the machine cannot be drawn against."""
     if what == 'angle' and machine.plan.main in machine.physics.displacements:
@@ -185,7 +195,7 @@ def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
 
 def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
     """Words for the lines of a panel, and their labels by name."""
-    parts = {s.name: _parts(s.name) for s in series}
+    parts = {s.name: _parts(s) for s in series}
     titles = {s.name: s.words or parts[s.name][0].replace('_', ' ') for s in series}
     kinds = list(dict.fromkeys(kind for kind, _ in parts.values()))
     said = list(dict.fromkeys(titles.values()))
@@ -354,7 +364,7 @@ def chart(
     for lines in units.values():
         found += panels(lines, over, numbers, NOTHING if found else struck)
     if bands:
-        found.append(modes({_parts(s.name)[1]: Spells.of(s) for s in bands}))
+        found.append(modes({_parts(s)[1]: Spells.of(s) for s in bands}))
     if over.kind == 'time':
         ends = [over.at(s.t[[0, -1]]) for s in series if len(s.t)]
         axis = replace(over.axis, low=float(np.min(ends)), high=float(np.max(ends)))
@@ -369,11 +379,13 @@ def _item(s: Series, numbers: Mapping[str, int]) -> str:
     return known or (s.name[:-2] if s.name.endswith(('.x', '.y')) else s.name)
 
 
-def _parts(name: str) -> tuple[str, str]:
-    """Quantity of a series and its owner: of a path the last field, and its item."""
-    if '/' not in name and '[' not in name and '{' not in name:
-        kind, _, rest = name.partition('.')
+def _parts(s: Series) -> tuple[str, str]:
+    """Quantity of a series and its owner: of a path the last field, and its items."""
+    kind, _, rest = s.name.partition('.')
+    if rest == s.of or not any(x in s.name for x in '/[{'):
         return kind, rest
-    kind = name.rpartition('.')[2].partition('[')[0].partition('{')[0]
-    items = [part.partition(']')[0] for part in name.split('[')[1:]]
-    return kind, ' '.join(x for x in items if x != ':')
+    path = parse(s.name)
+    if path is None or not path.fields:  # of a topic that is none of ROS
+        return s.name.rpartition('.')[2], ''
+    items = [step.text for step in path.steps if isinstance(step, Items)]
+    return path.fields[-1], ' '.join(x for x in items if x != ':')
