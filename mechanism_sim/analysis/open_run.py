@@ -31,6 +31,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.runs import BAG_ENDINGS
+from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece, seconds_of
 from mechanism_sim.signal_files import read_signals
@@ -94,8 +95,9 @@ class MessageRun:
             columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
 
-    def find(self, names: Sequence[str]) -> list[Series]:
+    def find(self, given: Iterable[str | Sequence[str]]) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
+        names = [*flat(given)]
         paths = {name: p for name in names if (p := path_in(self._bag, name, self._namespace))}
         read = dict(zip(paths, recorded(self._bag, [*paths.values()]), strict=True))
         return [s for name in names for s in read.get(name) or self._states(name)]

@@ -235,6 +235,9 @@ class Record(Revolutions):
     complete: bool = True
     whole: Motion | None = None
 
+    def __repr__(self) -> str:
+        return f'<Record of {self.machine.name}: {self.piece!r}>'
+
     @property
     def history(self) -> Motion:
         """The motion from the start of the run on: what sensors and frames on springs went by."""
