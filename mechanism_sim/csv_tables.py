@@ -2,10 +2,10 @@
 
 The only reader of comma-separated values. Commas, semicolons and tabs separate, or spaces where
 every line has some and the first none of these; lines that begin with ``#`` are comments; a
-heading may have its unit in brackets, as ``angle [deg]``, or below it: a second line in which no
-cell is a number. A file without headings has the columns ``1``, ``2`` and so on. Where commas
-separate nothing and no number has a point, they are decimal ones, unless all of them might stand
-before thousands.
+heading may have its unit in brackets, as ``angle [deg]``, or below it, in a line without numbers
+that stands above numbers. A file without headings has the columns ``1``, ``2`` and so on. Where
+commas separate nothing and no number has a point, they are decimal ones, unless all of them might
+stand before thousands.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
         parts = [cell.removeprefix("'").replace('(', '[').partition('[') for cell in rows[0][1]]
         names, units = [p[0].strip() for p in parts], [p[2].strip(' ])') for p in parts]
         rows = rows[1:]
-        if rows and not any(units) and _are_units(rows[0][1]):
+        if not any(units) and _are_units([row for _, row in rows[:2]]):
             units = [x.strip(' []()') for x in rows[0][1]] + [''] * (len(names) - len(rows[0][1]))
             rows = rows[1:]
     for name in names:
@@ -200,11 +200,12 @@ def _point(cell: str) -> str:
     return cell.replace(',', '.') if _DECIMAL_COMMA.fullmatch(cell) else cell
 
 
-def _are_units(cells: Sequence[str]) -> bool:
-    """True if no cell is a number, and not all may be numbers that are missing."""
-    return not (
-        any(map(_is_number, cells)) or all(cell.strip().lower() in MISSING for cell in cells)
-    )
+def _are_units(rows: Sequence[Sequence[str]]) -> bool:
+    """True if the first of two rows holds no number, and words above numbers of the second."""
+    if len(rows) < 2 or any(map(_is_number, rows[0])):
+        return False
+    pairs = zip(*rows, strict=False)
+    return any(x.strip().lower() not in MISSING and _is_number(y) for x, y in pairs)
 
 
 def _is_number(cell: str) -> bool:

@@ -51,7 +51,6 @@ class MessageRun:
     """
 
     def __init__(self, bag: Bag, namespace: str | None = None) -> None:
-        refuse_empty(bag)
         self._bag, self.path, self._namespace = bag, bag.path, namespace
 
     def __repr__(self) -> str:
@@ -111,6 +110,7 @@ class MessageRun:
         below = [s for known, s in self.series.items() if known.startswith(f'{name}.')]
         found = [self.series[name]] if name in self.series else below
         if not found:
+            refuse_empty(self._bag)
             known = self.names()
             raise InputError(
                 f"{self.path} has no scene with a quantity '{name}'{nearest(name, known)}; it has "

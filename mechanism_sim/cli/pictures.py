@@ -31,6 +31,7 @@ from mechanism_sim.cli.source import (
     warn_if_incomplete,
 )
 from mechanism_sim.errors import InputError, check_known
+from mechanism_sim.recording.runs import BAG_ENDINGS
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.open_run import Asked, AskedSignals
@@ -84,7 +85,7 @@ def add(command: Command) -> None:
     )  # fmt: skip
     option(
         sub, '--against', 'angle|NAME',
-        'the angle of the main drive, or a quantity, instead of the time; the direction of a '
+        'the angle of the main drive, or another WHAT, instead of the time; the direction of a '
         'vector makes a polar chart', 'time',
     )  # fmt: skip
     flag(sub, '--ideal', 'also draw the same machine with ideal joints')
@@ -166,6 +167,11 @@ def _plot(options: argparse.Namespace) -> int:
 
     if is_signal_file(options.scene):
         return _plot_signals(options)
+    if other := next((x for x in options.what if x.endswith(BAG_ENDINGS)), None):
+        raise InputError(
+            f"plot draws one run, and '{other}' is another: report {options.scene} {other} "
+            'compares runs whose bags hold their scenes'
+        )
     refuse_options(options, ['full-scale'], 'applies to a .wav file')
     if options.charts:
         refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
