@@ -112,8 +112,10 @@ class MessageRun:
         if not found:
             refuse_empty(self._bag)
             known = self.names()
+            foreign = scene_text(self._bag, self._namespace) is None
+            what = 'scene with a quantity' if foreign else 'message with a number'
             raise InputError(
-                f"{self.path} has no scene with a quantity '{name}'{nearest(name, known)}; it has "
+                f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
                 f'{", ".join(known) or "no numbers"}'
             )
         return found
