@@ -69,6 +69,7 @@ class Series:
     events : whether values hold at their instants only
     ideal : whether it is of the same machine with ideal joints
     words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
+    run : name of its run, where there are several
     """
 
     name: str
@@ -79,11 +80,17 @@ class Series:
     ideal: bool = False
     words: str = ''
     of: str = ''
+    run: str = ''
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
         """Of a quantity of the catalogue."""
         return cls(q.name, q.unit, t, values, ideal=ideal, words=q.title, of=q.of)
+
+    @property
+    def line(self) -> str:
+        """Its name, with that of its run where there are several."""
+        return f'{self.run}: {self.name}' if self.run else self.name
 
     def at(self, t: Array) -> Array:
         """Values at times (N,) [s]: straight between instants, not a number before and after."""
@@ -284,7 +291,7 @@ def joined(series: Sequence[Series]) -> Table:
     place = {key: i for i, key in enumerate(rows)}
     columns, units = {'t': np.array([t for t, _ in rows])}, {'t': 's'}
     for s, key in zip(series, keys, strict=True):
-        name = f'ideal.{s.name}' if s.ideal else s.name
+        name = f'ideal.{s.name}' if s.ideal else s.line
         column = columns.setdefault(name, np.full(len(rows), np.nan))
         column[[place[k] for k in key]] = s.values
         units[name] = s.unit

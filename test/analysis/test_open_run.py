@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bags import write_bag
@@ -22,6 +24,7 @@ from mechanism_sim.messages import JointState, serialize
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
+from mechanism_sim.report.charts.lines import chart
 from ros_interfaces.stamps import stamp
 
 NAMES = 'reaction.coupler_rocker.size', 'position.coupler.cog.x'
@@ -160,6 +163,31 @@ def test_joint_states_and_messages_are_plotted_by_the_names_of_the_run(rig):
     assert np.abs(tone.get_ydata()).max() == pytest.approx(3.0)
     with pytest.raises(InputError, match=r"a quantity 'position\.crnk'; did you mean"):
         ms.plot(rig, 'position.crnk')
+
+
+def test_several_runs_are_lines_of_one_plot(rig, tmp_path):
+    """Each has its file's name and its own instants, in the picture and in the table."""
+    other, table = foreign(tmp_path / 'other.mcap', False), tmp_path / 'both.csv'
+    tones = tmp_path / 'tones.csv'
+    tones.write_text('t [s],position.rod [rad]\n0,1\n0.5,2\n')
+    files, picture = [str(other), str(tones)], tmp_path / 'both.svg'
+    said = run_json('plot', *files, 'position.rod', '-o', str(table), '-o', str(picture))
+    assert [s['samples'] for s in said['series']] == [81, 2]
+    heading, *rows = table.read_text().splitlines()
+    assert heading.split(',')[1:] == [
+        f'{other}: position.rod [rad or m]', f'{tones}: position.rod [rad]',
+    ]  # fmt: skip
+    found = np.genfromtxt(rows, delimiter=',')
+    known = np.isfinite(found[:, 1])
+    assert found[known, 1] == pytest.approx(np.sin(3.0 * found[known, 0]), abs=1e-12)
+    assert found[np.isfinite(found[:, 2]), ::2].tolist() == [[0.0, 1.0], [0.5, 2.0]]
+    series = [replace(ms.open_run(x).one('position.crank'), run=x.name) for x in (rig, rig)]
+    series[1] = replace(series[1], run='again')
+    (panel,) = chart(series, '').panels
+    assert [c.label for c in panel.curves] == ['crank, rig.mcap', 'crank, again']
+    assert panel.curves[0].shade != panel.curves[1].shade
+    done = command('plot', 'four_bar_nominal', str(rig), 'position')
+    assert (done.returncode, "'four_bar_nominal' is not recorded" in done.stderr) == (2, True)
 
 
 def test_a_number_in_messages_has_a_spectrum(rig):

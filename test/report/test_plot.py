@@ -434,7 +434,9 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
         (['gap', '--from', '5'], 'is not within the run'),
         (['impacts.time', '--from', '5'], 'there are no values of impacts.time between'),
         (['gap', '--set', 'drive.speed=1 rpm'], 'as it was recorded'),
-        (['other.mcap', 'gap'], "'other.mcap' is another: report "),
+        (['other.mcap', 'gap'], 'other.mcap does not exist'),
+        (['other.mcap'], 'is to be plotted'),
+        (['other.csv', 'gap', '--ideal'], '--ideal does not apply to several runs in one plot'),
         (['gap', '-o', 'x.bmp'], 'the ending must be .png, .svg or .pdf'),
     ],
 )

@@ -157,25 +157,25 @@ def panels(
     struck : (N,) times that are marked [s]
     reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
     """
-    names = list(dict.fromkeys(s.name for s in series))
-    owners = {s.name: f'{s.name}.{s.of}' for s in series}
-    shades = dict(zip(names, colours([owners[n] for n in names], numbers), strict=True))
+    owners = {s.line: f'{s.name}.{s.of}' for s in series}
+    shades = dict(zip(owners, colours(owners.values(), numbers), strict=True))
     items: dict[str, list[Series]] = {}
     for s in series:
         items.setdefault(_item(s, numbers), []).append(s)
-    together = len(names) <= TOGETHER or len(items) == 1
+    together = len(owners) <= TOGETHER or len(items) == 1
     unit, scale = for_people(series[0].unit)
     found = []
     for some in [series] if together else items.values():
         words, labels = named(some)
-        lines = [Drawn(s, labels[s.name], shades[s.name]) for s in some]
+        told = {s.line: ', '.join(filter(None, (labels[s.name], s.run))) for s in some}
+        lines = [Drawn(s, told[s.line], shades[s.line]) for s in some]
         curves = tuple(_curves(lines, over, scale, reach))
         alone = not together and len({c.label for c in curves if c.label}) == 1
         panel = Panel(
             over.axis, Axis(words, unit), curves, next(iter(labels.values())) if alone else '',
             height=PANEL if together else SMALL, scale='' if together else f'[{unit}]',
         )  # fmt: skip
-        found.append(_shaped(panel, over, names))
+        found.append(_shaped(panel, over, [s.name for s in series]))
     if not over.of:
         found[0] = replace(found[0], struck=marks(over, struck))
     return found
@@ -239,15 +239,20 @@ def _curves(
     used: Counter[int] = Counter()
     dashes: dict[str, int] = {}
     for d in drawn:
-        if d.series.name not in dashes:
-            dashes[d.series.name] = used[index(d.colour)]
+        if d.series.line not in dashes:
+            dashes[d.series.line] = used[index(d.colour)]
             used[index(d.colour)] += 1
     found: list[ChartCurve] = []
     offsets: dict[str, float] = {}
     for d in sorted(drawn, key=lambda d: d.series.ideal):  # the own ones say where angles begin
         name = d.series.name
         found += _of(
-            d, over, scale, dashes[name], offsets, None if d.series.ideal else reach.get(name)
+            d,
+            over,
+            scale,
+            dashes[d.series.line],
+            offsets,
+            None if d.series.ideal else reach.get(name),
         )
     order = {'range': 0, 'ideal': 1, 'earlier': 2, '': 3}
     yield from sorted(found, key=lambda c: order[c.look])
@@ -364,7 +369,7 @@ def chart(
     for lines in units.values():
         found += panels(lines, over, numbers, NOTHING if found else struck)
     if bands:
-        found.append(modes({_parts(s)[1]: Spells.of(s) for s in bands}))
+        found.append(modes({replace(s, name=_parts(s)[1]).line: Spells.of(s) for s in bands}))
     if over.kind == 'time':
         ends = [over.at(s.t[[0, -1]]) for s in series if len(s.t)]
         axis = replace(over.axis, low=float(np.min(ends)), high=float(np.max(ends)))
