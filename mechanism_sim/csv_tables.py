@@ -1,9 +1,11 @@
 """Tables in text files: columns by name with the units of their headings, or one sentence.
 
-The only reader of comma-separated values. Commas, semicolons and tabs separate; lines that begin
-with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``. A file
-without headings has the columns ``1``, ``2`` and so on. Where commas separate nothing and no
-number has a point, they are decimal ones, unless all of them might stand before thousands.
+The only reader of comma-separated values. Commas, semicolons and tabs separate, or spaces where
+every line has some and the first none of these; lines that begin with ``#`` are comments; a
+heading may have its unit in brackets, as ``angle [deg]``, or below it, in a line without numbers
+that stands above numbers. A file without headings has the columns ``1``, ``2`` and so on. Where
+commas separate nothing and no number has a point, they are decimal ones, unless all of them might
+stand before thousands.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', re.IGNORECASE)
 _THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
+_WITH_UNIT = re.compile(r'(?:[^\s"\[(]+\s*)?[\[(][^\])]*[\])]')
 _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
 
 
@@ -121,6 +124,9 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
         parts = [cell.removeprefix("'").replace('(', '[').partition('[') for cell in rows[0][1]]
         names, units = [p[0].strip() for p in parts], [p[2].strip(' ])') for p in parts]
         rows = rows[1:]
+        if not any(units) and _are_units([row for _, row in rows[:2]]):
+            units = [x.strip(' []()') for x in rows[0][1]] + [''] * (len(names) - len(rows[0][1]))
+            rows = rows[1:]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f'{where} has several columns {quoted(name)}')
@@ -146,8 +152,12 @@ def _rows(path: Path, where: str, largest: int) -> list[tuple[int, list[str]]]:
             raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
         lines = _text(data).splitlines()
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
-        mark = next(s for s in _SEPARATORS if s in lines[kept[0]] or s == _SEPARATORS[-1])
-        reader = csv.reader((lines[n] for n in kept), delimiter=mark, skipinitialspace=True)
+        first, texts = lines[kept[0]], [lines[n] for n in kept]
+        mark = next(s for s in _SEPARATORS if s in first or s == _SEPARATORS[-1])
+        if mark not in first and all(' ' in line.strip() for line in texts):
+            # of headings a name and its unit are one cell
+            mark, texts = ' ', [_WITH_UNIT.sub(r'"\g<0>"', line.strip()) for line in texts]
+        reader = csv.reader(texts, delimiter=mark, skipinitialspace=True)
         rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
     except InputError:
         raise
@@ -188,6 +198,14 @@ def _commas_are_decimal(cells: Sequence[str]) -> bool:
 def _point(cell: str) -> str:
     """A number with a point instead of a comma; other cells as they are."""
     return cell.replace(',', '.') if _DECIMAL_COMMA.fullmatch(cell) else cell
+
+
+def _are_units(rows: Sequence[Sequence[str]]) -> bool:
+    """True if the first of two rows holds no number, and words above numbers of the second."""
+    if len(rows) < 2 or any(map(_is_number, rows[0])):
+        return False
+    pairs = zip(*rows, strict=False)
+    return any(x.strip().lower() not in MISSING and _is_number(y) for x, y in pairs)
 
 
 def _is_number(cell: str) -> bool:

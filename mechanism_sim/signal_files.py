@@ -77,6 +77,11 @@ class ChannelSamples:
         gaps = np.diff(self.times)
         return np.rint(gaps / np.median(gaps)) if len(gaps) else gaps
 
+    def since(self, t: float) -> ChannelSamples:
+        """The samples from a time [s] on."""
+        later = self.times >= t
+        return replace(self, times=self.times[later], values=self.values[later])
+
     def in_unit(self, unit: str) -> Array:
         """Values (N,) in an SI unit; those without a unit are in it already."""
         # 'g' is a gram, but not of an accelerometer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -180,17 +181,23 @@ def everything(record: Record, wanted: Wanted) -> Wanted:
     )
 
 
-def find_details(record: Record, wanted: Wanted, against: Record | None = None) -> Details:
+def find_details(
+    record: Record, wanted: Wanted, against: Record | None = None,
+    channels: Mapping[str, ChannelSamples] = MappingProxyType({}),
+) -> Details:  # fmt: skip
     """Results of a request to a run.
 
     Parameters
     ----------
     against : another run, whose deviations the deviations are divided by
+    channels : numbers in messages that are wanted beside signals of sensors, by name
     """
     skip = wanted.skip
     begin = record.begin(skip)
 
     def signal(name: str) -> _Samples:
+        if name in channels:
+            return _Samples.of_channel(name, channels, begin)
         found = record.signal(name).since(begin)
         return _Samples.of(name, found.runs, found.rate, found.unit)
 
@@ -224,16 +231,10 @@ def channel_details(channels: Mapping[str, ChannelSamples], wanted: Wanted) -> D
             f'--{asked} needs a run: a file of signals has --spectrum, --envelope and --plots'
         )
 
-    def signal(name: str) -> _Samples:
-        check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
-        channel = channels[name]
-        if channel.rate is None:
-            raise InputError(f"channel '{name}' is sampled unevenly: it has no spectrum")
-        return _Samples.of(name, channel.runs, channel.rate, channel.unit or '1')
-
+    of = _Samples.of_channel
     return Details(
-        '', None, {name: _spectrum(signal(name)) for name in wanted.spectra},
-        envelopes={name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},
+        '', None, {name: _spectrum(of(name, channels)) for name in wanted.spectra},
+        envelopes={name: _envelope(of(name, channels), wanted.band) for name in wanted.envelopes},
     )  # fmt: skip
 
 
@@ -256,6 +257,17 @@ class _Samples:
                 f'spectrum needs at least {_FEWEST}'
             )
         return found
+
+    @classmethod
+    def of_channel(
+        cls, name: str, channels: Mapping[str, ChannelSamples], start: float = -np.inf
+    ) -> _Samples:
+        """Those of a channel from a time [s] on."""
+        check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
+        channel = channels[name].since(start)
+        if channel.rate is None:
+            raise InputError(f"channel '{name}' is sampled unevenly: it has no spectrum")
+        return cls.of(name, channel.runs, channel.rate, channel.unit or '1')
 
     @property
     def longest(self) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import find_topics, machine_of
+from mechanism_sim.analysis.series import Series
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
@@ -112,12 +113,14 @@ def _channels_of(bag: Bag, path: str | None) -> dict[str, ChannelSamples]:
     found = {path: run.one(path)} if path else run.series
     if not found:
         raise InputError(f'{bag.path} has no joint states: name numbers by --channel TOPIC.FIELD')
+    return {name: samples_of(bag, x) for name, x in found.items()}
+
+
+def samples_of(bag: Bag, x: Series) -> ChannelSamples:
+    """Recorded values as samples of a channel."""
     # of a joint nobody may say whether it turns or slides: numbers are SI all the same
-    units = {name: '' if ' or ' in x.unit else x.unit for name, x in found.items()}
-    return {
-        name: checked(bag.path, ChannelSamples(name, x.t, x.values, units[name]))
-        for name, x in found.items()
-    }
+    unit = '' if ' or ' in x.unit else x.unit
+    return checked(bag.path, ChannelSamples(x.name, x.t, x.values, unit))
 
 
 def _chosen(

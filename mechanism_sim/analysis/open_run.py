@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from scipy.interpolate import CubicHermiteSpline
 
-from mechanism_sim.analysis.record import Record, read_record
+from mechanism_sim.analysis.record import Record, read_record, refuse_empty
 from mechanism_sim.analysis.series import (
     PADDING,
     MessagePath,
@@ -30,8 +31,9 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.recording.runs import BAG_ENDINGS
+from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.cycle import Cycle
-from mechanism_sim.results.run import Piece
+from mechanism_sim.results.run import Piece, seconds_of
 from mechanism_sim.signal_files import read_signals
 from mechanism_sim.tables import Table
 from ros_interfaces.definitions import MessageError, field_descriptions
@@ -48,18 +50,34 @@ class MessageRun:
         ``effort.JOINT``, if one topic has such; all other numbers are asked for by their paths
     """
 
-    def __init__(self, bag: Bag) -> None:
-        self._bag, self.path = bag, bag.path
-        self.series: dict[str, Series] = {}
-        states = [t.name for t in bag.topics.values() if t.type == _STATES and t.count]
+    def __init__(self, bag: Bag, namespace: str | None = None) -> None:
+        self._bag, self.path, self._namespace = bag, bag.path, namespace
+
+    def __repr__(self) -> str:
+        held = [f'{t.count} of {t.name}' for t in self._bag.topics.values() if t.count]
+        return f'<MessageRun of {self.path}: messages: {", ".join(held)}>'
+
+    @cached_property
+    def series(self) -> dict[str, Series]:
+        """Recorded values of joint states."""
+        found: dict[str, Series] = {}
+        states = [t.name for t in self._bag.topics.values() if t.type == _STATES and t.count]
         for kind in ('position', 'velocity', 'effort') if len(states) == 1 else ():
+            path = f'{states[0]}.{kind}'
             with suppress(InputError):  # many leave out velocities or efforts
-                found = self._read(f'{states[0]}.{kind}')
-                self.series |= {f'{kind}.{_joint(x.name)}': x for x in found if len(x.t)}
+                for x in self.find([path]):
+                    name = f'{kind}.{x.name.removeprefix(path)[1:-1]}'
+                    found[name] = replace(x, name=name, of=name.removeprefix(f'{kind}.'))
+        return found
+
+    def listed(self) -> Iterator[Name]:
+        """All that can be asked for; an array stands for all its items."""
+        yield from (Name(name, x.unit) for name, x in self.series.items())
+        yield from names_in(self._bag)
 
     def names(self) -> list[str]:
-        """All names that can be asked for; an array stands for all its items."""
-        return [*self.series, *(x.name for x in names_in(self._bag) if x.name not in self.series)]
+        """Names of all that can be asked for."""
+        return [name for name, _ in self.listed()]
 
     def columns(self, names: Sequence[str], t: Array) -> Table:
         """Quantities at times (N,) [s] within the recording, between its instants interpolated.
@@ -67,53 +85,48 @@ class MessageRun:
         Positions of joints with the recorded velocities, by cubic Hermite polynomials; all else
         straight. A path ``TOPIC.FIELD`` to an array gives a column for each item.
         """
-        columns: dict[str, Array] = {}
-        units: dict[str, str] = {}
-        for asked in names:
-            for own in [self.series[asked]] if asked in self.series else self._read(asked):
-                name = asked if asked in self.series else own.name
-                if t.min() < own.t[0] or t.max() > own.t.max():
-                    raise InputError(
-                        f'{self.path}: {name} is recorded from {own.t[0]:g} s to {own.t.max():g} s'
-                    )
-                columns[name], units[name] = self._at(name, own, t), own.unit
+        t, columns, units = seconds_of(t), {}, {}
+        for own in self.find(names):
+            if len(t) and (t.min() < own.t[0] or t.max() > own.t.max()):
+                raise InputError(
+                    f'{self.path}: {own.name} is recorded from {own.t[0]:g} s to {own.t.max():g} s'
+                )
+            columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
+
+    def find(self, given: Iterable[str | Sequence[str]]) -> list[Series]:
+        """Recorded values of names, at the times of their messages, in one pass over the bag."""
+        names = [*flat(given)]
+        paths = {name: p for name in names if (p := path_in(self._bag, name, self._namespace))}
+        read = dict(zip(paths, recorded(self._bag, [*paths.values()]), strict=True))
+        return [s for name in names for s in read.get(name) or self._states(name)]
 
     def one(self, name: str) -> Series:
         """Recorded values of one name, at the times of their messages."""
-        if name in self.series:
-            return self.series[name]
-        found = self._read(name)
-        if len(found) > 1:
-            raise InputError(
-                f"{self.path}: '{name}' leads to several numbers: "
-                f'{", ".join(x.name for x in found)}; choose one'
-            )
-        return found[0]
+        return single(self.find([name]), name, self.path)
 
-    def _read(self, name: str) -> list[Series]:
-        path = parse(name, self._bag.topics)
-        if path is None or not path.steps or path.topic not in self._bag.topics:
+    def _states(self, name: str) -> list[Series]:
+        """Joint states of a name, else those of all joints, as ``position``."""
+        below = [s for known, s in self.series.items() if known.startswith(f'{name}.')]
+        found = [self.series[name]] if name in self.series else below
+        if not found:
+            refuse_empty(self._bag)
             known = self.names()
+            foreign = scene_text(self._bag, self._namespace) is None
+            what = 'scene with a quantity' if foreign else 'message with a number'
             raise InputError(
-                f"{self.path} has no '{name}'{nearest(name, known)}; it has {', '.join(known)}"
+                f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
+                f'{", ".join(known) or "no numbers"}'
             )
-        return recorded(self._bag, [path])[0]
+        return found
 
-    def _at(self, name: str, own: Series, t: Array) -> Array:
-        kind, _, joint = name.partition('.')
-        rate = self.series.get(f'velocity.{joint}')
-        latest = np.maximum.accumulate(own.t)
-        rises = np.flatnonzero(np.diff(latest, prepend=-np.inf) > 0.0)
-        if kind != 'position' or rate is None or not np.array_equal(rate.t, own.t):
-            return np.asarray(np.interp(t, own.t[rises], own.values[rises]))
-        x = own.t[rises], own.values[rises], rate.values[rises]
-        return np.asarray(CubicHermiteSpline(*x)(t)) if len(rises) > 1 else own.values[rises]
-
-
-def _joint(name: str) -> str:
-    """The joint in ``/joint_states.position[JOINT]``."""
-    return name.rpartition('[')[2].rstrip(']')
+    def _at(self, own: Series, t: Array) -> Array:
+        kind, _, joint = own.name.partition('.')
+        rate = self.series.get(f'velocity.{joint}') if kind == 'position' else None
+        k = own.rising
+        if rate is None or not np.array_equal(rate.t, own.t) or len(k) < 2:
+            return own.at(t)
+        return np.asarray(CubicHermiteSpline(own.t[k], own.values[k], rate.values[k])(t))
 
 
 def open_run(
@@ -181,6 +194,14 @@ class Asked:
             return self._given
         return read_record(self._bag, self._namespace)
 
+    @cached_property
+    def messages(self) -> MessageRun | None:
+        """Bag of another program, of which no run is known."""
+        bag, namespace = self._bag, self._namespace
+        if bag is None or self._given is not None or scene_text(bag, namespace) is not None:
+            return None
+        return MessageRun(bag, namespace)
+
     def series(
         self,
         names: Sequence[str],
@@ -194,9 +215,31 @@ class Asked:
         ----------
         also : of another run, at whose instants quantities of the motion are wanted, too
         """
+        of_motion = names, start, end, also
+        found = self.messages.find(names) if self.messages else self._found(*of_motion)
+        kept = [s.within(start, end) for s in found]
+        if not any(len(s.t) for s in kept):
+            raise InputError(
+                f'there are no values of {", ".join(names)} between these times: they go from '
+                f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
+            )
+        return kept
+
+    def recorded(self, name: str) -> Series | None:
+        """Values that are recorded under a name, all of them; None of a quantity of the motion."""
+        if self.messages or self._path(name) or name in self.record.sensors:
+            return single(self.series([name]), name, self._bag.path if self._bag else 'the run')
+        return None
+
+    def _found(
+        self,
+        names: Sequence[str],
+        start: float | None,
+        end: float | None,
+        also: Sequence[Series],
+    ) -> list[Series]:
+        """Series of the motion, of sensors and of messages of a run."""
         paths = [self._path(name) for name in names]
-        if self._given is None and None in paths:
-            self._refuse_strangers(names[paths.index(None)])
         messages = iter(recorded(self._bag, [p for p in paths if p]) if self._bag else ())
         found: list[Series] = []
         of_motion = {
@@ -212,13 +255,7 @@ class Asked:
                 found.append(_signal(self.record, name))
             else:
                 found += [motion[quantity] for quantity in of_motion[name]]
-        kept = [s.within(start, end) for s in found]
-        if not any(len(s.t) for s in kept):
-            raise InputError(
-                f'there are no values of {", ".join(names)} between these times: they go from '
-                f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
-            )
-        return kept
+        return found
 
     def marks(
         self, start: float | None, end: float | None
@@ -232,25 +269,17 @@ class Asked:
 
     def names(self) -> Iterator[Name]:
         """All that can be asked for: of the motion, then sensors, then fields of messages."""
-        if self._bag is None or scene_text(self._bag, self._namespace):
-            record = self.record
-            for quantity in record.piece.catalogue.values():
-                if quantity.name != 't':
-                    yield Name(quantity.name, quantity.unit)
-            for sensor in record.sampled_sensors:
-                yield Name(sensor, record.signal(sensor).unit)
+        if self.messages:
+            yield from self.messages.listed()
+            return
+        record = self.record
+        for quantity in record.piece.catalogue.values():
+            if quantity.name != 't':
+                yield Name(quantity.name, quantity.unit)
+        for sensor in record.sampled_sensors:
+            yield Name(sensor, record.signal(sensor).unit)
         if self._bag:
             yield from names_in(self._bag)
-
-    def _refuse_strangers(self, name: str) -> None:
-        """InputError for a name that is no path, where the bag is of another program."""
-        if self._bag and scene_text(self._bag, self._namespace) is None:
-            known = [given.name for given in names_in(self._bag)]
-            if known:
-                raise InputError(
-                    f"{self._bag.path} has no scene with a quantity '{name}'"
-                    f'{nearest(name, known)}; it has {", ".join(known)}'
-                )
 
     def _chosen(self, name: str) -> list[str]:
         """Names of the quantities of the motion that a name stands for."""
@@ -279,15 +308,29 @@ class Asked:
         return {s.name: s for s in drawn(record.piece, names, begin, finish, rate, also)}
 
     def _path(self, name: str) -> MessagePath | None:
-        """The path into messages of the bag that a name stands for, if it does."""
-        path = parse(name, self._bag.topics if self._bag else ())
-        if self._bag is None or path is None or not path.steps:
-            return None
-        home = (self._namespace or '').rstrip('/')
-        for topic in (path.topic, f'{home}/{path.topic}', f'/{path.topic}'):
-            if topic in self._bag.topics:
-                return MessagePath(name, topic, path.steps)
+        return path_in(self._bag, name, self._namespace) if self._bag else None
+
+
+def path_in(bag: Bag, name: str, namespace: str | None = None) -> MessagePath | None:
+    """The path into messages of a bag that a name stands for, if it does."""
+    path = parse(name, bag.topics)
+    if path is None or not path.steps:
         return None
+    home = (namespace or '').rstrip('/')
+    for topic in (path.topic, f'{home}/{path.topic}', f'/{path.topic}'):
+        if topic in bag.topics:
+            return MessagePath(name, topic, path.steps)
+    return None
+
+
+def single(found: Sequence[Series], name: str, where: object) -> Series:
+    """The only one of the series that a name leads to."""
+    if len(found) > 1:
+        raise InputError(
+            f"{where}: '{name}' leads to several numbers: {', '.join(x.name for x in found)}; "
+            'choose one'
+        )
+    return found[0]
 
 
 class AskedSignals:
@@ -308,6 +351,10 @@ class AskedSignals:
         if not any(len(s.t) for s in found):
             raise InputError(f'there are no values of {", ".join(names)} between these times')
         return found
+
+    def recorded(self, name: str) -> Series:
+        """Values of a channel, all of them."""
+        return self.series([name])[0]
 
     def names(self) -> Iterator[Name]:
         """All channels."""

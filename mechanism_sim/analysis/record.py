@@ -203,12 +203,16 @@ class Revolutions:
 def machine_of(bag: Bag | Path | str, namespace: str | None = None) -> Machine:
     """The machine whose run a bag holds, from the recorded scene."""
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
-    text = scene_text(bag, namespace)
-    if text is None and not any(topic.count for topic in bag.topics.values()):
+    refuse_empty(bag)
+    return parse_description(scene_text(bag, namespace) or '', str(bag.path))
+
+
+def refuse_empty(bag: Bag) -> None:
+    """Refuse a bag without messages."""
+    if not any(topic.count for topic in bag.topics.values()):
         raise InputError(
             f'{bag.path} holds no message: nothing was recorded, or it was cut short.'
         )
-    return parse_description(text or '', str(bag.path))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,6 +234,9 @@ class Record(Revolutions):
     wall_time: float | None = None
     complete: bool = True
     whole: Motion | None = None
+
+    def __repr__(self) -> str:
+        return f'<Record of {self.machine.name}: {self.piece!r}>'
 
     @property
     def history(self) -> Motion:

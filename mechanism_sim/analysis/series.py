@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
@@ -29,12 +30,15 @@ from ros_interfaces.plain import fields_of
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 _TOPIC = re.compile(r'/?\w+(?:/\w+)*')
-_STEP = re.compile(
-    r'\.(?P<field>\w[\w-]*)'
-    r'|\[(?P<first>-?\d*)(?P<colon>:)?(?P<last>-?\d*)\]'
-    r'|\[(?P<name>[A-Za-z_][\w.]*)\]'
+_STEP = (
+    # names may have brackets themselves, as [arm[1]]
+    r'|\[(?P<item>(?:[^\[\]]|\[[^\[\]]*\])*|.*?)\](?=[.\[{]|$)'
     r'|\{(?P<key>\w+(?:\.\w+)*)(?P<sign>==|!=|<=|>=|<|>)(?P<value>"[^"]*"|\'[^\']*\'|[^}]*)\}'
 )
+_FIELD, _ANY_FIELD = (
+    re.compile(rf'\.(?P<field>{field}){_STEP}') for field in (r'\w[\w-]*', r'[^.\[\]{}]+')
+)
+_SLICE = re.compile(r'(?P<first>-?\d+)?(?:(?P<colon>:)(?P<last>-?\d+)?)?')
 _SIGNS: dict[str, Callable[[Any, Any], Any]] = {
     '==': operator.eq, '!=': operator.ne, '<': operator.lt, '<=': operator.le,
     '>': operator.gt, '>=': operator.ge,
@@ -65,6 +69,7 @@ class Series:
     events : whether values hold at their instants only
     ideal : whether it is of the same machine with ideal joints
     words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
+    run : name of its run, where there are several
     """
 
     name: str
@@ -75,11 +80,29 @@ class Series:
     ideal: bool = False
     words: str = ''
     of: str = ''
+    run: str = ''
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
         """Of a quantity of the catalogue."""
         return cls(q.name, q.unit, t, values, ideal=ideal, words=q.title, of=q.of)
+
+    @property
+    def line(self) -> str:
+        """Its name, with that of its run where there are several."""
+        return f'{self.run}: {self.name}' if self.run else self.name
+
+    def at(self, t: Array) -> Array:
+        """Values at times (N,) [s]: straight between instants, not a number before and after."""
+        if np.array_equal(t, self.t):
+            return self.values
+        kept = self.rising
+        return np.asarray(np.interp(t, self.t[kept], self.values[kept], np.nan, np.nan))
+
+    @property
+    def rising(self) -> NDArray[np.intp]:
+        """The instants that are later than all before."""
+        return np.flatnonzero(np.diff(np.maximum.accumulate(self.t), prepend=-np.inf) > 0.0)
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""
@@ -184,7 +207,7 @@ def field_units(kind: str, fields: Sequence[str]) -> tuple[str, ...]:
 def _sampled(path: MessagePath, message: Any) -> bool:
     """True if a path leads to all samples of a block."""
     rest = path.steps[1:]
-    whole = all(isinstance(s, Items) and s == Items(None, None) for s in rest)
+    whole = all(s == Items() for s in rest)
     return len(path.fields) == 1 and whole and getattr(message, 'sample_rate', 0.0) > 0.0 and (
         not np.isscalar(getattr(message, path.fields[0], 0.0))
     )  # fmt: skip
@@ -268,7 +291,7 @@ def joined(series: Sequence[Series]) -> Table:
     place = {key: i for i, key in enumerate(rows)}
     columns, units = {'t': np.array([t for t, _ in rows])}, {'t': 's'}
     for s, key in zip(series, keys, strict=True):
-        name = f'ideal.{s.name}' if s.ideal else s.name
+        name = f'ideal.{s.name}' if s.ideal else s.line
         column = columns.setdefault(name, np.full(len(rows), np.nan))
         column[[place[k] for k in key]] = s.values
         units[name] = s.unit
@@ -305,11 +328,9 @@ class Field:
 
 @dataclass(frozen=True)
 class Items:
-    """A step to items of an array: one by its number or name, or from one to another."""
+    """A step to items of an array: one by its name, else its number, or from one to another."""
 
-    first: int | None
-    last: int | None
-    name: str = ''
+    text: str = ':'
 
 
 @dataclass(frozen=True)
@@ -352,7 +373,7 @@ class MessagePath:
     ) -> Iterator[Value]:
         """The numbers at the end of the steps; `names` are those of the items of an array."""
         if isinstance(at, _ARRAYS) and not (steps and isinstance(steps[0], Items)):
-            steps = (Items(None, None), *steps)
+            steps = (Items(), *steps)
         if not steps:
             yield Value(self._number(at), which)
             return
@@ -371,19 +392,22 @@ class MessagePath:
         if not isinstance(at, _ARRAYS):
             raise InputError(f"'{self.text}': what is before [ is not an array")
         n = len(at)
-        if step.name:
-            if step.name not in names:
-                known = f'; there are: {", ".join(names)}' if names else ''
-                raise InputError(
-                    f"'{self.text}': there is no '{step.name}'{nearest(step.name, names)}{known}"
-                )
-            i = names.index(step.name)
+        if step.text in names:  # a name may be a number
+            i = names.index(step.text)
             return range(i, i + 1)
+        found = _SLICE.fullmatch(step.text)
+        if found is None:
+            known = f'; there are: {", ".join(names)}' if names else ''
+            raise InputError(
+                f"'{self.text}': there is no '{step.text}'{nearest(step.text, names)}{known}"
+            )
         first, last = (
-            None if x is None else x + n if x < 0 else x for x in (step.first, step.last)
+            int(x) + n * x.startswith('-') if x else None for x in found.group('first', 'last')
         )
-        if first is not None and first == last and not 0 <= first < n:
-            raise InputError(f"'{self.text}': the array has {n} items, numbered from 0")
+        if first is not None and not found['colon']:
+            if not 0 <= first < n:
+                raise InputError(f"'{self.text}': the array has {n} items, numbered from 0")
+            return range(first, first + 1)
         return range(max(0, first or 0), min(n, n if last is None else last + 1))
 
     def field(self, message: Any, name: str) -> Any:
@@ -479,21 +503,22 @@ def parse(text: str, topics: Collection[str] = ()) -> MessagePath | None:
     """A path ``TOPIC.FIELD`` with indices ``[0]``, ``[1:3]``, ``[NAME]`` and ``{key==value}``.
 
     As in Foxglove both ends of a slice belong to it; an item may also be named as in the array of
-    names before it. None if the text is no such path.
+    names before it, whatever characters the name has. None if the text is no such path.
 
     Parameters
     ----------
-    topics : names that are known; those of others than ROS may have any characters
+    topics : names that are known; those of others than ROS, and fields, may have any characters
     """
     longest = max((x for x in topics if text.startswith(f'{x}.')), key=len, default='')
     if not longest and (found := _TOPIC.match(text)):
         longest = found.group()
     if not longest:
         return None
+    step_of = _ANY_FIELD if longest in topics else _FIELD
     steps: list[Field | Items | Filter] = []
     place = len(longest)
     while place < len(text):
-        step = _STEP.match(text, place)
+        step = step_of.match(text, place)
         if step is None:
             return None
         place = step.end()
@@ -503,13 +528,8 @@ def parse(text: str, topics: Collection[str] = ()) -> MessagePath | None:
             steps.append(
                 Filter(tuple(step['key'].split('.')), step['sign'], _value(step['value']))
             )
-        elif step['name'] is not None:
-            steps.append(Items(None, None, step['name']))
         else:
-            first, last = (
-                int(x) if x not in ('', '-') else None for x in step.group('first', 'last')
-            )
-            steps.append(Items(first, last if step['colon'] else first))
+            steps.append(Items(step['item']))
     return MessagePath(text, longest, tuple(steps))
 
 

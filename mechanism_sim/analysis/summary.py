@@ -40,6 +40,7 @@ from mechanism_sim.analysis.record import (
     find_topics,
     gaps,
     pieces,
+    refuse_empty,
 )
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.digest import MotionDigest
@@ -439,6 +440,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         was chosen.
     """
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
+    refuse_empty(bag)
     topics = find_topics(bag, namespace)
     present = {kind: bool(topics[kind]) for kind in KINDS}
     driven, planned_end = _planned(bag, topics['drive'])
@@ -493,8 +495,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         digest=digest.hexdigest() if moved is not None else None,
         absent=(),
     )
-    held = any(topic.count for topic in bag.topics.values())
-    if bag.library != LIBRARY and held and not any(present.values()):
+    if bag.library != LIBRARY and not any(present.values()):
         return replace(found, fields=field_ranges(bag))
     return replace(found, absent=(*_absent(present, found), *filter(None, [unknown])))
 

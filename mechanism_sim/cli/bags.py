@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ from mechanism_sim.units import counted
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.details import Wanted
-    from mechanism_sim.analysis.record import Record
+    from mechanism_sim.signal_files import ChannelSamples
 
 
 def add(command: Command) -> None:
@@ -185,14 +186,8 @@ def _analyze_signals(options: argparse.Namespace) -> int:
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = _wanted(options)
     channels = read_signals(file, options.full_scale or '')
-    for name, channel in channels.items():
-        if channel.missing and (wanted or plots):
-            longest = max(len(x) for x in channel.runs)
-            print(
-                f'mechanism-sim: {name}: {channel.missing} samples are missing; spectra are of '
-                f'the longest run of those that are there, {longest} of {len(channel.values)}',
-                file=sys.stderr,
-            )
+    if wanted or plots:
+        _warn_of_gaps(channels)
     even = [name for name, c in channels.items() if c.rate]
     drawn = wanted if wanted or not plots else replace(wanted, spectra=even, envelopes=even)
     details = channel_details(channels, drawn)
@@ -204,6 +199,17 @@ def _analyze_signals(options: argparse.Namespace) -> int:
     more = {'details': details.to_json()} if drawn else {}
     found = channel_figures(channels)
     return print_result(options, found, lambda x: {'channels': x} | more, render_channels)
+
+
+def _warn_of_gaps(channels: Mapping[str, ChannelSamples]) -> None:
+    for name, channel in channels.items():
+        if channel.missing:
+            longest = max(len(x) for x in channel.runs)
+            print(
+                f'mechanism-sim: {name}: {channel.missing} samples are missing; spectra are of '
+                f'the longest run of those that are there, {longest} of {len(channel.values)}',
+                file=sys.stderr,
+            )
 
 
 def _fit(options: argparse.Namespace) -> int:
@@ -251,23 +257,34 @@ def _fit(options: argparse.Namespace) -> int:
 
 def _details(options: argparse.Namespace, wanted: Any) -> Any:
     """Quantities that are asked of a bag, or everything that can be drawn."""
-    from mechanism_sim.analysis.details import everything, find_details  # noqa: PLC0415
-    from mechanism_sim.analysis.record import read_record  # noqa: PLC0415
+    from mechanism_sim.analysis.details import (  # noqa: PLC0415
+        channel_details,
+        everything,
+        find_details,
+    )
+    from mechanism_sim.analysis.measurements import samples_of  # noqa: PLC0415
+    from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    def record_of(bag: str) -> Record:
-        with progress.share('reading', options.json) as read:
-            record = read_record(read_bag(bag, read), options.namespace)
-        warn_if_incomplete(record, bag)
-        return record
-
     if options.against and not wanted.deviations:
         raise InputError('--against needs --deviation: it compares two deviations')
-    record = record_of(options.bag)
-    against = record_of(options.against) if options.against else None
+    with progress.share('reading', options.json) as read:
+        bags = [read_bag(x, read) for x in (options.bag, options.against) if x]
+        asked, *against = (Asked(bag, namespace=options.namespace) for bag in bags)
+        sensors = () if asked.messages else asked.record.sensors
+        names = [x for x in (*wanted.spectra, *wanted.envelopes) if x not in sensors]
+        channels = {x: samples_of(bags[0], s) for x in names if (s := asked.recorded(x))}
+        _warn_of_gaps(channels)
+        if asked.messages and channels:
+            refuse_options(options, ['skip', 'against', 'pin-radius'], 'needs a run')
+            return channel_details(channels, wanted)
+        record, *other = (x.record for x in (asked, *against))
+    for bag in bags:
+        warn_if_incomplete(bag, str(bag.path))
     with progress.busy('analyze', options.json):
-        return find_details(record, wanted if wanted else everything(record, wanted), against)
+        chosen = wanted if wanted else everything(record, wanted)
+        return find_details(record, chosen, other[0] if other else None, channels)
 
 
 def _band(text: str | None) -> tuple[float, float] | None:
@@ -320,7 +337,7 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
 def _detail_options(sub: argparse.ArgumentParser) -> None:
     more = sub.add_argument_group('instead of the summary; each may be given several times')
     for name, metavar, text in (
-        ('spectrum', 'SENSOR', 'power spectral density of a signal'),
+        ('spectrum', 'SENSOR', 'power spectral density of a signal, or of TOPIC.FIELD'),
         ('orders', 'SENSOR', 'order spectrum: amplitudes at multiples of the drive speed'),
         ('envelope', 'SENSOR', 'spectrum of the squared envelope'),
         (

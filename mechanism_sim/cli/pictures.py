@@ -31,6 +31,7 @@ from mechanism_sim.cli.source import (
     warn_if_incomplete,
 )
 from mechanism_sim.errors import InputError, check_known
+from mechanism_sim.recording.runs import BAG_ENDINGS
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.open_run import Asked, AskedSignals
@@ -75,7 +76,8 @@ def add(command: Command) -> None:
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
         help='TOPIC.FIELD of a bag, a quantity such as normal_force.JOINT, or a channel of a '
-        '.csv, .wav, .uff or .tdms file; without any, all there are',
+        '.csv, .wav, .uff or .tdms file; without any, all there are; before them further recorded '
+        'runs',
     )  # fmt: skip
     several(
         sub, '-o --output', 'FILE',
@@ -84,7 +86,7 @@ def add(command: Command) -> None:
     )  # fmt: skip
     option(
         sub, '--against', 'angle|NAME',
-        'the angle of the main drive, or a quantity, instead of the time; the direction of a '
+        'the angle of the main drive, or another WHAT, instead of the time; the direction of a '
         'vector makes a polar chart', 'time',
     )  # fmt: skip
     flag(sub, '--ideal', 'also draw the same machine with ideal joints')
@@ -162,9 +164,10 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
-    from mechanism_sim.report.charts.lines import OVER_TIME, against  # noqa: PLC0415
     from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
 
+    if any(map(_is_recorded, options.what)):
+        return _plot_several(options)
     if is_signal_file(options.scene):
         return _plot_signals(options)
     refuse_options(options, ['full-scale'], 'applies to a .wav file')
@@ -206,27 +209,82 @@ def _plot(options: argparse.Namespace) -> int:
     if not options.what:
         return _list(options, asked, bag)
     title = Path(options.scene).name if bag else asked.record.machine.scene.title
-    over = OVER_TIME
-    if options.against != 'time':
-        over = against(asked.record.piece, options.against)
-    return _write(options, series, (title, over), asked.marks(start, end))
+    return _write(options, series, (title, _over(options, asked, series)), asked.marks(start, end))
+
+
+def _over(
+    options: argparse.Namespace, asked: Asked | AskedSignals, series: list[Series]
+) -> Abscissa:
+    """The abscissa that is asked for."""
+    from mechanism_sim.analysis.open_run import Asked  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import (  # noqa: PLC0415
+        OVER_TIME,
+        against,
+        against_recorded,
+    )
+
+    if options.against == 'time':
+        return OVER_TIME
+    if given := asked.recorded(options.against):
+        return against_recorded(given, series)
+    assert isinstance(asked, Asked)  # noqa: S101 - signals know what is recorded only
+    return against(asked.record.piece, options.against)
+
+
+def _is_recorded(name: str) -> bool:
+    """True if the ending is that of a bag or of a file of signals."""
+    from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
+
+    return name.endswith(BAG_ENDINGS) or is_signal_file(name)
+
+
+def _plot_several(options: argparse.Namespace) -> int:
+    """Lines of several recorded runs, each with the name of its file."""
+    from mechanism_sim.analysis.open_run import Asked, AskedSignals  # noqa: PLC0415
+    from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
+    from mechanism_sim.report import progress  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import OVER_TIME  # noqa: PLC0415
+    from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
+
+    others = 'charts', 'ideal', 'against', 'duration', 'revolutions', 'skip', 'set'
+    refuse_options(options, others, 'does not apply to several runs in one plot')
+    runs = list(dict.fromkeys([options.scene, *filter(_is_recorded, options.what)]))
+    names = [name for name in options.what if name not in runs]
+    if not names:
+        raise InputError(f'plot: name what of {", ".join(runs)} is to be plotted')
+    _check_files(options)
+    series: list[Series] = []
+    for run in runs:
+        if not (_is_recorded(run) or is_bag(run)):
+            raise InputError(f"'{run}' is not recorded: plot shows several runs of files only")
+        with progress.share('plot', options.json) as read:
+            asked: Asked | AskedSignals
+            if is_signal_file(run):
+                asked = AskedSignals(run, options.full_scale or '')
+            else:
+                bag = read_bag(run, read)
+                warn_if_incomplete(bag, run)
+                asked = Asked(bag, namespace=options.namespace)
+            found = asked.series(names, options.start, options.end)
+        series += [replace(s, run=run) for s in found]
+    return _write(options, series, (', '.join(names), OVER_TIME), (None, []))
 
 
 def _plot_signals(options: argparse.Namespace) -> int:
     from mechanism_sim.analysis.open_run import AskedSignals  # noqa: PLC0415
-    from mechanism_sim.report.charts.lines import OVER_TIME  # noqa: PLC0415
 
-    others = 'charts', 'ideal', 'against', 'duration', 'revolutions', 'skip', 'namespace', 'set'
+    others = 'charts', 'ideal', 'duration', 'revolutions', 'skip', 'namespace', 'set'
     refuse_options(options, others, 'does not apply to a file of signals')
     if not options.what:
-        refuse_options(options, ['output'], 'needs the name of a channel')
+        refuse_options(options, ['output', 'against'], 'needs the name of a channel')
     else:
         _check_files(options)
     asked = AskedSignals(options.scene, options.full_scale or '')
     if not options.what:
         return _list(options, asked, None)
     series = asked.series(options.what, options.start, options.end)
-    return _write(options, series, (Path(options.scene).name, OVER_TIME), (None, []))
+    over = _over(options, asked, series)
+    return _write(options, series, (Path(options.scene).name, over), (None, []))
 
 
 def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:
@@ -276,7 +334,7 @@ def _write(
         print_json({
             'files': files,
             'series': [
-                {'name': s.name, 'unit': s.unit, 'samples': len(s.t), 'ideal': s.ideal}
+                {'name': s.line, 'unit': s.unit, 'samples': len(s.t), 'ideal': s.ideal}
                 for s in series
             ],
         })  # fmt: skip

@@ -25,7 +25,7 @@ def register(**finders: Callable[[], Plot]) -> None:
     _finders.update(finders)
 
 
-def plot(run: Any, *names: str, **how: Any) -> Any:
+def plot(run: Any, *names: Any, **how: Any) -> Any:
     """Draw a run; see `mechanism_sim.report.lines.plot`."""
     return _finders['plot']()(run, *names, **how)
 

@@ -30,6 +30,12 @@ class Totals:
         self._instant = float('-inf')
         self._gain = 0.0  # at the last instant of impacts, which the next batch may go on with
 
+    def __repr__(self) -> str:
+        return (
+            f'<Totals: {self.impacts} impacts of {self.normal_impulse:.6g} N s, '
+            f'{self.mode_changes} changes of mode, {self.losses_of_contact} losses of contact>'
+        )
+
     def add(self, impacts: Sequence[Impact], changes: Sequence[ModeChange]) -> None:
         """Enter the events of a batch."""
         self.impacts += len(impacts)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.errors import InputError
 
 TWO_PI = 2.0 * np.pi
 _GATHERED = 2048  # instants whose coefficients are gathered at once
@@ -81,17 +82,14 @@ class PiecewisePolynomial:
     def locate(self, t: Array) -> NDArray[np.intp]:
         """Index of the segment that holds each time; at a boundary the later one.
 
-        Raises
-        ------
-        ValueError
-            If a time lies outside of the segments by more than rounding.
+        Times outside of the segments by more than rounding are refused.
         """
         t = np.asarray(t, dtype=float)
         if not len(self):
-            raise ValueError('there is no motion to sample: the solution is empty')
+            raise InputError('there is no motion to sample: the solution is empty')
         slack = self._slack
         if t.size and not (t.min() >= self.start[0] - slack and t.max() <= self.end + slack):
-            raise ValueError(
+            raise InputError(
                 f'time outside of the solution: asked [{t.min():.9g}, {t.max():.9g}] s, '
                 f'solved [{self.start[0]:.9g}, {self.end:.9g}] s'
             )

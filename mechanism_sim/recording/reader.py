@@ -64,8 +64,8 @@ class Bag:
         path: The file, or the folder of several.
         complete: False if a file ends before its end: what is there is read.
         topics: What is known of each topic, by name.
-        start: Smallest log time [ns].
-        end: Largest log time [ns].
+        start: Smallest log time [ns]; 0 without a message.
+        end: Largest log time [ns]; 0 without a message.
         compression: Of its chunks, as `zstd`.
         size: Of its files [bytes].
         library: What wrote it.
@@ -86,9 +86,10 @@ class Bag:
         self.path, self._parts = path, files
         self._progress = progress
         layouts = [part.layout for part in files]
-        first, held = layouts[0], [x for x in layouts if x.counts] or layouts[:1]
+        first, held = layouts[0], [x for x in layouts if any(x.counts.values())]
         self.complete = all(layout.complete for layout in layouts)
-        self.start, self.end = min(x.start for x in held), max(x.end for x in held)
+        self.start = min((x.start for x in held), default=0)
+        self.end = max((x.end for x in held), default=0)
         used = {name for layout in layouts for name in layout.compression if name}
         self.compression = ', '.join(sorted(used)) or 'none'
         self.size = sum(part.path.stat().st_size for part in files)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from mechanism_sim.analysis.open_run import Asked
 from mechanism_sim.analysis.series import Series, drawn
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.chart import Chart
+from mechanism_sim.report.charts.lines import OVER_TIME, against_recorded, chart
 from mechanism_sim.report.charts.lines import against as over
-from mechanism_sim.report.charts.lines import chart
 from mechanism_sim.report.figures import paint
 from mechanism_sim.report.picture import Picture
+from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece
 
@@ -35,7 +37,7 @@ def draw(chart: Chart) -> Picture:
 
 def plot(
     run: Piece | Cycle,
-    *names: str,
+    *names: str | Sequence[str],
     against: str = '',
     start: float | None = None,
     end: float | None = None,
@@ -63,12 +65,29 @@ def plot(
             f's to {last:g} s'
         )
     abscissa = over(run, against or 'time')
-    series = drawn(run, names or [*_usual(piece)], float(begin), min(finish, last))
+    series = drawn(run, [*flat(names)] or [*_usual(piece)], float(begin), min(finish, last))
     if not names:
         series = [_in_turn(s) for s in series]
     struck = [i.t for i in piece.impacts if begin <= i.t <= finish]
     own = numbers(run.machine.mechanism)
     return draw(chart(series, run.machine.scene.title, abscissa, own, struck))
+
+
+def plot_recorded(
+    asked: Asked,
+    *names: str | Sequence[str],
+    against: str = 'time',
+    start: float | None = None,
+    end: float | None = None,
+) -> Picture:
+    """Plot numbers of a bag of another program, as `plot`; joint states if none is named."""
+    run = asked.messages
+    assert run is not None  # noqa: S101 - of other bags there is a run
+    series = asked.series([*flat(names)] or [*run.series] or run.names(), start, end)
+    given = None if against == 'time' else run.one(against)
+    return draw(
+        chart(series, run.path.name, against_recorded(given, series) if given else OVER_TIME)
+    )
 
 
 def _usual(piece: Piece) -> Iterator[str]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.analysis.open_run import is_run, open_run
+from mechanism_sim.analysis.open_run import Asked, is_run
 from mechanism_sim.analysis.record import Record
-from mechanism_sim.recording.reader import Bag
+from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.report import drawing, figures, lines
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.report.screen import FilmParts
@@ -43,7 +44,7 @@ def draw(
 
 def plot(
     source: Source | Piece | Cycle | Bag,
-    *names: str,
+    *names: str | Sequence[str],
     revolutions: float | None = None,
     duration: float | str | None = None,
     **how: Any,
@@ -56,14 +57,18 @@ def plot(
     Parameters
     ----------
     source : all that `load_scene` takes, or a solution, a cycle, a bag or its path
-    names : of quantities; without any an overview
+    names : of quantities, one by one or in lists; without any an overview
     revolutions, duration : length of the run of a scene
     how : ``against``, ``start``, ``end`` as `mechanism_sim.report.lines.plot` has them
     """
     if not is_run(source):
         return lines.plot(simulate(source, revolutions, duration), *names, **how)  # type: ignore[arg-type]
-    run = source if isinstance(source, Piece | Cycle) else open_run(source).piece  # type: ignore
-    return lines.plot(run, *names, **how)
+    if isinstance(source, Piece | Cycle):
+        return lines.plot(source, *names, **how)
+    asked = Asked(source if isinstance(source, Bag) else read_bag(source))  # type: ignore[arg-type]
+    if asked.messages:
+        return lines.plot_recorded(asked, *names, **how)
+    return lines.plot(asked.record.piece, *names, **how)
 
 
 def animate(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.results.quantities.contacts import (
     of_contacts,
     of_force_elements,
@@ -37,6 +37,17 @@ SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
 """In the order of tables; where two tell a quantity of the same name, the first does."""
 
 TIME = Quantity('t', 's', 'time', '', lambda view: view.t, counted=True)
+
+
+def flat(names: Iterable[str | Sequence[str]]) -> Iterator[str]:
+    """Names that are given one by one or in lists."""
+    for name in names:
+        if isinstance(name, str):
+            yield name
+        elif isinstance(name, list | tuple):
+            yield from flat(name)
+        else:
+            raise InputError(f'expected the name of a quantity, got {quoted(name)}')
 
 
 class Catalogue(Mapping[str, Quantity]):
@@ -84,10 +95,10 @@ class Catalogue(Mapping[str, Quantity]):
         shown = max((self._known[known].shown for known in below), default=Shown.ASKED)
         return [known for known in below if self._known[known].shown == shown]
 
-    def choose(self, names: Iterable[str]) -> list[str]:
+    def choose(self, names: Iterable[str | Sequence[str]]) -> list[str]:
         """Names of the quantities that are asked for; ``position`` means all that begin so."""
         found: dict[str, None] = {}
-        for name in names:
+        for name in flat(names):
             found |= dict.fromkeys(self.below(name) or [self.find(name).name])
         return [*found]
 

@@ -30,7 +30,7 @@ from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.results.ranges import Extreme, Extremes, search
-from mechanism_sim.results.run import Solution
+from mechanism_sim.results.run import Solution, seconds_of
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
@@ -146,6 +146,7 @@ class Cycle(plotting.Rich):
                 f"{self.machine.name}: '{of_motion[0]}' is a quantity of the motion, which "
                 'static forces leave out: use a cycle that is not static'
             )
+        t = seconds_of(t)
         columns = self._columns(t, names)
         if self.ranges:
             ends = (t <= self.t[0]) | (t >= self.t[-1])

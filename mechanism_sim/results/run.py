@@ -59,7 +59,7 @@ def seconds_of(t: Any) -> Array:
     Raises
     ------
     InputError
-        For what is no time, such as a truth value or a date.
+        For what is no time, such as a truth value or a date, or no list of times.
     """
     given = np.atleast_1d(np.asarray(t))
     if given.dtype.kind == 'm':
@@ -68,6 +68,8 @@ def seconds_of(t: Any) -> Array:
         given = np.array([argument('t', x, 's') for x in given.ravel().tolist()])
     if given.dtype.kind not in 'iuf':
         raise InputError(f't: expected times [s], got {given.dtype}')
+    if given.ndim > 1:
+        raise InputError(f't: expected times (N,) [s], got an array of shape {given.shape}')
     return given.astype(float)
 
 
@@ -127,7 +129,7 @@ class Piece(Rich):
         times = seconds_of(t)
         return View.at(self.machine, self.motion, times, self.balance)
 
-    def sample(self, t: Array | float, *names: str) -> Table:
+    def sample(self, t: Array | float, *names: str | Sequence[str]) -> Table:
         """Quantities at times `t` ([s], or texts with units), as arrays (N,) by name.
 
         Parameters
@@ -136,11 +138,6 @@ class Piece(Rich):
             so, as ``position``; without any: positions, velocities and accelerations of
             coordinates, gaps and contact forces, and where the scene has forces reactions of
             joints, efforts of drives and energies
-
-        Raises
-        ------
-        ValueError
-            For a time outside of the motion.
         """
         known = self.catalogue
         chosen = known.choose(names) if names else known.shown(Shown.RUN)
@@ -150,7 +147,7 @@ class Piece(Rich):
         one = known.table(chosen, self.view(float(self.motion.curve.start[0])))
         return Table({name: x[:0] for name, x in one.items()}, one.units)
 
-    def to_frame(self, *names: str, rate: float | str | None = None) -> Any:
+    def to_frame(self, *names: str | Sequence[str], rate: float | str | None = None) -> Any:
         """A data frame of `sample`, evenly over the motion: of pandas, else of polars.
 
         >>> import mechanism_sim as ms
@@ -174,7 +171,7 @@ class Piece(Rich):
         found = self.sample(t, *names)
         return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame()
 
-    def plot(self, *names: str, **how: Any) -> Any:
+    def plot(self, *names: str | Sequence[str], **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.
 
         The keywords are those of `mechanism_sim.report.lines.plot`: ``against='angle'``, and

@@ -67,6 +67,12 @@ class Stream(Runner):
         self._last: Piece | None = None
         self._amid = False
 
+    def __repr__(self) -> str:
+        return (
+            f'<Stream of {self.machine.name}: {self.duration:.6g} s of {self._end:.6g} s, '
+            f'{self.totals.impacts} impacts>'
+        )
+
     @contextmanager
     def _timed(self) -> Iterator[None]:
         """Add what is done to the time of the run, but for what makes code."""

@@ -21,7 +21,7 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError, RunError, quoted
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
@@ -520,6 +520,8 @@ def branches(
     workers : each period is followed by one of them; this process follows all if not given
     show : called with the number of periods that are done
     """
+    if not isinstance(found, Bifurcation):
+        raise InputError(f'branches takes what bifurcation(scene, ...) found, got {quoted(found)}')
     bare = replace(found, machine=Machine(found.machine.name, found.machine.scene))
     periods = dict.fromkeys(r.period for r in found.responses if r.period and r.state)
     tasks = [Call(str(period), _followed, (bare, period)) for period in periods]

@@ -10,6 +10,9 @@ import pytest
 from running import run, run_json
 from scipy.io import wavfile
 
+from mechanism_sim.report import lines
+
+draw = lines.draw
 RATE, TONE, SIZE, COUNT = 2000.0, 125.0, 3.0, 4096
 TIMES = np.arange(COUNT) / RATE
 WAVE = SIZE * np.sin(2.0 * math.pi * TONE * TIMES)
@@ -61,6 +64,19 @@ def test_channels_are_listed_and_plotted_as_they_are(rig, tmp_path):
     assert np.allclose(y, WAVE[kept], rtol=1e-9, atol=1e-12)
 
 
+def test_a_channel_is_plotted_over_another(rig, monkeypatch):
+    seen = []
+    monkeypatch.setattr(lines, 'draw', lambda chart: seen.append(chart) or draw(chart))
+    file = rig.with_suffix('.svg')
+    done = run('plot', str(rig), 'acc', '--against', 'way', '--from', '0.5 s', '-o', str(file))
+    assert done.returncode == 0, done.stderr
+    (panel,) = seen[0].panels
+    kept = TIMES >= 0.5
+    assert panel.x.words == 'way'
+    np.testing.assert_allclose(panel.curves[0].x, 2.0 + TIMES[kept], rtol=1e-12)
+    np.testing.assert_allclose(panel.curves[0].y, WAVE[kept], rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ('command', 'words'),
     [
@@ -68,7 +84,9 @@ def test_channels_are_listed_and_plotted_as_they_are(rig, tmp_path):
         (['analyze', '--spectrum', 'ac'], "no channel 'ac'; did you mean 'acc'?"),
         (['analyze', '--full-scale', '5 m/s^2'], 'has units of its own'),
         (['analyze', '--skip', '2'], '--skip does not apply to a file of signals'),
-        (['plot', '--against', 'angle'], '--against does not apply to a file of signals'),
+        (['plot', '--against', 'way'], '--against needs the name of a channel'),
+        (['plot', 'acc', '--against', 'angle'], "no channel 'angle'"),
+        (['plot', 'acc', '--ideal'], '--ideal does not apply to a file of signals'),
         (['plot', 'ac'], "no channel 'ac'"),
         (['plot', 'acc', '--from', '9 s'], 'no values of acc between these times'),
     ],

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bags import write_bag
 from builders import simulated
+from mcap.writer import Writer as JsonWriter
+from mcap_ros2.writer import Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_typestore
 from running import run as command
+from running import run_json
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import field_ranges
+from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import JointState, serialize
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
+from mechanism_sim.report.charts.lines import chart
 from ros_interfaces.stamps import stamp
 
 NAMES = 'reaction.coupler_rocker.size', 'position.coupler.cog.x'
@@ -75,6 +85,148 @@ def test_joint_states_of_another_program_are_a_run(tmp_path, velocities, error):
         run.columns(['position.rods'], t)
     with pytest.raises(InputError, match='is recorded from 0 s to 2 s'):
         run.columns(['position.rod'], np.array([3.0]))
+
+
+JOINTS = 'crank', 'left/arm', 'rig/mass joint', 'a-b', 'a[1]', 'b]c', '3', '0:1'
+
+
+@pytest.fixture
+def rig(tmp_path):
+    """A bag of another author's writer: joints of any names, joint j at j t^2, and a scalar."""
+    header = f'{"=" * 80}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
+    header += f'{"=" * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n'
+    arrays = ''.join(f'float64[] {x}\n' for x in ('position', 'velocity', 'effort'))
+    states = f'std_msgs/Header header\nstring[] name\n{arrays}{header}'
+    file = tmp_path / 'rig.mcap'
+    with file.open('wb') as stream, Writer(stream) as writer:
+        state = writer.register_msgdef('sensor_msgs/msg/JointState', states)
+        number = writer.register_msgdef('std_msgs/msg/Float64', 'float64 data\n')
+        for k in range(256):
+            at = {'sec': k // 100, 'nanosec': k % 100 * 10_000_000}
+            message = {
+                'header': {'stamp': at, 'frame_id': ''}, 'name': [*JOINTS], 'velocity': [],
+                'position': [j * (0.01 * k) ** 2 for j in range(len(JOINTS))], 'effort': [],
+            }  # fmt: skip
+            writer.write_message('/joint_states', state, message, log_time=k * 10**7)
+            tone = {'data': 3.0 * np.sin(2.0 * np.pi * 12.5 * 0.01 * k)}
+            writer.write_message('/tone', number, tone, log_time=k * 10**7)
+    return file
+
+
+@pytest.mark.parametrize('form', ['/joint_states.position[{}]', 'position.{}'])
+def test_every_name_that_is_told_can_be_asked_for(rig, form):
+    run, names = ms.open_run(rig), [form.format(joint) for joint in JOINTS]
+    analyzed = [f['quantity'] for f in run_json('analyze', str(rig))['fields']]
+    assert {*names} <= {*analyzed, *run.names()}
+    found = run.columns(names, [0.1, '200 ms'])
+    for j, name in enumerate(names):
+        assert found[name] == pytest.approx([j * 0.01, j * 0.04])
+    done = command('plot', str(rig), names[2], '-o', str(rig.with_suffix('.csv')))
+    assert done.returncode == 0, done.stderr
+    t, x = np.loadtxt(rig.with_suffix('.csv'), delimiter=',', skiprows=1).T
+    assert x == pytest.approx(2.0 * t**2)
+
+
+def test_names_of_keys_that_are_told_can_be_asked_for(tmp_path):
+    file = tmp_path / 'keys.mcap'
+    with file.open('wb') as stream:
+        writer = JsonWriter(stream)
+        writer.start()
+        channel = writer.register_channel('/log', 'json', 0)
+        for k in range(3):
+            writer.add_message(
+                channel, k * 10**9, f'{{"oil temp/C": {k * k}}}'.encode(), k * 10**9
+            )
+        writer.finish()
+    (field,) = run_json('analyze', str(file))['fields']
+    assert ms.open_run(file).one(field['quantity']).values.tolist() == [0, 1, 4]
+
+
+def test_joint_states_are_fitted_by_the_names_that_are_told(rig):
+    (found,) = measurements(
+        [rig], ['four_bar_nominal'], sensor='position.crank',
+        channel='/joint_states.position[rig/mass joint]',
+    )  # fmt: skip
+    assert found.samples == pytest.approx(2.0 * (0.01 * np.arange(256)) ** 2)
+
+
+def test_joint_states_and_messages_are_plotted_by_the_names_of_the_run(rig):
+    names = 'position.rig/mass joint', '/joint_states.position[a-b]'
+    figure = ms.plot(rig, *names, against='/joint_states.position[left/arm]', end=1.0)
+    lines = {x.get_label(): x.get_data() for x in figure.axes[0].lines}
+    x, y = lines['rig/mass joint']
+    assert y == pytest.approx(2.0 * x)
+    assert lines['a-b'][1] == pytest.approx(3.0 * x)
+    assert (figure.axes[0].get_xlabel(), x[-1]) == ('position of left/arm [rad or m]', 1.0)
+    assert len(ms.plot(rig, 'position').axes) == len(JOINTS)
+    (tone,) = ms.plot(str(rig), ['/tone.data']).axes[0].lines
+    assert np.abs(tone.get_ydata()).max() == pytest.approx(3.0)
+    with pytest.raises(InputError, match=r"a quantity 'position\.crnk'; did you mean"):
+        ms.plot(rig, 'position.crnk')
+
+
+def test_several_runs_are_lines_of_one_plot(rig, tmp_path):
+    """Each has its file's name and its own instants, in the picture and in the table."""
+    other, table = foreign(tmp_path / 'other.mcap', False), tmp_path / 'both.csv'
+    tones = tmp_path / 'tones.csv'
+    tones.write_text('t [s],position.rod [rad]\n0,1\n0.5,2\n')
+    files, picture = [str(other), str(tones)], tmp_path / 'both.svg'
+    said = run_json('plot', *files, 'position.rod', '-o', str(table), '-o', str(picture))
+    assert [s['samples'] for s in said['series']] == [81, 2]
+    heading, *rows = table.read_text().splitlines()
+    assert heading.split(',')[1:] == [
+        f'{other}: position.rod [rad or m]', f'{tones}: position.rod [rad]',
+    ]  # fmt: skip
+    found = np.genfromtxt(rows, delimiter=',')
+    known = np.isfinite(found[:, 1])
+    assert found[known, 1] == pytest.approx(np.sin(3.0 * found[known, 0]), abs=1e-12)
+    assert found[np.isfinite(found[:, 2]), ::2].tolist() == [[0.0, 1.0], [0.5, 2.0]]
+    series = [replace(ms.open_run(x).one('position.crank'), run=x.name) for x in (rig, rig)]
+    series[1] = replace(series[1], run='again')
+    (panel,) = chart(series, '').panels
+    assert [c.label for c in panel.curves] == ['crank, rig.mcap', 'crank, again']
+    assert panel.curves[0].shade != panel.curves[1].shade
+    done = command('plot', 'four_bar_nominal', str(rig), 'position')
+    assert (done.returncode, "'four_bar_nominal' is not recorded" in done.stderr) == (2, True)
+
+
+def test_a_number_in_messages_has_a_spectrum(rig):
+    """The line of a tone, and its mean square."""
+    found = run_json('analyze', str(rig), '--spectrum', '/tone.data')
+    spectrum = found['details']['spectra']['/tone.data']['spectrum']
+    frequency, values = np.array(spectrum['frequency']), np.array(spectrum['values'])
+    assert frequency[values.argmax()] == pytest.approx(12.5)
+    assert values.sum() * frequency[1] == pytest.approx(4.5, rel=1e-2)
+    done = command('analyze', str(rig), '--spectrum', '/tone.dat')
+    assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+    done = command('analyze', str(rig), '--spectrum', '/tone.data', '--skip', '1')
+    assert (done.returncode, '--skip needs a run' in done.stderr) == (2, True)
+
+
+def test_runs_say_what_they_are(rig):
+    stream = ms.stream('four_bar_clearance', duration=0.05)
+    assert repr(stream) == '<Stream of four_bar_clearance: 0 s of 0.05 s, 0 impacts>'
+    stream.finish()
+    assert repr(stream).startswith('<Stream of four_bar_clearance: 0.05 s of 0.05 s, ')
+    assert repr(stream.totals).startswith(f'<Totals: {stream.totals.impacts} impacts of ')
+    told = '<MessageRun of {}: messages: 256 of /joint_states, 256 of /tone>'
+    assert repr(ms.open_run(rig)) == told.format(rig)
+    solution = ms.simulate('four_bar_clearance', duration=0.05)
+    assert repr(ms.open_run(solution)) == f'<Record of four_bar_clearance: {solution!r}>'
+
+
+def test_a_bag_with_topics_and_no_message_is_refused(tmp_path):
+    """Of another author, who writes the greatest time as the start of such a bag."""
+    types = get_typestore(Stores.ROS2_HUMBLE)
+    with RosbagsWriter(tmp_path / 'zero', version=9, storage_plugin=StoragePlugin.MCAP) as bag:
+        bag.add_connection('/joint_states', JointState.__msgtype__, typestore=types)
+    (tmp_path / 'nothing.mcap').touch()
+    for path in (tmp_path / 'zero', tmp_path / 'nothing.mcap'):
+        for what in (['analyze'], ['plot', 'gap'], ['report', '-o', str(tmp_path / 'x.html')]):
+            done = command(what[0], str(path), *what[1:])
+            assert (done.returncode, done.stdout) == (2, '')
+            assert 'holds no message' in done.stderr
+    assert run_json('bag', 'info', str(tmp_path / 'zero'))['start'] == 0.0
 
 
 def test_samples_without_a_value_are_counted(tmp_path):

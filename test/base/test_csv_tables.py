@@ -28,9 +28,16 @@ def table(tmp_path):
         '"t [s]","x [mm]"\n0,1\n0.5,"2.25"\n',
         't [s];x [mm]\n0;1\n0,5;2,25\n',
         't [s]\tx [mm]\n0,0\t1,000\n5,0E-01\t2,25\n',
+        't,x\n(s),(mm)\n\n0,1\n0.5,2.25\n',
+        't;x\ns;mm\n0;1\n0,5;2,25\n',
+        't (s)  x [mm]\n 0 1 \n 0.5  2.25\n',
+        't x\n(s) (mm)\n0 1\n0.5 2.25\n',
     ],
-    ids=['commas', 'semicolons', 'tabs', 'last separator', 'quotes', 'office', 'decimal commas'],
-)
+    ids=[
+        'commas', 'semicolons', 'tabs', 'last separator', 'quotes', 'office', 'decimal commas',
+        'oscilloscope', 'units below', 'spaces', 'spaces and units below',
+    ],
+)  # fmt: skip
 def test_columns_have_names_units_and_numbers(table, text):
     found = table(text)
     assert found.units == {'t': 's', 'x': 'mm'}
@@ -48,6 +55,9 @@ def test_cells_may_be_text(table):
     assert found.column('joint') == ('A', 'B')
     with pytest.raises(InputError, match="line 3: expected a finite number in column 'x', got ''"):
         found.numbers('x')
+    words = table('joint,type,x\nA,pin,\nB,slot,2\n')  # no units: they would be above numbers
+    assert (words.column('joint'), words.units['joint']) == (('A', 'B'), '')
+    assert table('gas pressure\n1\n2\n').column('gas pressure') == ('1', '2')
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,14 @@ def test_csv_has_units_and_leaves_out_what_is_missing(tmp_path):
         rod.in_unit('N')
 
 
+def test_units_may_be_below_names_and_spaces_between(tmp_path):
+    text = 't acc\n(ms) (m/s²)\n' + ''.join(f'{k} {k * k}\n' for k in range(5))
+    found = read_signal(table(tmp_path, text))
+    assert (found.name, found.unit, found.values.tolist()) == ('acc', 'm/s²', [0, 1, 4, 9, 16])
+    assert found.times == pytest.approx(1e-3 * np.arange(5.0))
+    assert found.in_unit('m/s^2') == pytest.approx(np.arange(5.0) ** 2)
+
+
 def test_columns_of_text_are_no_signals(tmp_path):
     text = 'Zeit [ms];a [m/s^2];state\n0;1,5;on\n1;-;on\n2;N/A;off\n3;2,5;off\n'
     found = read_signal(table(tmp_path, text.replace('Zeit', 'Time')))

@@ -64,7 +64,7 @@ def test_one_time_many_times_and_times_in_any_order(seated):
 
 @pytest.mark.parametrize('t', [-1e-6, 1.0, [0.0, 1.0], 1e9])
 def test_times_outside_of_the_solution_are_refused(seated, t):
-    with pytest.raises(ValueError, match=r'outside of the solution.*solved \[0, 0\.24'):
+    with pytest.raises(ms.InputError, match=r'outside of the solution.*solved \[0, 0\.24'):
         seated.sample(t)
 
 

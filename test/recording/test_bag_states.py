@@ -231,8 +231,8 @@ def states(ended, simulated, tmp_path_factory):
 
 NOTHING = 'holds no message'
 EXPECTED = {
-    'empty': dict.fromkeys(READERS, NOTHING) | {'bag info': '', 'analyze': ''},
-    'early': dict.fromkeys(READERS, NOTHING) | {'bag info': '', 'analyze': ''},
+    'empty': dict.fromkeys(READERS, NOTHING) | {'bag info': ''},
+    'early': dict.fromkeys(READERS, NOTHING) | {'bag info': ''},
     'late': dict.fromkeys(READERS, '')
     | {'thesis experiment': 'no sensor reads accelerations across the coupler'},
     'one': dict.fromkeys(READERS, '')

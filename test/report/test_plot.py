@@ -23,7 +23,7 @@ from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
-from mechanism_sim.report.charts.lines import against, chart
+from mechanism_sim.report.charts.lines import against, against_recorded, chart
 from ros_interfaces.definitions import field_descriptions
 
 JOINT, POINT = 'coupler_rocker', 'coupler.cog'
@@ -282,6 +282,7 @@ def test_units_come_from_the_definitions():
         ('t.position[0:1]', [1.0, 2.0]),  # both ends, as Foxglove has it
         ('t.position[-2:]', [2.0, 3.0]),
         ('t.position[b]', [2.0]),
+        ('t.position[rig/c d]', [3.0]),
         ("t{header.frame_id=='f'}.position[0]", [1.0]),
         ('t{header.frame_id!="f"}.position[0]', []),
         ('t{header.frame_id==f}{header.stamp.sec>=2}.position[0]', [1.0]),
@@ -289,7 +290,7 @@ def test_units_come_from_the_definitions():
     ],
 )
 def test_paths_mean_what_foxglove_means(path, values):
-    message = ms.messages.JointState(name=['a', 'b', 'c'], position=[1.0, 2.0, 3.0])
+    message = ms.messages.JointState(name=['a', 'b', 'rig/c d'], position=[1.0, 2.0, 3.0])
     message.header.frame_id, message.header.stamp.sec = 'f', 2
     assert [value for value, _ in parse(path).values(message)] == values
 
@@ -433,6 +434,9 @@ def test_all_that_can_be_plotted_is_listed_with_units(bag):
         (['gap', '--from', '5'], 'is not within the run'),
         (['impacts.time', '--from', '5'], 'there are no values of impacts.time between'),
         (['gap', '--set', 'drive.speed=1 rpm'], 'as it was recorded'),
+        (['other.mcap', 'gap'], 'other.mcap does not exist'),
+        (['other.mcap'], 'is to be plotted'),
+        (['other.csv', 'gap', '--ideal'], '--ideal does not apply to several runs in one plot'),
         (['gap', '-o', 'x.bmp'], 'the ending must be .png, .svg or .pdf'),
     ],
 )
@@ -452,3 +456,30 @@ def test_from_python_bad_names_are_bad_input(solution):
         solution.plot(start=2.0)
     with pytest.raises(InputError, match='there is no quantity'):
         solution.plot(against='crnk')
+    with pytest.raises(InputError, match='expected the name of a quantity, got 3'):
+        solution.plot(3)
+
+
+def test_names_may_be_in_lists(solution):
+    listed, one_by_one = (
+        ms.plot(solution, ['gap', 'drive_torque']),
+        solution.plot('gap', 'drive_torque'),
+    )
+    pairs = zip(listed.axes, one_by_one.axes, strict=True)
+    assert all(np.array_equal(a.lines[0].get_ydata(), b.lines[0].get_ydata()) for a, b in pairs)
+
+
+@pytest.mark.network
+def test_messages_are_plotted_over_messages_of_the_own_bag(bag):
+    """Places that the same message has, and those of others straight between two."""
+    asked = Asked(read_bag(bag))
+    over = asked.recorded('/linkage_state.position[rocker]')
+    series = asked.series(['/linkage_state.velocity[crank]', '/impacts.normal_impulse'])
+    axes = lines.draw(chart(series, '', against_recorded(over, series))).axes
+    states, impacts = (messages_of(bag, x) for x in ('/linkage_state', '/impacts'))
+    angle = np.degrees([m.position[2] for m in states])
+    x, y = axes[0].lines[0].get_data()
+    np.testing.assert_allclose(x, angle, rtol=1e-12)
+    np.testing.assert_allclose(y, [m.velocity[0] for m in states], rtol=1e-12)
+    between = np.interp([m.time for m in impacts], [m.time for m in states], angle)
+    np.testing.assert_allclose(axes[1].lines[0].get_xdata(), between, rtol=1e-9)

@@ -260,6 +260,8 @@ def test_times_may_be_what_an_analyst_has():
     empty, full = solution.sample([]), solution.sample(0.1)
     assert (list(empty), empty.units) == (list(full), full.units)
     assert {len(x) for x in empty.values()} == {0}
-    for wrong in ([True], [None], np.array(['2020-01-01'], 'M8[s]'), ['1 kg']):
+    for wrong in ([True], [None], np.array(['2020-01-01'], 'M8[s]'), ['1 kg'], [[0.1], [0.05]]):
         with pytest.raises(ms.InputError, match=r'^t[ :]'):
             solution.sample(wrong)
+    with pytest.raises(ms.InputError, match='an array of shape'):
+        ms.cycle('slider_crank').at(np.zeros((2, 2)))

@@ -94,6 +94,11 @@ def test_a_map_that_begins_in_contact_knows_how_its_start_moves_with_a_key(rpm):
     assert by[:, 0] == pytest.approx(expected, rel=1e-3, abs=1e-6 * np.abs(expected).max())
 
 
+def test_branches_are_of_what_was_found():
+    with pytest.raises(ms.InputError, match=r"what bifurcation.* found, got 'pendulum'"):
+        ms.branches('pendulum')
+
+
 @pytest.mark.slow
 def test_the_command_draws_branches(tmp_path):
     scene, picture = tmp_path / 'oscillator.yaml', tmp_path / 'b.svg'

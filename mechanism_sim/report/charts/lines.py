@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mechanism_sim.analysis.series import Series, sampled
+from mechanism_sim.analysis.series import Items, Series, parse, sampled
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import GROUND, index
@@ -103,6 +103,16 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
     return Abscissa(axis, at, of=found.name)
 
 
+def against_recorded(s: Series, series: Sequence[Series]) -> Abscissa:
+    """Over recorded values, for series that have instants within theirs."""
+    if all(np.isnan(s.at(x.t)).all() for x in series):
+        raise InputError(f'{s.name} has no value at the instants of {series[0].name}')
+    unit, scale = for_people(s.unit)
+    words, labels = named([s])
+    owner = '' if labels[s.name] == s.name else f' of {labels[s.name]}'
+    return Abscissa(Axis(f'{words}{owner}', unit), lambda t: scale * s.at(t), of=s.name)
+
+
 def check_abscissa(machine: Machine, what: str) -> None:
     """Refuse what a run of the machine cannot be drawn against."""
     if what == 'angle' and machine.plan.main in machine.physics.displacements:
@@ -147,25 +157,25 @@ def panels(
     struck : (N,) times that are marked [s]
     reach : by name places [deg], least and greatest values (3, N) there of all turns, SI
     """
-    names = list(dict.fromkeys(s.name for s in series))
-    owners = {s.name: f'{s.name}.{s.of}' for s in series}
-    shades = dict(zip(names, colours([owners[n] for n in names], numbers), strict=True))
+    owners = {s.line: f'{s.name}.{s.of}' for s in series}
+    shades = dict(zip(owners, colours(owners.values(), numbers), strict=True))
     items: dict[str, list[Series]] = {}
     for s in series:
         items.setdefault(_item(s, numbers), []).append(s)
-    together = len(names) <= TOGETHER or len(items) == 1
+    together = len(owners) <= TOGETHER or len(items) == 1
     unit, scale = for_people(series[0].unit)
     found = []
     for some in [series] if together else items.values():
         words, labels = named(some)
-        lines = [Drawn(s, labels[s.name], shades[s.name]) for s in some]
+        told = {s.line: ', '.join(filter(None, (labels[s.name], s.run))) for s in some}
+        lines = [Drawn(s, told[s.line], shades[s.line]) for s in some]
         curves = tuple(_curves(lines, over, scale, reach))
         alone = not together and len({c.label for c in curves if c.label}) == 1
         panel = Panel(
             over.axis, Axis(words, unit), curves, next(iter(labels.values())) if alone else '',
             height=PANEL if together else SMALL, scale='' if together else f'[{unit}]',
         )  # fmt: skip
-        found.append(_shaped(panel, over, names))
+        found.append(_shaped(panel, over, [s.name for s in series]))
     if not over.of:
         found[0] = replace(found[0], struck=marks(over, struck))
     return found
@@ -185,7 +195,7 @@ def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
 
 def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
     """Words for the lines of a panel, and their labels by name."""
-    parts = {s.name: _parts(s.name) for s in series}
+    parts = {s.name: _parts(s) for s in series}
     titles = {s.name: s.words or parts[s.name][0].replace('_', ' ') for s in series}
     kinds = list(dict.fromkeys(kind for kind, _ in parts.values()))
     said = list(dict.fromkeys(titles.values()))
@@ -229,15 +239,20 @@ def _curves(
     used: Counter[int] = Counter()
     dashes: dict[str, int] = {}
     for d in drawn:
-        if d.series.name not in dashes:
-            dashes[d.series.name] = used[index(d.colour)]
+        if d.series.line not in dashes:
+            dashes[d.series.line] = used[index(d.colour)]
             used[index(d.colour)] += 1
     found: list[ChartCurve] = []
     offsets: dict[str, float] = {}
     for d in sorted(drawn, key=lambda d: d.series.ideal):  # the own ones say where angles begin
         name = d.series.name
         found += _of(
-            d, over, scale, dashes[name], offsets, None if d.series.ideal else reach.get(name)
+            d,
+            over,
+            scale,
+            dashes[d.series.line],
+            offsets,
+            None if d.series.ideal else reach.get(name),
         )
     order = {'range': 0, 'ideal': 1, 'earlier': 2, '': 3}
     yield from sorted(found, key=lambda c: order[c.look])
@@ -354,7 +369,7 @@ def chart(
     for lines in units.values():
         found += panels(lines, over, numbers, NOTHING if found else struck)
     if bands:
-        found.append(modes({_parts(s.name)[1]: Spells.of(s) for s in bands}))
+        found.append(modes({replace(s, name=_parts(s)[1]).line: Spells.of(s) for s in bands}))
     if over.kind == 'time':
         ends = [over.at(s.t[[0, -1]]) for s in series if len(s.t)]
         axis = replace(over.axis, low=float(np.min(ends)), high=float(np.max(ends)))
@@ -369,11 +384,13 @@ def _item(s: Series, numbers: Mapping[str, int]) -> str:
     return known or (s.name[:-2] if s.name.endswith(('.x', '.y')) else s.name)
 
 
-def _parts(name: str) -> tuple[str, str]:
-    """Quantity of a series and its owner: of a path the last field, and its item."""
-    if '/' not in name and '[' not in name and '{' not in name:
-        kind, _, rest = name.partition('.')
+def _parts(s: Series) -> tuple[str, str]:
+    """Quantity of a series and its owner: of a path the last field, and its items."""
+    kind, _, rest = s.name.partition('.')
+    if rest == s.of or not any(x in s.name for x in '/[{'):
         return kind, rest
-    kind = name.rpartition('.')[2].partition('[')[0].partition('{')[0]
-    items = [part.partition(']')[0] for part in name.split('[')[1:]]
-    return kind, ' '.join(x for x in items if x != ':')
+    path = parse(s.name)
+    if path is None or not path.fields:  # of a topic that is none of ROS
+        return s.name.rpartition('.')[2], ''
+    items = [step.text for step in path.steps if isinstance(step, Items)]
+    return path.fields[-1], ' '.join(x for x in items if x != ':')
