@@ -43,7 +43,8 @@ class SlottedRack(IndexingPair):
         centre = np.array(self.centre)[:, None]
         x, y = view.place(self.first, self.on_first) - centre
         fx, fy = view.force
-        return self._read(view, self.side * (y * c - x * s) < 0.0, centre, c * fx + s * fy)
+        engaged = self.side * (y * c - x * s) < 0.0
+        return self._read(view, engaged, centre, c * fx + s * fy)
 
     def draw(self, draft: Draft) -> None:
         """A pin, and the slots that it visits, and their neighbours."""

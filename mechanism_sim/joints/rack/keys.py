@@ -21,7 +21,7 @@ class RackKeys(PinKeys):
     rack: Reference | None = None
     """A pin at the first point, and a slotted rack; one slot is at the second.
 
-    The pin moves the rack on that side of its turning centre on which the second point lies.
+    The pin moves the rack while it is on that slot point's side of the centre of its circle.
     """
     pitch: Length | None = None
     """Of the slots of a rack; required for it."""
