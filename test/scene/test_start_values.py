@@ -198,14 +198,26 @@ def _check_honoured(machine: ms.Machine, given: dict[str, float], solution: Solu
 @pytest.mark.parametrize(
     ('start', 'said'),
     [
-        ('27 m', 'Pa and m are added in .* states.pushing.start is in m'),
-        ('27 A', 'Pa and A are added in .* states.pushing.start is in A'),
-        ('27', 'is in Pa/s, not in Hz; states.pushing.start is a plain number'),
+        ('27 m', 'the root of m/Pa in .* states.pushing.start is in m'),
+        ('27 A', 'the root of A/Pa in .* states.pushing.start is in A'),
+        ('27', 'the root of 1/Pa in .* states.pushing.start is a plain number'),
     ],
 )
 def test_a_state_in_another_unit_than_its_formulas_is_refused(start: str, said: str) -> None:
     with pytest.raises(InputError, match=f'states.pushing.rate: .*{said}'):
         ms.load_scene('hydraulic_arm', {'states.pushing.start': start})
+
+
+def test_a_rate_in_another_unit_than_the_start_is_refused() -> None:
+    scene = {
+        'links': {'block': {'mass': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'states': {'work': {'start': '3 N', 'rate': '5 N*block_rate'}},
+    }
+    with pytest.raises(InputError, match=r"'.*' is in W, not in N/s; states.work.start is in N"):
+        made(scene)
+    scene['states']['work']['start'] = '3 J'
+    assert made(scene).plan.states
 
 
 def test_units_in_formulas_of_states_change_no_bit() -> None:
