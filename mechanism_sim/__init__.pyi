@@ -190,7 +190,7 @@ class JointPart(_schema.JointPart):
         bearings : The two bearings of a shaft, by name: where they lie along it, as `along` of its gears. [m]
         locating : The bearing that takes forces along the shaft; required with bearings.
         ratchet : Two links on one axis, as of a freewheel, that hold each other by teeth and a pawl.
-        rack : A pin at the first point, and a slotted rack; one slot is at the second.
+        rack : A pin at the first point, and a slotted rack; one slot is at the second. The pin moves the rack while it is on that slot point's side of the centre of its circle.
         pitch : Of the slots of a rack; required for it. [m, > 0]
         prismatic : A guide: the second point slides along `axis` through the first.
         angle : Of the second link in the first. [rad]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Any
 
 import heyoka as hy
@@ -13,7 +13,7 @@ from mechanism_sim.keys.names import RESERVED, Names
 from mechanism_sim.keys.quantities import UnitValue
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics import formula
-from mechanism_sim.numerics.expressions import parse, unit_hint, unit_of
+from mechanism_sim.numerics.expressions import ExpressionNode, parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.units import QuantityValue, alike, has_decimal_comma, to_si, to_si_of
 
@@ -128,8 +128,28 @@ def check_formula(
         formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
         if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
             units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
-            found = unit_of(root, units, text)
-            if unit is not None and found is not None and not alike(found, unit):
-                raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}')
+            _check_units(root, units, text, unit, _starts(places, [*root.names, where]))
     except InputError as error:
         raise InputError(f'{where}: {error}') from error
+
+
+def _starts(places: Names, named: Collection[str]) -> str:
+    """Units by their starts of the states that a formula names, or whose rate it is."""
+    return ''.join(
+        f'; states.{name}.start is {f"in {unit}" if unit else "a plain number"}'
+        for name, part in places.scene.states.items()
+        for unit in [part.start.unit]
+        if (unit and name in named) or f'states.{name}.rate' in named
+    )
+
+
+def _check_units(
+    root: ExpressionNode, units: Mapping[str, str | None], text: str, unit: str | None, said: str
+) -> None:
+    """Refuse a formula whose units contradict each other or the wanted one, and `said` why."""
+    try:
+        found = unit_of(root, units, text)
+    except InputError as error:
+        raise InputError(f'{error}{said}') from error
+    if unit is not None and found is not None and not alike(found, unit):
+        raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}{said}')

@@ -790,3 +790,30 @@ def test_instruments_turn_with_the_cross_section():
     ) / h**2
     along = pull[0] * np.cos(turned(t)) + pull[1] * np.sin(turned(t))
     assert read['feel'][4:-4] == pytest.approx(along, abs=1e-3 * np.abs(along).max())
+
+
+def test_the_link_on_which_a_rod_hangs_changes_its_bending_by_the_square_of_its_size():
+    """Orders of joints differ by the truncation of kinetic energy only, which is of that order."""
+    joints = {
+        'crank_rod': {'revolute': ['crank.end', 'rod']},
+        'rod_slider': {'revolute': ['rod.end', 'slider']},
+    }
+    t, share = np.linspace(0.0, 0.05, 251), []
+    for stiffer in (4.0, 16.0):
+        bent = []
+        for names in (('crank_rod', 'rod_slider'), ('rod_slider', 'crank_rod')):
+            machine = ms.load_scene('elastic_slider_crank', {
+                'joints': {
+                    'ground_crank': {'revolute': ['ground', 'crank']},
+                    **{name: joints[name] for name in names},
+                    'ground_slider': {'prismatic': ['ground', 'slider']},
+                },
+                'links.rod.elastic.youngs_modulus': stiffer * 200e9,
+                'initial.elastic': 'straight',
+            })  # fmt: skip
+            bent.append(ms.simulate(machine, duration=0.05).sample(t, 'position.rod.bend1'))
+        one, other = (found['position.rod.bend1'] for found in bent)
+        size = np.abs(one).max() / machine.scene.links['rod'].length
+        share.append(np.abs(one - other).max() / np.abs(one).max() / size**2)
+    assert share[0] == pytest.approx(17.0, rel=0.1)
+    assert share[1] == pytest.approx(share[0], rel=0.15)  # the differences fall to a sixteenth

@@ -113,7 +113,8 @@ class Absolute:
             return [self.spin(x, j.second)], [(across(u) / j.distance, 1.0)]
         if isinstance(j, SlottedRack):
             u = np.array([np.cos(j.axis), np.sin(j.axis)])
-            if (across(u) @ (a - np.array(j.centre)) < 0.0).real:
+            pin, slot = (across(u) @ (p - np.array(j.centre)) for p in (a, b))
+            if (pin * slot > 0.0).real:  # on the side of the rack
                 row = u @ (Jb - Ja) + (across(u) @ (b - a)) * self.spin(x, j.second)
                 return [row], [(u, cross(a - b, u))]
             return [u @ Jb], [(u, 0.0)]

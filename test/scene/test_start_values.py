@@ -7,7 +7,7 @@ import random
 
 import numpy as np
 import pytest
-from builders import LINKAGE, made
+from builders import LINKAGE, digest_of, made
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -193,3 +193,41 @@ def _check_honoured(machine: ms.Machine, given: dict[str, float], solution: Solu
         if kind == 'position' and link not in machine.mechanism.displacements:
             off = math.remainder(off, 2.0 * math.pi)
         assert abs(off) <= 1e-12 * max(1.0, abs(value)), (key, value, found)
+
+
+@pytest.mark.parametrize(
+    ('start', 'said'),
+    [
+        ('27 m', 'the root of m/Pa in .* states.pushing.start is in m'),
+        ('27 A', 'the root of A/Pa in .* states.pushing.start is in A'),
+        ('27', 'the root of 1/Pa in .* states.pushing.start is a plain number'),
+    ],
+)
+def test_a_state_in_another_unit_than_its_formulas_is_refused(start: str, said: str) -> None:
+    with pytest.raises(InputError, match=f'states.pushing.rate: .*{said}'):
+        ms.load_scene('hydraulic_arm', {'states.pushing.start': start})
+
+
+def test_a_rate_in_another_unit_than_the_start_is_refused() -> None:
+    scene = {
+        'links': {'block': {'mass': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'states': {'work': {'start': '3 N', 'rate': '5 N*block_rate'}},
+    }
+    with pytest.raises(InputError, match=r"'.*' is in W, not in N/s; states.work.start is in N"):
+        made(scene)
+    scene['states']['work']['start'] = '3 J'
+    assert made(scene).plan.states
+
+
+def test_units_in_formulas_of_states_change_no_bit() -> None:
+    """Beside the same formulas of numbers in SI units, which know no units."""
+    plain = {
+        'springs.cylinder.force': '1e3*rate - 1e-3*pushing + 6e-4*holding',
+        'states.valve.rate': '(12*(0.1 - arm) - valve)/0.05',
+        'states.pushing.rate': '1e9/(1e-4 + 1e-3*(cylinder.length - 0.3))*(4e-8*valve*sqrt(max('
+        '100e5 - pushing if valve > 0 else pushing - 1e5, 0)) - 1e-3*cylinder.rate)',
+        'states.holding.rate': '1e9/(1e-4 + 6e-4*(0.5 - cylinder.length))*(6e-4*cylinder.rate'
+        ' - 4e-8*valve*sqrt(max(holding - 1e5 if valve > 0 else 100e5 - holding, 0)))',
+    }
+    assert digest_of('hydraulic_arm', plain, 0.5) == digest_of('hydraulic_arm', (), 0.5)

@@ -212,7 +212,9 @@ class LawPart(Part):
     error: Rise | None = None
     """Standard deviation of measured displacements, by which the spline is smoothed."""
     eccentric: Length | None = None
-    """Instead: eccentricity of a circular cam."""
+    """Instead: eccentricity of a circular cam, on which the follower rises through the middle at
+    cam angle 0 wherever its guide points; `check` says where on the cam the centre then is.
+    """
     tangent: NosePart | None = None
     """Instead: a base circle and a round nose, joined by tangents."""
     arcs: FlankPart | None = None
@@ -345,6 +347,10 @@ class CamKeys(PhaseKeys):
         limit = LARGEST_PRESSURE[joint.distance.swings]
         note = f'{name}: pressure angle up to {pressure:.4g} deg'
         notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
+        if isinstance(cam.law, Eccentric | Raised):
+            centre = 1e3 * joint.profile(np.array([[0.0], [cam.law.eccentricity]]))
+            x, y = (f'{c:.6g} mm' for c in np.round(centre[:, 0], 9) + 0.0)
+            notes.append(f'{name}: centre of the circle at [{x}, {y}] of {joint.first}')
         unit = 'm' if joint.distance.slides else 'rad'
         jumps = check_smoothness(cam.law, 2)
         notes += [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import heyoka as hy
 import numpy as np
@@ -26,21 +27,24 @@ from mechanism_sim.planar.view import (
 class SlottedRack(IndexingPair):
     """A driving pin of `first` and a rack `second` that slides on the ground, slots across it.
 
-    The pin moves the rack while it is on the right of the axis through the crank's centre; in the
-    other half of a turn the rack is locked. `on_first` is the pin, `on_second` a point of a slot.
+    The pin moves the rack while it is on the rack's side of the line along `axis` through the
+    crank's centre; in the other half of a turn the rack is locked. `on_first` is the pin,
+    `on_second` a point of a slot.
     """
 
     pitch: float  #: [m] of the slots: twice the radius of the pin's circle
     axis: float  #: [rad] direction of the rack in the world
     centre: Vector2  #: [m] of the crank, in the world
+    side: Literal[1, -1]  #: of that line on which the rack is: 1 on its right, -1 on its left
 
     def reading(self, view: PairView) -> GenevaReading:
-        """The pin moves the rack on the right of the axis through the crank's centre."""
+        """The pin moves the rack on its side of the crank's centre."""
         c, s = math.cos(self.axis), math.sin(self.axis)
         centre = np.array(self.centre)[:, None]
         x, y = view.place(self.first, self.on_first) - centre
         fx, fy = view.force
-        return self._read(view, y * c - x * s < 0.0, centre, c * fx + s * fy)
+        engaged = self.side * (y * c - x * s) < 0.0
+        return self._read(view, engaged, centre, c * fx + s * fy)
 
     def draw(self, draft: Draft) -> None:
         """A pin, and the slots that it visits, and their neighbours."""
@@ -51,12 +55,12 @@ class SlottedRack(IndexingPair):
         pin = draft.within(link, place)
         along, across = (np.array(rotate((1.0, 0.0), axis + a)) for a in (0.0, 0.5 * math.pi))
         from_centre = draft.at(place) - np.array(self.centre)[:, None]
-        driven = rotate((1.0, 0.0), self.axis + 0.5 * math.pi) @ from_centre <= 0.0
+        driven = rotate((1.0, 0.0), self.axis + self.side * 0.5 * math.pi) @ from_centre <= 0.0
         away = (pin - base[:, None])[:, driven if driven.any() else slice(None)]
         slots = np.round(along @ away / self.pitch).astype(int)
         middle = float(across @ (draft.within(link, (GROUND, self.centre))[:, 0] - base))
         spare = 1.5 * draft.symbol
-        low, high = middle - 0.5 * self.pitch - spare, middle + spare
+        low, high = middle - self.side * (0.5 * self.pitch + spare), middle + self.side * spare
         for k in range(int(slots.min()) - 1, int(slots.max()) + 2):
             foot = base + k * self.pitch * along
             line = np.array([foot + s * across for s in (low, high)])
@@ -83,10 +87,10 @@ class RackClosure(HigherClosure[SlottedRack]):
         return x * c + y * s, y * c - x * s
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while the pin is on the right of the axis through the crank's centre."""
+        """1 while the pin is on the rack's side of the crank's centre."""
         joint = self.joint
         _, across = self._from_centre(frames, joint.first, joint.on_first)
-        return frames.switch(self.name, -dense(across.value) * (2.0 / joint.pitch))
+        return frames.switch(self.name, -dense(across.value) * (2.0 * joint.side / joint.pitch))
 
     def values(self, frames: Frames) -> list[Jet]:
         """How far the pin, or the locked rack, is off its place along the rack [m]."""

@@ -1,6 +1,7 @@
 """Cams in machines: the drawn profile touches the follower, forces act there, tables of pieces."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -307,3 +308,28 @@ def test_check_names_jumps_and_contacts_that_could_pull():
     notes = check(machine).notes
     assert any('at 0 deg the acceleration jumps' in note for note in notes)
     assert any('the cam pulls its follower' in note for note in notes)
+
+
+@pytest.mark.parametrize('axis', [90.0, -90.0, 0.0, 180.0, 30.0])
+@pytest.mark.parametrize(('sense', 'phase'), [(1, 0.0), (1, 25.0), (-1, 25.0)])
+def test_an_eccentric_is_a_disc_about_the_point_that_check_names(axis, sense, phase):
+    """A face along the disc is as high as its centre is along the guide."""
+    machine = ms.load_scene('eccentric_cam', {
+        'joints.guide.axis': math.radians(axis), 'joints.contact.phase': math.radians(phase),
+        'joints.contact.lift_off': None, 'drive.speed': 10.0, 'springs': None,
+        'joints.contact.sense': 'counterclockwise' if sense > 0 else 'clockwise',
+    })  # fmt: skip
+    (note,) = (n for n in check(machine).notes if 'centre of the circle' in n)
+    x, y = map(float, re.search(r'at \[(.*) mm, (.*) mm\] of cam', note).groups())
+    assert math.hypot(x, y) == pytest.approx(5.0, rel=1e-5)
+    t = np.linspace(0.0, TURN / 10.0, 21)
+    seen = ms.simulate(machine, revolutions=1).sample(t, 'lift.contact')['lift.contact']
+    centre = (x + 1j * y) * np.exp(1j * (10.0 * t - math.radians(axis)))
+    assert 1e3 * seen - 5.0 == pytest.approx(centre.real, abs=1e-5)
+
+
+def test_a_phase_turns_the_disc_to_the_centre_of_mass_of_its_scene():
+    changes = {'joints.guide.axis': math.radians(30.0), 'joints.contact.phase': math.radians(60.0)}
+    for given in ({}, changes):
+        notes = check(ms.load_scene('eccentric_cam', given)).notes
+        assert 'contact: centre of the circle at [5 mm, 0 mm] of cam' in notes
