@@ -72,6 +72,7 @@ NOTHING = Motion(
 _IMPACT = attrgetter(*('time' if name == 't' else name for name in Impact._fields
                        if name != 'drive_work'))  # fmt: skip
 _WORK = Impact._fields.index('drive_work')
+_END = 1e-9  # turns beyond those of a run that are rounding
 _NEWTON = 50
 _BLOCK = 8192  # instants at once
 
@@ -260,9 +261,14 @@ class Record(Revolutions):
         """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
         if (t is None) == (turns is None):
             raise InputError('columns need either times or turns of the drive')
-        times = t if turns is None else self.times_at(turns)
-        assert times is not None  # noqa: S101 - one of both is given
-        return self.piece.sample(times, 't', *names)
+        if turns is not None:
+            turns = np.asarray(turns, dtype=float)
+            first, last = self.turned(np.array([self.start, self.end])).tolist()
+            if not ((turns >= first - _END) & (turns <= last + _END)).all():
+                raise InputError(f'turns must be from {first:.9g} to {last:.9g}, as the run has them')
+            t = self.times_at(turns)
+        assert t is not None  # noqa: S101 - one of both is given
+        return self.piece.sample(t, 't', *names)
 
     @cached_property
     def audited(self) -> Audit:

@@ -66,6 +66,9 @@ def test_an_angle_of_the_drive_may_be_asked_for():
     assert found['position.crank'] == pytest.approx(2.0 * np.pi * turns, rel=1e-12)
     with pytest.raises(InputError, match='either times or turns'):
         run.columns(['position.crank'])
+    for beyond in ([-0.1], [0.5, 2.1], [float('nan')]):
+        with pytest.raises(InputError, match='turns must be from 0 to 2, as the run has them'):
+            run.columns(['position.crank'], turns=beyond)
 
 
 @pytest.mark.parametrize(('velocities', 'error'), [(True, 8.3e-8), (False, 7.1e-4)])
