@@ -265,7 +265,9 @@ class Record(Revolutions):
             turns = np.asarray(turns, dtype=float)
             first, last = self.turned(np.array([self.start, self.end])).tolist()
             if not ((turns >= first - _END) & (turns <= last + _END)).all():
-                raise InputError(f'turns must be from {first:.9g} to {last:.9g}, as the run has them')
+                raise InputError(
+                    f'turns must be from {first:.9g} to {last:.9g}, as the run has them'
+                )
             t = self.times_at(turns)
         assert t is not None  # noqa: S101 - one of both is given
         return self.piece.sample(t, 't', *names)
