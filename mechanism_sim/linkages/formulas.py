@@ -45,7 +45,12 @@ class FormulaScope:
     """Whose lengths and rates they know, by name."""
 
     def term(
-        self, frames: Frames, key: str, text: str, own: Mapping[str, Term] | None = None
+        self,
+        frames: Frames,
+        key: str,
+        text: str,
+        own: Mapping[str, Term] | None = None,
+        size: float = 0.0,
     ) -> hy.expression:
         """A formula as an expression.
 
@@ -53,6 +58,7 @@ class FormulaScope:
         ----------
         key : with which the names of its parameters begin
         own : expressions of further names
+        size : of the state whose rate it is
         """
         known, angles = {**(own or {})}, {}
         names = formula.read(text, self.tables).names
@@ -95,6 +101,7 @@ class FormulaScope:
             {name: table(curve) for name, curve in self.tables.items()},
             angles,
             {name: curve.scale for name, curve in self.tables.items() if curve.cyclic},
+            size,
         )
         return formula.expression(text, words)
 
@@ -157,7 +164,8 @@ class FormulaState:
     def rate(self, frames: Frames) -> hy.expression:
         """Its rate [unit/s]."""
         frames.formulas.add(self.name)
-        return self.scope.term(frames, self.name.replace('.', ':', 1), self.formula)
+        key = self.name.replace('.', ':', 1)
+        return self.scope.term(frames, key, self.formula, size=self.scale)
 
     def loads(self, _: Frames) -> list[Load]:
         """It acts on nothing."""

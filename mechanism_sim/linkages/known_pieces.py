@@ -87,7 +87,7 @@ class KnownPieces:
         power = np.arange(1.0, coefficients.shape[1])
         coefficients[:, :-1] += off * power * coefficients[:, 1:]
         coefficients[self._driven, :2] = local
-        length = piece.length - off * piece.switched
+        length = min(piece.length - off * piece.switched, place[2])  # a switch may be at its end
         if length <= abs(off):
             return None
         return piece._replace(length=length, coefficients=coefficients)

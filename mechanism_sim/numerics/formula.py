@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import pairwise
 from typing import Any
@@ -28,8 +28,8 @@ PERIODIC = 'sin', 'cos', 'tan'
 """Those that repeat after a turn of their argument."""
 
 _EMPTY = 10.0 * TOLERANCES.switches.margin
-"""Of the size of its terms: up to there the root in ``sqrt(max(x, 0))`` is 0. At 0 its slope is
-infinite, and a state that it brings there would never be seen to arrive."""
+"""Of the size of a state and of the terms of x: up to there ``sqrt(max(x, 0))`` in the rate of a
+state is 0. At 0 its slope is infinite, and what it brings there would not be seen to arrive."""
 
 _BINARY: dict[str, Callable[[Any, Any], Any]] = {
     '+': operator.add, '-': operator.sub, '*': operator.mul, '/': operator.truediv,
@@ -81,6 +81,7 @@ class Words:
     tables : functions of one argument beside the usual ones
     angles : further names: the expressions of an angle without whole turns, and with them
     cyclic : of the tables that repeat, turns in the one of their argument that they repeat in
+    size : of the state whose rate it is, to which its errors are relative; 0 of other formulas
     """
 
     variables: Mapping[str, hy.expression]
@@ -91,6 +92,7 @@ class Words:
         default_factory=dict
     )
     cyclic: Mapping[str, float] = field(default_factory=dict)
+    size: float = 0.0
 
 
 def read(text: str, tables: Collection[str] = ()) -> ExpressionNode:
@@ -107,14 +109,6 @@ def expression(text: str, words: Words) -> hy.expression:
 def of_tree(tree: ExpressionNode, words: Words, text: str) -> hy.expression:
     """A tree, or a part of one, as an expression; `text` is the whole formula, for messages."""
     return hy.expression(0.0) + _Builder(words, text).value(tree)
-
-
-def _at_least_none(node: ExpressionNode) -> ExpressionNode | None:
-    """The other argument of ``max(x, 0)``; None of other nodes."""
-    if (node.kind, node.name) != ('call', 'max'):
-        return None
-    left = [x for x in node.args if (x.kind, x.value) != ('number', 0.0)]
-    return left[0] if len(left) == 1 < len(node.args) else None
 
 
 def _terms(node: ExpressionNode) -> list[ExpressionNode]:
@@ -153,7 +147,7 @@ class _Builder:
                 return -self.value(args[0])
             case '+' | '-' | '*' | '/':
                 return _BINARY[node.kind](self.value(args[0]), self.value(args[1]))
-            case '**' if 0.0 < args[1].value < 1.0 and (inner := _at_least_none(args[0])):
+            case '**' if 0.0 < args[1].value < 1.0 and (inner := self._at_least_none(args[0])):
                 return self._root(inner, args[1].value)
             case '**':
                 return self._power(self.value(args[0]), args[1].value)
@@ -177,10 +171,19 @@ class _Builder:
         whole = reduce(operator.mul, [base] * abs(int(power)))
         return whole if power > 0.0 else 1.0 / whole
 
+    def _at_least_none(self, node: ExpressionNode) -> ExpressionNode | None:
+        """The other argument of ``max(x, 0)`` in the rate of a state; None of other nodes."""
+        left = [x for x in node.args if (x.kind, x.value) != ('number', 0.0)]
+        some = 0 < len(left) < len(node.args)
+        if not self._words.size or (node.kind, node.name) != ('call', 'max') or not some:
+            return None
+        return left[0] if len(left) == 1 else replace(node, args=tuple(left))
+
     def _root(self, node: ExpressionNode, power: float) -> Any:
         """A root of what is positive, 0 elsewhere: there it is a root of 1, which has a slope."""
         x, terms = self.value(node), [self.value(t) for t in _terms(node)]
-        size = hy.sqrt(reduce(operator.add, [t * t for t in terms], hy.expression(1.0)))
+        least = hy.expression(self._words.size**2)
+        size = hy.sqrt(reduce(operator.add, [t * t for t in terms], least))
         flag = self._words.flag(x / size - _EMPTY)
         within = flag * x + (1.0 - flag)
         return flag * (hy.sqrt(within) if power == 0.5 else within**power)
@@ -203,7 +206,7 @@ class _Builder:
         args = [self.value(x) for x in node.args]
         self._without_turns = before
         x = args[0]
-        if name == 'sqrt' and (inner := _at_least_none(node.args[0])):
+        if name == 'sqrt' and (inner := self._at_least_none(node.args[0])):
             return self._root(inner, 0.5)
         if name in ('min', 'max'):
             sign = 1.0 if name == 'max' else -1.0

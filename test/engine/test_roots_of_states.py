@@ -11,7 +11,7 @@ import scipy
 import mechanism_sim as ms
 from mechanism_sim.errors import RunError
 
-EMPTY = 1e-11
+EMPTY = 2e-11  # of a scale of 1, which is integrated as 2
 
 
 def tank(start, rate):
@@ -31,11 +31,29 @@ def level(scene, times):
     return run.sample(np.array(times))['state.h']
 
 
-@pytest.mark.parametrize('root', ['sqrt(max(h, 0))', 'max(0, h)^0.5'])
+@pytest.mark.parametrize('root', ['sqrt(max(h, 0))', 'max(0, h)^0.5', 'sqrt(max(h, 0, -h))'])
 def test_a_tank_runs_empty_as_torricelli_says_and_stays_so(root):
     t = np.array([0.0, 0.5, 1.9, 1.999, 2.0, 2.5, 100.0])
     left = np.maximum(1.0 - t / 2.0, 0.0) ** 2
     assert level(tank(1, f'-{root}'), t) == pytest.approx(left, abs=EMPTY)
+
+
+def test_how_little_is_none_goes_by_the_scale_of_a_state():
+    """``sqrt(h) = sqrt(h0) - t/2``, of levels that are 1e-12 of a unit."""
+    start, t = 4e-12, np.array([0.0, 1e-6, 3e-6, 1e-5])
+    scene = tank('{start: 4e-12, scale: 4e-12', '-sqrt(max(h, 0))').replace('{start: {', '{')
+    left = np.maximum(math.sqrt(start) - t / 2.0, 0.0) ** 2
+    assert level(scene, t) == pytest.approx(left, abs=2.0 * EMPTY * start)
+
+
+def test_roots_in_loads_are_as_they_are_written():
+    """The arm hangs at its centre of mass, as it is given: torque over inertia."""
+    load = {'at': 'arm', 'torque': 'sqrt(max(1e-13*(t + 1), 0))*1e6'}
+    scene = ms.load_scene(tank(1, '0').replace('length: 1 m', 'length: 1 m, cog: 0 m'))
+    end = ms.simulate(ms.load_scene(scene, {'loads': {'push': load}}), duration=1.0)
+    t = np.array([0.25, 1.0])
+    expected = 1e6 * np.sqrt(1e-13 * (t + 1.0))
+    assert end.sample(t)['acceleration.arm'] == pytest.approx(expected, rel=1e-9)
 
 
 def test_an_empty_tank_fills_empties_and_fills_again():

@@ -90,3 +90,31 @@ def test_where_more_than_the_angle_counts_every_piece_is_its_own():
     ends = np.array([np.cumsum(run.drain()[0].curve.duration)]).T
     edges = (np.array([np.arcsin(0.3), np.pi - np.arcsin(0.3)]) + 2.0 * np.pi) / 31.0
     assert np.abs(ends - edges).min(axis=0) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize('start', [0.0, 90.0, 200.0])
+def test_a_switch_may_be_where_a_law_changes_or_a_run_ends(start):
+    """The load begins where the drive begins to run up, or so near that rounding decides."""
+    turned = 90.0  # deg, at 60 rpm after 0.25 s
+    during = {'coordinate': 'wheel', 'from': f'{start + turned} deg', 'to': f'{start + 110} deg'}
+    scene = {
+        'title': 'wheel', 'mechanism': 'linkage',
+        'links': {'wheel': {'mass': '1 kg', 'inertia': '1 kg m^2'}},
+        'joints': {'axle': {'revolute': ['ground', 'wheel']}},
+        'drive': {
+            'coordinate': 'wheel', 'start_angle': f'{start} deg',
+            'profile': {'ramp': 'linear', 'points': [['0.25 s', '60 rpm'], ['1.25 s', '120 rpm']]},
+        },
+        'loads': {'work': {'at': 'wheel', 'torque': '5', 'during': during}},
+    }  # fmt: skip
+    machine = ms.load_scene(scene)
+    run = machine.start()
+    run.advance(0.75, final=True)
+    motion = run.drain()[0]
+    assert motion.curve.end == 0.75
+    torque = ms.simulate(machine, duration=0.75).sample(np.array([0.2, 0.26, 0.5]))
+    assert torque['drive_torque'] == pytest.approx([0.0, 2.0 * np.pi - 5.0, 2.0 * np.pi], abs=1e-9)
+    for end in (0.25, np.nextafter(0.25, 0.0), np.nextafter(0.25, 1.0)):
+        other = machine.start()
+        other.advance(end, final=True)
+        assert other.time == end
