@@ -56,20 +56,19 @@ def scores(figures: np.ndarray, labels: dict[str, np.ndarray]) -> dict[str, floa
     """Share of the windows that are told right, by what is left out of learning."""
     known = np.column_stack([figures, labels['crank_speed']])
     forest = RandomForestClassifier(100, min_samples_leaf=3, random_state=0)
-    found = {'windows': KFold(5, shuffle=True, random_state=0)} | {
-        name: StratifiedGroupKFold(min(5, len(np.unique(labels[key]))))
-        for name, key in (('motions', 'run'), ('speeds', 'drive.speed'), ('machines', 'title'))
-    }
-    groups = {'motions': 'run', 'speeds': 'drive.speed', 'machines': 'title'}
-    return {
-        name: float(
-            cross_val_score(
-                forest, known, labels['description'], cv=folds,
-                groups=labels[groups[name]] if name in groups else None,
-            ).mean()
-        )
-        for name, folds in found.items()
-    }  # fmt: skip
+    keys = {'windows': '', 'motions': 'run', 'speeds': 'drive.speed', 'machines': 'title'}
+    found = {}
+    for name, key in keys.items():
+        groups, folds = None, KFold(5, shuffle=True, random_state=0)
+        if key:
+            groups = labels[key]
+            count = min(5, len(np.unique(groups)))
+            if count < 2:  # with one of them none can be left out
+                continue
+            folds = StratifiedGroupKFold(count)
+        shares = cross_val_score(forest, known, labels['description'], cv=folds, groups=groups)
+        found[name] = float(shares.mean())
+    return found
 
 
 if __name__ == '__main__':
