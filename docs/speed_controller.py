@@ -34,6 +34,7 @@ class SpeedController(Node):
         self._last: float | None = None  # [s]
         self.create_subscription(JointState, 'joint_states', self._answer, 10)
         self._effort = self.create_publisher(Float64, 'command/effort', 10)
+        self.create_timer(0.5, lambda: None)  # rclpy may miss SIGTERM in a wait without end
 
     def _answer(self, state: Any) -> None:
         link, speed, kp, ki, limit = (
