@@ -55,7 +55,9 @@ _ROUNDED = 8.0
 """times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20
 _SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row lead nowhere
-_LONGEST = 0.1  # [s] of a piece: what a run that is watched holds back at most
+_LONGEST = (
+    0.1  # [s] of a piece: nodes grant each other some seconds, and pieces are handed on whole
+)
 _SLOW = 40.0  # parts of a usual piece of a slow drive, if they are longer than that
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
@@ -64,7 +66,6 @@ _LONG = 1e6  # [s] a drive that takes longer through a singular position is at r
 _AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
 _DENSE = 4  # ends of rows in a piece from which on the parts between them are found at once
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
-"""[s] Nodes grant each other some seconds in advance, and pieces are handed on whole."""
 
 
 class NominalRun:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -36,19 +39,9 @@ def test_pieces_do_not_depend_on_how_a_run_is_advanced_or_taken_up(scene):
     assert bits(*seen, taken_up.drain()[0]) == bits(expected)
 
 
-@pytest.mark.parametrize(
-    'turns', [40, pytest.param(10_000, marks=pytest.mark.slow)], ids=['some', 'many']
-)
-def test_the_last_of_many_turns_is_as_its_closed_form(turns):
+def check_slider_crank(machine, curve):
     """Crank and rod of the package's slider-crank: x = r cos a + sqrt(l^2 - r^2 sin^2 a)."""
-    machine = ms.load_scene('slider_crank')
-    links = machine.scene.links
-    r, rod = links['crank'].length, links['rod'].length
-    run = machine.start()
-    for k in range(turns // 40):
-        run.advance((k + 1) * 40 * machine.drive.period)
-        motion = run.drain()[0]
-    curve = motion.curve
+    r, rod = (machine.scene.links[name].length for name in ('crank', 'rod'))
     share = np.array([0.0, 0.31, 0.77, 1.0])
     segments = np.repeat(np.arange(len(curve)), len(share))
     dt = np.outer(curve.duration, share).ravel()
@@ -63,6 +56,49 @@ def test_the_last_of_many_turns_is_as_its_closed_form(turns):
     assert q[slides] == pytest.approx(c + along, abs=1e-13)
     assert v[slides] == pytest.approx(w * by, abs=1e-11 * abs(w).max())
     assert a[slides] == pytest.approx(w**2 * bend, abs=1e-8 * abs(w).max() ** 2)
+
+
+@pytest.mark.parametrize(
+    'turns', [40, pytest.param(10_000, marks=pytest.mark.slow)], ids=['some', 'many']
+)
+def test_the_last_of_many_turns_is_as_its_closed_form(turns):
+    machine = ms.load_scene('slider_crank')
+    run = machine.start()
+    for k in range(turns // 40):
+        run.advance((k + 1) * 40 * machine.drive.period)
+        motion = run.drain()[0]
+    check_slider_crank(machine, motion.curve)
+
+
+@pytest.mark.parametrize('far', [1e3, 1e9])
+def test_a_run_far_from_its_start_is_as_its_closed_form(far):
+    """A crank of 10 turns a second is where it was at the start after whole seconds, nearly."""
+    machine = ms.load_scene('slider_crank')
+    run = machine.start()
+    run.restore(replace(run.snapshot(), base=Fraction(far)))
+    run.advance(far + 2.0)
+    curve = run.drain()[0].curve
+    assert len(curve) == pytest.approx(320, abs=1)
+    assert curve.start[0] == far
+    check_slider_crank(machine, curve)
+
+
+def test_a_load_a_thousandth_of_a_turn_wide_works_alike_in_every_turn():
+    """The drive gives what the force takes on the way of the piston while it acts."""
+    half, force = np.pi * 1e-3, 200.0
+    kick = {
+        'at': 'piston',
+        'force': [f'{force} if cos(crank - 1) > {float(np.cos(half))!r} else 0', 0],
+    }
+    machine = ms.load_scene('slider_crank', {'loads': {'kick': kick}})
+    r, rod = (machine.scene.links[name].length for name in ('crank', 'rod'))
+    before, after = (
+        r * np.cos(x) + np.sqrt(rod**2 - (r * np.sin(x)) ** 2) for x in (1.0 - half, 1.0 + half)
+    )
+    turns = 60
+    run = ms.simulate(machine, revolutions=turns)
+    ends = run.sample(machine.drive.period * np.arange(turns + 1.0))['energy.drive_work']
+    assert np.diff(ends) == pytest.approx(force * (before - after), rel=1e-9)
 
 
 def test_closures_are_solved_in_the_first_turn_only(monkeypatch):
