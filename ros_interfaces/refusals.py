@@ -1,7 +1,7 @@
 """Messages that are dropped because they are malformed or implausible, and the warnings of it.
 
-Whoever is on the network may send anything on any topic. It is judged where it arrives, before it
-enters a queue, where it could push out something else.
+Whoever is on the network may send anything on any topic. It is judged before it enters a queue
+where it could push out something else; where it waits for room, when its turn comes.
 """
 
 import time

@@ -10,8 +10,8 @@ there waits too. Two exceptions keep this from ever locking up:
   or it awaits a reply), samples from others do not wait either: two processes that publish to
   each other cannot stop each other.
 
-In these cases the queue grows beyond its limit. What comes from outside is judged before it gets
-here: see ``refusals``.
+In these cases the queue grows beyond its limit. What comes from outside is judged before it could
+push out anything else: see ``refusals``.
 """
 
 import time
@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from enum import Enum
-from threading import Condition, Lock
+from threading import Condition, Lock, RLock
 from typing import Any, Protocol
 
 from zenoh_rclpy.callback_groups import CallbackGroup
@@ -54,8 +54,9 @@ class Ready:
     def put(self, entity: Entity | None) -> None:
         """Add one, or None to make who waits look around."""
         self._entities.append(entity)
-        with suppress(RuntimeError):  # it is free already
-            self._news.release()
+        if self._news.locked():  # else who comes to wait finds the entity
+            with suppress(RuntimeError):  # another thread was faster
+                self._news.release()
 
     def get(self, timeout: float | None = None) -> Entity | None:
         """Take the first, or wait for it at most so long [s], for ever if None; TimeoutError."""
@@ -94,7 +95,8 @@ class Inbox:
         self._group = group or CallbackGroup()
         self._items: deque[tuple[Any, int]] = deque()
         self._bytes = 0
-        self._changed = Condition()
+        self._lock = RLock()
+        self._changed = Condition(self._lock)
         self._ready: Ready | None = None
         self._waiting = 0
         self._open = True
@@ -103,10 +105,17 @@ class Inbox:
     def __len__(self) -> int:
         return len(self._items)
 
+    @property
+    def waits(self) -> bool:
+        """True if what finds no room waits: nothing pushes out anything else."""
+        return self._overflow is Overflow.WAIT
+
     def put(self, item: Any, size: int = 0) -> bool:
-        """Add an item of a size in bytes, without waiting; False if there is no room for it."""
-        with self._changed:
-            if self._overflow is Overflow.REFUSE and self._fills(1.0):
+        """Add an item of a size in bytes; False if there is no room for it."""
+        with self._lock:
+            if self._overflow is Overflow.WAIT:
+                self._make_room()
+            elif self._overflow is Overflow.REFUSE and self._fills(1.0):
                 return False
             if not self._open:
                 return True
@@ -123,10 +132,8 @@ class Inbox:
         """Add items with their sizes; how many there was room for."""
         if self._overflow is not Overflow.WAIT:
             return sum(self.put(item, size) for item, size in items)
-        with self._changed:
-            # What this process publishes is delivered inside that call.
-            if self._fills(1.0) and not self._context.waits.here():
-                self._wait_for_room()
+        with self._lock:
+            self._make_room()
             if self._open:
                 self._items.extend(items)
                 self._bytes += sum(size for _, size in items)
@@ -140,7 +147,7 @@ class Inbox:
         if not self._group.free:
             self._group.hold(self)
             return None
-        with self._changed:
+        with self._lock:
             if not self._items:
                 return None
             item, size = self._items.popleft()
@@ -151,7 +158,7 @@ class Inbox:
 
     def attach(self, ready: Ready | None) -> None:
         """From now on report to this ready queue, what waits included; None: to nobody."""
-        with self._changed:
+        with self._lock:
             self._ready = ready
             if ready is not None:
                 for _ in self._items:
@@ -159,18 +166,21 @@ class Inbox:
 
     def report(self) -> None:
         """Put the owner into the ready queue once more."""
-        with self._changed:
+        with self._lock:
             if self._ready is not None:
                 self._ready.put(self._owner)
 
     def close(self) -> None:
         """Take in nothing more and let go whoever waits."""
-        with self._changed:
+        with self._lock:
             self._open = False
             self._changed.notify_all()
         self._context.inboxes.discard(self)
 
-    def _wait_for_room(self) -> None:
+    def _make_room(self) -> None:
+        """Wait for room, but not for what this process publishes: that is delivered inside."""
+        if not self._fills(1.0) or self._context.waits.here():
+            return
         # Half empty, so that both sides work in long strokes instead of waking each other up.
         self._waiting += 1
         while self._open and self._fills(0.5) and not self._context.waits.long():

@@ -77,7 +77,14 @@ class Subscription:
         item = self.inbox.take()
         if item is None:
             return False
-        message, attachment, received = item
+        message, data, attachment, received = item
+        if not isinstance(attachment, wire.Attachment):
+            judged = self._judge(data, attachment)
+            if judged is None:
+                return False
+            message, data, attachment = judged
+        if self.raw:
+            message = data
         if not self._with_info:
             self._callback(message)
             return True
@@ -104,48 +111,53 @@ class Subscription:
         self._context.undeclare(self._subscriber)
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        """Take in a sample, in Zenoh's thread, if it is one of ROS with a message."""
+        """Take in a sample, in Zenoh's thread.
+
+        Where it can push out nothing else, it is judged when its turn comes, in the executor's
+        thread: two threads that take turns at every message cost more than the messages.
+        """
         self._context.received += 1
-        extra = sample.attachment
-        attachment = None if extra is None else wire.parse_attachment(extra.to_bytes())
-        if attachment is None or sample.kind != zenoh.SampleKind.PUT:
+        extra = sample.attachment if sample.kind == zenoh.SampleKind.PUT else None
+        data, about = sample.payload.to_bytes(), None if extra is None else extra.to_bytes()
+        if self.inbox.waits:
+            self.inbox.put((None, data, about, time.time_ns()), len(data))
+        elif (item := self._judge(data, about)) is not None:
+            self.accept([item])
+
+    def _judge(self, data: bytes, about: bytes | None) -> Item | None:
+        """The message of a sample; None if it is none of ROS, or has come before."""
+        attachment = None if about is None else wire.parse_attachment(about)
+        if attachment is None:
             self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
-            return
-        if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
-            return
-        data = sample.payload.to_bytes()
+            return None
+        if self._once and not self._is_news(attachment):
+            return None
         message = None
         if not self.raw or data not in self._known:
             try:
                 message = check_message(data, self.msg_type)
             except MessageError as error:
                 self.refuse('message', str(error))
-                return
+                return None
             if self.raw:
                 self._known.add(message, data)
-        self.accept([Item(message, data, attachment)])
+        return Item(message, data, attachment)
 
     def accept(self, items: Sequence[Item]) -> None:
-        """Put good messages of one publisher into the queue, unless they have come before."""
-        if self._once:
-            items = self._news(items)
-        now, raw = time.time_ns(), self.raw
-        queued = [((data if raw else message, about, now), len(data))
-                  for message, data, about in items]  # fmt: skip
+        """Put good messages of one publisher into the queue."""
+        now = time.time_ns()
+        queued = [((*item, now), len(item.data)) for item in items]
         for _ in range(len(queued) - self.inbox.put_all(queued)):
             self.refuse('queue', 'its queue is full')
 
-    def _news(self, items: Sequence[Item]) -> list[Item]:
-        """Those with numbers that the publisher has not sent before."""
-        if not items:
-            return []
-        about = items[-1].attachment
+    def _is_news(self, about: wire.Attachment) -> bool:
+        """True, and noted, if the publisher has sent no such number before."""
         with self._one_at_a_time:
             last = self._latest.pop(about.gid, 0)
             self._latest[about.gid] = max(last, about.sequence)
             if len(self._latest) > PUBLISHERS:
                 del self._latest[next(iter(self._latest))]
-        return [item for item in items if item.attachment.sequence > last]
+        return about.sequence > last
 
     def refuse(self, kind: str, reason: str) -> None:
         """Count what is not taken in, and warn of it now and then."""

@@ -258,7 +258,8 @@ class DynamicPhysics:
         curve = motion.curve
         if isinstance(dt, Nodes):
             return curve.at_nodes(segments, dt)
-        return curve.local(segments, dt).T, curve.local(segments, dt, 1).T
+        position, rate = curve.locals(segments, dt, (0, 1))
+        return position.T, rate.T
 
     def inputs(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Instants:
         """Instants as `Observer.observe` takes them, angles without their whole turns."""
@@ -389,7 +390,7 @@ def rows(
         np.concatenate([*moved, outside(edges.outside, coordinates, curve, segments, t, states)])
         for moved, t in (
             ((begun[:, :, 0].T, begun[:, :, 1].T), zero),
-            ([curve.local(segments, half, derivative).T for derivative in (0, 1)], half),
+            ([x.T for x in curve.locals(segments, half, (0, 1))], half),
         )
     )
     found = edges.within(start, middle)

@@ -38,7 +38,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.results.run import Batch, Piece, Runner, prepare
 from mechanism_sim.scene import Machine
 
-BATCH = Batch(steps=1024, stride=256, longest=0.05)
+BATCH = Batch(steps=2048, stride=256, longest=0.05)
 """Largest contents of a message."""
 TOGETHER = 256
 """Steps that are audited at once where messages have few."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ctypes
 import gc
 import signal
 import sys
@@ -34,6 +35,9 @@ PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 0.5, 1.0
 """[s] that others get to take in what was published: at the end of a run, after a signal, and
 those in this process after another has failed.
 """
+
+_MALLOPT = {-3: 32 << 20, -1: 64 << 20}
+"""[B] of glibc's M_MMAP_THRESHOLD, its largest, and M_TRIM_THRESHOLD."""
 
 
 def run_nodes(
@@ -87,6 +91,7 @@ def run_nodes(
             if any(node.keeps for node in nodes):
                 ending.allow(PATIENCE)
             gc.freeze()  # what is there now stays: the collector need not look through it
+            _keep_memory()
             while not asked_to_end and ok():
                 if not (running() if running else not all(node.done for node in nodes)):
                     break
@@ -115,6 +120,13 @@ def run_nodes(
                 code = code or print_error(error, 1)
             ending.allow()
     return code or (ending.INTERRUPTED if asked_to_end else 0)
+
+
+def _keep_memory() -> None:
+    """Let glibc keep what is freed: pieces of motion would be mapped anew, page by page."""
+    if mallopt := getattr(ctypes.CDLL(None), 'mallopt', None):
+        for option, size in _MALLOPT.items():
+            mallopt(option, size)
 
 
 def _tell(nodes: Sequence[DescribedNode], error: Exception, code: int) -> int:

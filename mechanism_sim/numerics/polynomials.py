@@ -174,30 +174,38 @@ class PiecewisePolynomial:
 
     def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
         """Values without the whole turns, which cost an angle its last digits."""
+        return self.locals(segment, dt, (derivative,))[0]
+
+    def locals(
+        self, segment: NDArray[np.intp], dt: Array | Nodes, derivatives: Sequence[int]
+    ) -> list[Array]:
+        """Several derivatives as `local` gives them, for which coefficients are gathered once."""
         n, count = self.coefficients.shape[1:]
         if isinstance(dt, Nodes):
             # a small product for each segment: one for all would round by how many there are
-            widths = np.vander(self.duration[segment], count - derivative, increasing=True)
-            scaled = self.coefficients[segment, :, derivative:] * widths[:, None]
-            values = scaled @ dt.derivative(derivative, count)
-            return values.transpose(1, 0, 2).reshape(n, -1).T
-        falling = np.array([float(math.perm(j, derivative)) for j in range(derivative, count)])
-        out = np.zeros((n, *dt.shape))
+            found = []
+            for derivative in derivatives:
+                widths = np.vander(self.duration[segment], count - derivative, increasing=True)
+                scaled = self.coefficients[segment, :, derivative:] * widths[:, None]
+                values = scaled @ dt.derivative(derivative, count)
+                found.append(values.transpose(1, 0, 2).reshape(n, -1).T)
+            return found
+        outs = [np.zeros((n, *dt.shape)) for _ in derivatives]
+        falling = [[float(math.perm(j, d)) for j in range(count)] for d in derivatives]
         # coefficients are gathered for as many instants as fit in the cache: ten times as fast
         block = max(1, _GATHERED * len(dt) // max(1, dt.size))
         for first in range(0, len(dt), block):
             some = slice(first, first + block)
-            chosen = self.coefficients[segment[some], :, derivative:].transpose(2, 1, 0)
-            rows = np.ascontiguousarray(chosen)
-            if derivative:
-                rows *= falling[:, None, None]
+            rows = np.ascontiguousarray(self.coefficients[segment[some]].transpose(2, 1, 0))
             if dt.ndim == 2:
                 rows = rows[..., None]
-            values, by = out[:, some], dt[some]
-            for row in rows[::-1]:
-                values *= by
-                values += row
-        return out.reshape(n, -1).T
+            by = dt[some]
+            for out, derivative, factors in zip(outs, derivatives, falling, strict=True):
+                values = out[:, some]
+                for j in range(count - 1, derivative - 1, -1):
+                    values *= by
+                    values += factors[j] * rows[j] if derivative else rows[j]
+        return [out.reshape(n, -1).T for out in outs]
 
     def at_nodes(self, segment: NDArray[np.intp], nodes: Nodes) -> tuple[Array, Array]:
         """Values and rates (n, N K) as `local` gives them, by one matrix product for each of n.

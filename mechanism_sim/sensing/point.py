@@ -75,7 +75,7 @@ class PointOnLink(DirectSource):
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
         curve = motion.curve
         curve = replace(curve, coefficients=curve.coefficients[:, self._used])
-        q, v, a = (curve.local(segments, dt, d).T for d in (0, 1, 2))
+        q, v, a = (x.T for x in curve.locals(segments, dt, (0, 1, 2)))
         axis = self._axis(q)
         gx, gy = self._gravity
         reading = -(gx * np.cos(axis) + gy * np.sin(axis))
@@ -120,7 +120,7 @@ class PointOnLink(DirectSource):
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
     ) -> Array:
         """Velocity of the point in the world (2, N) [m/s]."""
-        q, v = (curve.local(segments, dt, d).T for d in (0, 1))
+        q, v = (x.T for x in curve.locals(segments, dt, (0, 1)))
         return np.asarray(self._mechanism.trace((self._link, self._place), q, v)[1])
 
 

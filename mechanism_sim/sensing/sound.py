@@ -196,7 +196,7 @@ def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact
     if before < 0 or after == before:
         return 0.5
     segments, dt = np.array([before, after]), np.array([curve.duration[before], 0.0])
-    q, v = (curve.local(segments, dt, d).T for d in (0, 1))
+    q, v = (x.T for x in curve.locals(segments, dt, (0, 1)))
     normal = np.array([math.cos(impact.normal_angle), math.sin(impact.normal_angle)])
     change = impact.approach_speed + impact.rebound_speed
     parts = []

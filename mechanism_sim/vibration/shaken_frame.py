@@ -61,7 +61,7 @@ class WholeMachine:
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Force and moment."""
-        q, v, a = (motion.curve.local(segments, dt, d).T for d in (0, 1, 2))
+        q, v, a = (x.T for x in motion.curve.locals(segments, dt, (0, 1, 2)))
         curve, states = motion.curve, motion.state_curve
         known = rows(self._force.edges, self._coordinates, curve, segments, dt, states)
         if known is not None:

@@ -27,6 +27,7 @@ from mechanism_sim.nodes.middleware import (
 )
 from zenoh_rclpy.config import router_config, session_config
 from zenoh_rclpy.inbox import LIMIT
+from zenoh_rclpy.subscription import Subscription
 
 KEEP_ALL = QoSProfile(history=HistoryPolicy.KEEP_ALL)
 LATCHED = QoSProfile(depth=3, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -528,3 +529,63 @@ def test_a_wait_ends_when_its_time_is_over_between_two_looks():
         [sys.executable, '-c', waits], capture_output=True, text=True, timeout=TIMEOUT, check=True
     )
     assert done.stdout == '20000\n'
+
+
+SEND = """
+    import time
+    from mechanism_sim.messages import Impact, serialize
+    from mechanism_sim.nodes.middleware import *
+    init()
+    node = Node('source')
+    publisher = node.create_publisher(
+        Impact, 'impacts', QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    )
+    while not publisher.get_subscription_count():
+        time.sleep(0.001)
+    for index in range(300):
+        publisher.publish(Impact(index=index))
+        if index % 100 == 50:
+            publisher.publish(b'no message')
+    leave([node])
+"""
+
+
+def test_threads_of_the_network_keep_their_state_between_messages(joined, monkeypatch):
+    """What Python makes anew for a thread with every call costs as much as a message."""
+    made, states = set(), threading.local()
+    take = Subscription._receive
+
+    def receive(self, sample):
+        if not hasattr(states, 'own'):
+            states.own = object()
+            made.add(states.own)  # kept, so that none takes the place of another
+        take(self, sample)
+
+    monkeypatch.setattr(Subscription, '_receive', receive)
+    node, got = Node('here'), []
+    node.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), KEEP_ALL)
+    source = joined.start(SEND)
+    spin_until(node, lambda: len(got) == 300)
+    assert got == list(range(300))
+    assert 1 <= len(made) < 30
+    source.finish()
+    node.destroy_node()
+
+
+def test_a_publisher_that_waits_goes_on_past_what_is_no_message(joined, capfd):
+    """Bytes that are no message wait with the others, and are dropped when their turn comes."""
+    node, got = Node('here'), []
+    node.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), KEEP_ALL)
+    source = joined.start(SEND)
+    source.finish()
+    assert not got
+    said = ['']
+    spin_until(node, lambda: len(got) == 300)
+    spin_until(node, lambda: 'dropped what came on /impacts' in _add(said, capfd.readouterr().err))
+    assert got == list(range(300))
+    node.destroy_node()
+
+
+def _add(texts, more):
+    texts[0] += more
+    return texts[0]

@@ -13,6 +13,7 @@ from mpmath import mp, mpf
 from numpy.polynomial import Polynomial
 
 from mechanism_sim.numerics.polynomials import (
+    Nodes,
     PiecewisePolynomial,
     chebyshev_nodes,
     fit_powers,
@@ -55,6 +56,14 @@ def test_many_times_in_each_segment_are_the_same_as_one_by_one(curve):
     dt = RNG.uniform(0.0, 0.2, (3, 5))
     flat = curve.at(np.repeat(segments, 5), dt.ravel(), 1)
     np.testing.assert_allclose(curve.at(segments, dt, 1), flat, rtol=1e-14)
+
+
+@pytest.mark.parametrize('shape', [(3,), (3, 5), Nodes((0.0, 0.3, 1.0))])
+def test_several_derivatives_at_once_are_those_asked_for_one_by_one(curve, shape):
+    segments = np.array([2, 0, 3])
+    dt = shape if isinstance(shape, Nodes) else RNG.uniform(0.0, 0.2, shape)
+    for found, d in zip(curve.locals(segments, dt, (2, 0, 1)), (2, 0, 1), strict=True):
+        np.testing.assert_array_equal(found, curve.local(segments, dt, d))
 
 
 @pytest.mark.parametrize('t', [-1e-9, 3.0 + 1e-9, np.nan])
