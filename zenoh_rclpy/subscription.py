@@ -130,7 +130,7 @@ class Subscription:
         if attachment is None:
             self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
             return None
-        if self._once and not self._is_news(attachment):
+        if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
             return None
         message = None
         if not self.raw or data not in self._known:
@@ -141,6 +141,8 @@ class Subscription:
                 return None
             if self.raw:
                 self._known.add(message, data)
+        if self._once and not self._is_news(attachment):
+            return None
         return Item(message, data, attachment)
 
     def accept(self, items: Sequence[Item]) -> None:
