@@ -25,7 +25,13 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
 from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
-from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
+from mechanism_sim.planar.play import (
+    BOUNDS,
+    FrictionlessGap,
+    MeasuredGap,
+    bound_name,
+    with_turning,
+)
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import along
@@ -192,7 +198,7 @@ class _Stop(MeasuredGap):
 
 
 @dataclass(frozen=True)
-class AngleStop(_Stop):
+class AngleStop(FrictionlessGap, _Stop):
     """A stop of a revolute joint, at a radius r: the gap is ``r (u - s)`` or ``r (s - l)``.
 
     Between two stops less than a turn apart angles count from the middle, without whole turns;
@@ -206,11 +212,6 @@ class AngleStop(_Stop):
     def words(self) -> str:
         """The limit, with its unit."""
         return f'{math.degrees(self.limit):.6g} deg'
-
-    @property
-    def friction(self) -> float:
-        """Nothing slides."""
-        return 0.0
 
     def value(self, frames: Frames) -> Jet:
         """The distance at the radius [m]."""
@@ -244,19 +245,6 @@ class AngleStop(_Stop):
             for x in ends
         )
         draft.wall(joint.first, start, end)
-
-    def slip(self, _: Frames) -> Jet:
-        """There is no friction here.
-
-        Raises
-        ------
-        NotImplementedError
-        """
-        raise NotImplementedError('stops of an angle have no friction')
-
-    def normal(self, _: Frames) -> tuple[Jet, Jet]:
-        """A moment only: nothing in the plane."""
-        return lift(0.0), lift(0.0)
 
     def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
         """The moment on the second-named link."""
