@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import heyoka as hy
 from pydantic import model_validator
@@ -19,7 +19,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Play, play_of
 from mechanism_sim.joints.joint_keys import JointKeys, Joints
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_of
+from mechanism_sim.keys.quantities import AnyPosition, Coefficient, Length, Part, Radius
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
@@ -36,19 +36,15 @@ from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
-from mechanism_sim.units import QuantityValue
-
-Limit = Annotated[QuantityValue, si_of('rad', 'm')]
-"""An angle of a revolute joint, or a displacement."""
 
 
 class StopsPart(Part):
     """Limits of a joint, and the impact law at them."""
 
-    lower: Limit | None = None
+    lower: AnyPosition | None = None
     """Least angle or displacement of the second link against the first; without it there is no
     stop on this side. Of a pin in a slot, of the pin from the slot's point."""
-    upper: Limit | None = None
+    upper: AnyPosition | None = None
     """Largest angle or displacement; one of the two is needed."""
     restitution: Coefficient = 0.0
     """Coefficient of restitution: 0 without rebound, 1 without loss."""
