@@ -78,10 +78,9 @@ def of_class(part: type[Part]) -> str:
 
 def text() -> str:
     """The whole file."""
-    names = {name: getattr(ms, name) for name in ms.__all__}
+    names = {name: getattr(ms, name) for name in sorted(ms.__all__)}
     parts = [of_class(x) for x in names.values() if isinstance(x, type) and issubclass(x, Part)]
     homes = {name: f'mechanism_sim.{home}' for name, home in ms._HOMES.items()}
-    homes['report'] = 'mechanism_sim.pages.writing'
     imports = [
         f'from {homes[name]} import {name} as {name}\n'
         for name, found in names.items()

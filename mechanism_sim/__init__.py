@@ -21,6 +21,7 @@ _ROOMS = {
     'catalogue': ('scene_names',),
     'errors': ('InputError', 'RunError'),
     'pages.notebook': ('explore', 'play'),
+    'pages.writing': ('report',),
     'report.shown': ('animate', 'draw', 'plot'),
     'report.typeset': ('equations',),
     'results.cycle': ('cycle',),
@@ -40,62 +41,7 @@ _ROOMS = {
 }
 _HOMES = {name: module for module, names in _ROOMS.items() for name in names}
 
-__all__ = [
-    'DrivePart',
-    'InputError',
-    'JointPart',
-    'LinkPart',
-    'RunError',
-    'Scene',
-    'SensorPart',
-    'animate',
-    'basins',
-    'bifurcation',
-    'branches',
-    'cycle',
-    'draw',
-    'ensemble',
-    'equations',
-    'explore',
-    'find',
-    'find_four_bars',
-    'life',
-    'load_scene',
-    'lyapunov',
-    'measure',
-    'open_run',
-    'play',
-    'plot',
-    'report',
-    'scene_names',
-    'simulate',
-    'stream',
-    'sweep',
-]
-
-
-def _plot() -> _Any:
-    from mechanism_sim.report.lines import plot  # noqa: PLC0415 - Matplotlib takes half a second
-
-    return plot
-
-
-def _html() -> _Any:
-    from mechanism_sim.report.rich import html  # noqa: PLC0415
-
-    return html
-
-
-def _progress() -> _Any:
-    from mechanism_sim.report.progress import in_notebook  # noqa: PLC0415
-
-    return in_notebook
-
-
-def _report() -> _Any:
-    from mechanism_sim.pages.writing import report  # noqa: PLC0415
-
-    return report
+__all__ = list(_HOMES)
 
 
 def __dir__() -> list[str]:
@@ -103,16 +49,21 @@ def __dir__() -> list[str]:
     return sorted([*__all__, '__version__'])
 
 
-_plotting.register(plot=_plot, html=_html, report=_report, progress=_progress)
+_plotting.register(
+    plot='mechanism_sim.report.lines:plot',
+    html='mechanism_sim.report.rich:html',
+    report='mechanism_sim.pages.writing:report',
+    progress='mechanism_sim.report.progress:in_notebook',
+)
 _postpone_sympy()
 
 
 def __getattr__(name: str) -> _Any:
     """The public functions, imported when first used: most commands need few of the rooms."""
-    if name in _HOMES:
-        return getattr(_import_module(f'mechanism_sim.{_HOMES[name]}'), name)
     if name == 'report':  # a room, which is called as the function is
         return _import_module('mechanism_sim.report')
+    if name in _HOMES:
+        return getattr(_import_module(f'mechanism_sim.{_HOMES[name]}'), name)
     if name == '__version__':
         from mechanism_sim.catalogue import installed_version  # noqa: PLC0415
 

@@ -3,6 +3,7 @@
 Files of scenes, sweeps and parts of them, overrides and what bags say of a scene are read here and
 nowhere else. What JSON can say comes through, and nothing else that YAML knows: no tags, no dates
 (they are the text that they are), no aliases that multiply, no keys that are lists.
+Values are written in one line here, too.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 import os
 import re
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,31 @@ def parse(text: str) -> Any:
     except DocumentError as error:
         raise DocumentError(f' {error}') from error
     return data
+
+
+def flow(value: Any) -> str:
+    """A value in one line, as it may stand behind a key; nothing for None."""
+    if value is None:
+        return ''
+    text = yaml.safe_dump(
+        value, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
+    )
+    return str(text).removesuffix('...\n').strip()
+
+
+def texts_of(
+    value: Any, skipped: Iterable[str] = (), path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], str]]:
+    """All texts among values but of some keys, with their paths."""
+    if isinstance(value, str):
+        yield path, value
+    elif isinstance(value, Mapping):
+        for key, inner in value.items():
+            if key not in skipped:
+                yield from texts_of(inner, skipped, (*path, key))
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            yield from texts_of(inner, skipped, (*path, str(i)))
 
 
 def check(data: Any, where: tuple[str, ...] = ()) -> None:

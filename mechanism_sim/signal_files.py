@@ -97,18 +97,6 @@ class ChannelSamples:
                              'write its unit in the file') from error  # fmt: skip
 
 
-def read_signal(
-    path: Path | str, channel: str | None = None, full_scale: str = ''
-) -> ChannelSamples:
-    """A channel of a file; its only one, if none is named.
-
-    Parameters
-    ----------
-    full_scale : quantity with a unit of the largest whole number of a WAV, as ``'50 m/s^2'``
-    """
-    return choose(path, read_signals(path, full_scale), channel)
-
-
 def choose(
     path: Path | str, found: Mapping[str, ChannelSamples], channel: str | None
 ) -> ChannelSamples:
@@ -121,7 +109,12 @@ def choose(
 
 
 def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSamples]:
-    """All channels of a file by name."""
+    """All channels of a file by name.
+
+    Parameters
+    ----------
+    full_scale : quantity with a unit of the largest whole number of a WAV, as ``'50 m/s^2'``
+    """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
@@ -138,7 +131,7 @@ def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSam
 
 
 def is_signal_file(path: Path | str) -> bool:
-    """True if a file is of a kind that `read_signal` reads, by its ending."""
+    """True if a file is of a kind that `read_signals` reads, by its ending."""
     return Path(path).suffix.lower() in READERS
 
 

@@ -7,7 +7,6 @@ tuple, so that compiled kernels can read it: its values are constants of their m
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from typing import NamedTuple
 
 _EPSILON = sys.float_info.epsilon
@@ -502,49 +501,28 @@ class MechanismTolerances(NamedTuple):
     friction_newton: int = 60
 
 
-@dataclass(frozen=True)
-class Tolerances:
+class Tolerances(NamedTuple):
     """All groups."""
 
-    rounding: RoundingTolerances
-    complementarity: ComplementarityTolerances
-    impacts: ImpactTolerances
-    joint_impulses: JointImpulseTolerances
-    chatter: ChatterTolerances
-    contacts: ContactTolerances
-    guards: GuardTolerances
-    joint_friction: JointFrictionTolerances
-    switches: SwitchTolerances
-    steps: StepTolerances
-    singular: SingularityTolerances
-    audit: AuditTolerances
-    quadrature: QuadratureTolerances
-    extremes: ExtremeTolerances
-    harmonics: HarmonicTolerances
-    enclosure: EnclosureTolerances
-    peaks: PeakTolerances
-    branches: BranchTolerances
-    mechanism: MechanismTolerances
+    rounding: RoundingTolerances = RoundingTolerances()
+    complementarity: ComplementarityTolerances = ComplementarityTolerances()
+    impacts: ImpactTolerances = ImpactTolerances()
+    joint_impulses: JointImpulseTolerances = JointImpulseTolerances()
+    chatter: ChatterTolerances = ChatterTolerances()
+    contacts: ContactTolerances = ContactTolerances()
+    guards: GuardTolerances = GuardTolerances()
+    joint_friction: JointFrictionTolerances = JointFrictionTolerances()
+    switches: SwitchTolerances = SwitchTolerances()
+    steps: StepTolerances = StepTolerances()
+    singular: SingularityTolerances = SingularityTolerances()
+    audit: AuditTolerances = AuditTolerances()
+    quadrature: QuadratureTolerances = QuadratureTolerances()
+    extremes: ExtremeTolerances = ExtremeTolerances()
+    harmonics: HarmonicTolerances = HarmonicTolerances()
+    enclosure: EnclosureTolerances = EnclosureTolerances()
+    peaks: PeakTolerances = PeakTolerances()
+    branches: BranchTolerances = BranchTolerances()
+    mechanism: MechanismTolerances = MechanismTolerances()
 
 
-TOLERANCES = Tolerances(
-    RoundingTolerances(),
-    ComplementarityTolerances(),
-    ImpactTolerances(),
-    JointImpulseTolerances(),
-    ChatterTolerances(),
-    ContactTolerances(),
-    GuardTolerances(),
-    JointFrictionTolerances(),
-    SwitchTolerances(),
-    StepTolerances(),
-    SingularityTolerances(),
-    AuditTolerances(),
-    QuadratureTolerances(),
-    ExtremeTolerances(),
-    HarmonicTolerances(),
-    EnclosureTolerances(),
-    PeakTolerances(),
-    BranchTolerances(),
-    MechanismTolerances(),
-)
+TOLERANCES = Tolerances()

@@ -70,43 +70,49 @@ EXAMPLES = {
 }
 
 _KNOWN = {
-    'm': (Decimal(1), 1, 0, 0),
-    'kg': (Decimal(1), 0, 1, 0),
-    's': (Decimal(1), 0, 0, 1),
-    'rad': (Decimal(1), 0, 0, 0),
-    'Hz': (Decimal(1), 0, 0, -1),
-    'N': (Decimal(1), 1, 1, -2),
-    'Pa': (Decimal(1), -1, 1, -2),
-    'J': (Decimal(1), 2, 1, -2),
-    'kJ': (Decimal(1000), 2, 1, -2),
-    'W': (Decimal(1), 2, 1, -3),
-    'kW': (Decimal(1000), 2, 1, -3),
-    'cm': (Decimal('1e-2'), 1, 0, 0),
-    'mm': (Decimal('1e-3'), 1, 0, 0),
-    'um': (Decimal('1e-6'), 1, 0, 0),
-    't': (Decimal(1000), 0, 1, 0),
-    'g': (Decimal('1e-3'), 0, 1, 0),
-    'ms': (Decimal('1e-3'), 0, 0, 1),
-    'us': (Decimal('1e-6'), 0, 0, 1),
-    'min': (Decimal(60), 0, 0, 1),
-    'kHz': (Decimal(1000), 0, 0, -1),
-    'kN': (Decimal(1000), 1, 1, -2),
-    'kPa': (Decimal(1000), -1, 1, -2),
-    'bar': (Decimal(100_000), -1, 1, -2),
-    'MPa': (Decimal(1_000_000), -1, 1, -2),
-    'GPa': (Decimal(1_000_000_000), -1, 1, -2),
-    'deg': (Decimal('0.01745329251994329576923690768'), 0, 0, 0),
-    'mrad': (Decimal('1e-3'), 0, 0, 0),
-    'rpm': (Decimal('0.1047197551196597746154214461'), 0, 0, -1),
-    'mPa': (Decimal('1e-3'), -1, 1, -2),
-    'in': (Decimal('0.0254'), 1, 0, 0),
-    'inch': (Decimal('0.0254'), 1, 0, 0),
-    'ft': (Decimal('0.3048'), 1, 0, 0),
-    'lb': (Decimal('0.45359237'), 0, 1, 0),
-    'lbf': (Decimal('4.4482216152605'), 1, 1, -2),
-    'kgf': (Decimal('9.80665'), 1, 1, -2),
+    'm': (Decimal(1), 'm'),
+    'kg': (Decimal(1), 'kg'),
+    's': (Decimal(1), 's'),
+    'rad': (Decimal(1), 'rad'),
+    'Hz': (Decimal(1), 'Hz'),
+    'N': (Decimal(1), 'N'),
+    'Pa': (Decimal(1), 'Pa'),
+    'J': (Decimal(1), 'J'),
+    'kJ': (Decimal(1000), 'J'),
+    'W': (Decimal(1), 'W'),
+    'kW': (Decimal(1000), 'W'),
+    'cm': (Decimal('1e-2'), 'm'),
+    'mm': (Decimal('1e-3'), 'm'),
+    'um': (Decimal('1e-6'), 'm'),
+    't': (Decimal(1000), 'kg'),
+    'g': (Decimal('1e-3'), 'kg'),
+    'ms': (Decimal('1e-3'), 's'),
+    'us': (Decimal('1e-6'), 's'),
+    'min': (Decimal(60), 's'),
+    'kHz': (Decimal(1000), 'Hz'),
+    'kN': (Decimal(1000), 'N'),
+    'kPa': (Decimal(1000), 'Pa'),
+    'bar': (Decimal(100_000), 'Pa'),
+    'MPa': (Decimal(1_000_000), 'Pa'),
+    'GPa': (Decimal(1_000_000_000), 'Pa'),
+    'deg': (Decimal('0.01745329251994329576923690768'), 'rad'),
+    'mrad': (Decimal('1e-3'), 'rad'),
+    'rpm': (Decimal('0.1047197551196597746154214461'), 'rad/s'),
+    'mPa': (Decimal('1e-3'), 'Pa'),
+    'in': (Decimal('0.0254'), 'm'),
+    'inch': (Decimal('0.0254'), 'm'),
+    'ft': (Decimal('0.3048'), 'm'),
+    'lb': (Decimal('0.45359237'), 'kg'),
+    'lbf': (Decimal('4.4482216152605'), 'N'),
+    'kgf': (Decimal('9.80665'), 'N'),
 }
-"""Factors to SI and powers of metre, kilogram and second, as pint has them: common units."""
+"""Common units: factors to SI as pint has them, and the SI units that these lead to."""
+
+_POWERS = {
+    'm': (1, 0, 0), 'kg': (0, 1, 0), 's': (0, 0, 1), 'rad': (0, 0, 0), 'rad/s': (0, 0, -1),
+    'Hz': (0, 0, -1), 'N': (1, 1, -2), 'Pa': (-1, 1, -2), 'J': (2, 1, -2), 'W': (2, 1, -3),
+}  # fmt: skip
+"""Of metre, kilogram and second."""
 
 _ANGULAR, _HERTZ = ('rad', 'mrad', 'deg', 'rpm'), ('Hz', 'kHz')
 
@@ -200,9 +206,9 @@ def _common_unit(text: str) -> _UnitFactor | None:
         return None
     product, powers = Decimal(1), [0, 0, 0]
     for name, power in factors:
-        factor, *own = _KNOWN[name]
+        factor, si = _KNOWN[name]
         product *= factor**power
-        powers = [total + power * p for total, p in zip(powers, own, strict=True)]
+        powers = [total + power * p for total, p in zip(powers, _POWERS[si], strict=True)]
     return _UnitFactor(
         product, powers, not names.isdisjoint(_ANGULAR), not names.isdisjoint(_HERTZ)
     )
@@ -253,13 +259,6 @@ def alike(a: str, b: str) -> bool:
 COMMON = tuple(_KNOWN)
 """Names of units that are read without a library."""
 
-_SI_NAMES = {
-    'cm': 'm', 'mm': 'm', 'um': 'm', 't': 'kg', 'g': 'kg', 'ms': 's', 'us': 's', 'min': 's',
-    'kHz': 'Hz', 'kN': 'N', 'kPa': 'Pa', 'bar': 'Pa', 'MPa': 'Pa', 'GPa': 'Pa', 'kJ': 'J',
-    'kW': 'W', 'deg': 'rad', 'mrad': 'rad', 'rpm': 'rad/s', 'mPa': 'Pa', 'in': 'm', 'inch': 'm',
-    'ft': 'm', 'lb': 'kg', 'lbf': 'N', 'kgf': 'N',
-}  # fmt: skip
-
 
 def read_common(number: str, unit: str) -> QuantityValue:
     """A quantity in a product of common units, in SI units; ``1 kN mm`` is 1 N m.
@@ -274,7 +273,7 @@ def read_common(number: str, unit: str) -> QuantityValue:
         raise ValueError(f"'{unit}' is not a product of different units: {', '.join(_KNOWN)}")
     si = ''
     for name, power in _powers(unit):
-        si = product(si, _SI_NAMES.get(name, name), power)
+        si = product(si, _KNOWN[name][1], power)
     return QuantityValue(float(Decimal(number) * known.factor), si)
 
 

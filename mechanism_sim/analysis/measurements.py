@@ -30,10 +30,10 @@ _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
 
 
-def signal_of(bag: Bag, sensor: str | None = None, namespace: str | None = None) -> Signal:
+def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
     """The signal of a sensor of a bag; of its only one, if none is named."""
     collectors = SignalCollectors()
-    topics = find_topics(bag, namespace)['sensors']
+    topics = find_topics(bag)['sensors']
     for _, message, _ in bag.messages(topics) if topics else ():
         collectors.add(message)
     known = ', '.join(sorted(collectors))
@@ -69,7 +69,7 @@ def measurements(
     overrides : of every scene
     sensor : of a scene, or a quantity
     skip : samples before this time are left out [s]
-    channel, full_scale : as for `read_signal`; of a bag a path ``TOPIC.FIELD``. Without a channel
+    channel, full_scale : as for `read_signals`; of a bag a path ``TOPIC.FIELD``. Without a channel
         all that are named like sensors or quantities of the scene, of a bag without sensors its
         joint states
     """

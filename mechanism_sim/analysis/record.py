@@ -22,7 +22,6 @@ from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.events import Impact, Mode, ModeChange
 from mechanism_sim.errors import InputError, check_known
@@ -342,9 +341,7 @@ class Record(Revolutions):
 
     def digest(self) -> str:
         """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
-        digest = MotionDigest()
-        digest.add(self.piece.motion, self.piece.impacts)
-        return digest.hexdigest()
+        return self.piece.digest()
 
     def signal(self, sensor: str) -> Signal:
         """Samples of a sensor, as recorded; computed from the motion if that is all there is."""

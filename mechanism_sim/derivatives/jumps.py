@@ -146,9 +146,9 @@ class Jumps:
     def _none(self, count: int) -> Selected:
         return Selected.none(self._eq.sizes, count)
 
-    def _differential(self, x: Variation, time: bool = False) -> Array:
+    def _differential(self, x: Variation) -> Array:
         """Of what terms depend on (z, P)."""
-        none = np.full((*x.q.shape[:-2], 1, x.q.shape[-1]), float(time))
+        none = np.zeros((*x.q.shape[:-2], 1, x.q.shape[-1]))
         return np.concatenate([x.q, x.v, x.a_p, x.states, none, x.parameters], axis=-2)
 
     def _flow(self, side: Side) -> Array:

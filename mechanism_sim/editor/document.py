@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -136,7 +136,7 @@ class Document:
         """Give a part another name, and wherever the scene names it; first, some edits."""
         old, text = path[-1], self._with(edits)
         content = documents.parse(text)
-        for where, value in texts_of(content):
+        for where, value in documents.texts_of(content):
             found = _renamed_in(path, where, value, name)
             if found != value:
                 text = with_value(text, where, found)
@@ -246,21 +246,6 @@ def _apply(content: Any, edit: Edit) -> None:
         content.pop(last, None)
     else:
         content[int(last) if isinstance(content, list) else last] = edit.value
-
-
-def texts_of(
-    value: Any, skipped: Iterable[str] = (), path: tuple[str, ...] = ()
-) -> Iterable[tuple[tuple[str, ...], str]]:
-    """All texts among values but of some keys, with their paths."""
-    if isinstance(value, str):
-        yield path, value
-    elif isinstance(value, Mapping):
-        for key, inner in value.items():
-            if key not in skipped:
-                yield from texts_of(inner, skipped, (*path, key))
-    elif isinstance(value, list):
-        for i, inner in enumerate(value):
-            yield from texts_of(inner, skipped, (*path, str(i)))
 
 
 def _renamed_in(path: tuple[str, ...], where: tuple[str, ...], value: str, new: str) -> str:

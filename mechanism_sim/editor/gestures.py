@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
-from mechanism_sim.editor.document import texts_of
+from mechanism_sim.documents import texts_of
 from mechanism_sim.editor.rounding import degrees, place, rounded
 from mechanism_sim.editor.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
 from mechanism_sim.editor.tools import REFITS

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
-import yaml
-
+from mechanism_sim.documents import flow
 from mechanism_sim.joints.joint_keys import JointKeys
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.quantities import Part, meanings
@@ -144,9 +142,6 @@ def _default(field: Any, facts: Facts) -> str:
 
 def _text(value: Any) -> str:
     """A value as a line of YAML."""
-    if value is None:
-        return ''
     if isinstance(value, str):
         return ' '.join(value.split())
-    text = str(yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False))
-    return text.removesuffix('...\n').strip()
+    return flow(value)

@@ -40,6 +40,6 @@ def degrees(angle: float, digits: int = 1) -> str:
     return f'{found:g} deg'
 
 
-def exactly(value: float, unit: str, si: str = 'm') -> str:
-    """A value [SI] that must fit others, to ten digits, with a unit."""
-    return f'{value / to_si(f"1 {unit}", si):.10g} {unit}'
+def exactly(value: float, unit: str) -> str:
+    """A length [m] that must fit others, to ten digits, with a unit."""
+    return f'{value / to_si(f"1 {unit}", "m"):.10g} {unit}'

@@ -7,12 +7,12 @@ at which PyYAML finds keys and values are replaced, and nothing else.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
 import yaml
 
+from mechanism_sim.documents import flow
 from mechanism_sim.errors import InputError
 
 WIDTH = 99
@@ -180,12 +180,7 @@ def _entry(key: str, value: Any, indent: int = 0) -> list[str]:
 
 def _flow(value: Any) -> str:
     """A value in one line, as it may stand among others in brackets."""
-    if value is None:
-        return ''
-    text = yaml.safe_dump(
-        [value], default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
-    )
-    return text.strip()[1:-1]
+    return '' if value is None else flow([value])[1:-1]
 
 
 def _put(text: str, start: int, end: int, new: str) -> str:

@@ -8,37 +8,40 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pkgutil import resolve_name
 from typing import Any
 
-Plot = Callable[..., Any]
-
-_finders: dict[str, Callable[[], Plot]] = {}
+_places: dict[str, str] = {}
 
 
-def register(**finders: Callable[[], Plot]) -> None:
-    """Make known what finds, when first needed, what draws runs, shows objects, writes pages.
+def register(**places: str) -> None:
+    """Make known where to find, when first needed, what draws runs, shows objects, writes pages.
 
     Parameters
     ----------
-    finders : by ``plot``, ``html``, ``report``, ``progress``
+    places : ``MODULE:FUNCTION`` by ``plot``, ``html``, ``report``, ``progress``
     """
-    _finders.update(finders)
+    _places.update(places)
+
+
+def _call(name: str, *given: Any, **how: Any) -> Any:
+    return resolve_name(_places[name])(*given, **how)
 
 
 def plot(run: Any, *names: Any, **how: Any) -> Any:
     """Draw a run; see `mechanism_sim.report.lines.plot`."""
-    return _finders['plot']()(run, *names, **how)
+    return _call('plot', run, *names, **how)
 
 
 def report(*sources: Any, **how: Any) -> Any:
     """Write the page of a run; see `mechanism_sim.pages.writing.report`."""
-    return _finders['report']()(*sources, **how)
+    return _call('report', *sources, **how)
 
 
 def progress(label: str, total: float) -> Callable[..., None] | None:
     """Shows how far long work is, in the cell of a notebook; None elsewhere."""
-    known = 'ipykernel' in sys.modules and 'progress' in _finders
-    return _finders['progress']()(label, total) if known else None
+    known = 'ipykernel' in sys.modules and 'progress' in _places
+    return _call('progress', label, total) if known else None
 
 
 class Rich:
@@ -46,4 +49,4 @@ class Rich:
 
     def _repr_html_(self) -> str | None:
         """HTML, a few tens of kilobytes; none where no room is known that makes it."""
-        return str(_finders['html']()(self)) if 'html' in _finders else None
+        return str(_call('html', self)) if 'html' in _places else None

@@ -8,8 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import yaml
-
+from mechanism_sim.documents import flow
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import RESERVED
 from mechanism_sim.planar.mechanism import Prismatic
@@ -179,10 +178,7 @@ def to_yaml(data: Mapping[str, Any]) -> str:
 
 def _lines(key: str, value: Any, indent: str) -> list[str]:
     """A key with its value in one line, or its own keys each in one."""
-    text = yaml.safe_dump(
-        value, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
-    )
-    line = f'{indent}{key}: ' + text.removesuffix('...\n').strip()
+    line = f'{indent}{key}: {flow(value)}'
     if len(line) <= _WIDTH or not isinstance(value, dict):
         return [line]
     return [f'{indent}{key}:', *(x for k, v in value.items() for x in _lines(k, v, indent + '  '))]

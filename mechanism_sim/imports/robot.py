@@ -16,6 +16,10 @@ from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, named, nam
 from mechanism_sim.planar.points import GROUND, Vector2
 
 WORLD = 'world'
+KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
+         'fixed': 'fixed'}  # fmt: skip
+"""Joints of a plane by the types of URDF and SDF."""
+
 _ALIGNED = 1e-4  # [rad] by which axes may differ: files have angles such as 1.5708
 _SAME = 1e-9  # [m] of points that are one
 _PLANES = {2: (0, 1), 1: (0, 2), 0: (1, 2)}  # axes of the plane, by the axis across it

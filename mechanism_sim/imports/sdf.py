@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -11,10 +12,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, turned
-from mechanism_sim.imports.robot import Robot, RobotBody, RobotJoint
-
-_KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
-          'fixed': 'fixed'}  # fmt: skip
+from mechanism_sim.imports.robot import KINDS, Robot, RobotBody, RobotJoint
 
 
 def read(path: Path, text: str, _unit: str | None) -> Blueprint:
@@ -60,7 +58,7 @@ def join(robot: Robot, joint: Element) -> None:
         weights[carrier] = weights.get(carrier, 0.0) - ratio - 1.0
         robot.geared[name] = weights
         return
-    if kind not in _KINDS:
+    if kind not in KINDS:
         raise InputError(f'{name}: joints of type {kind} are not planar ones')
     turn, at = _pose(joint)
     axis = turn @ numbers(_text(joint, 'axis/xyz') or '0 0 1', 3)
@@ -68,7 +66,7 @@ def join(robot: Robot, joint: Element) -> None:
     robot.joints.append(
         RobotJoint(
             name,
-            _KINDS[kind],
+            KINDS[kind],
             parent.name,
             child.name,
             there,
@@ -79,12 +77,11 @@ def join(robot: Robot, joint: Element) -> None:
     )
 
 
-def matrix(i: dict[str, float]) -> Array:
-    """The inertia (3, 3) of its six parts."""
-    return np.array([
-        [i['ixx'], i['ixy'], i['ixz']], [i['ixy'], i['iyy'], i['iyz']],
-        [i['ixz'], i['iyz'], i['izz']],
-    ])  # fmt: skip
+def inertia_of(part: Callable[[str], str | None], diagonal: float = 0.0) -> Array:
+    """The inertia (3, 3) of its six parts; on the diagonal `diagonal` for those without a text."""
+    xx, yy, zz = (number(part(f'i{axes}'), diagonal) for axes in ('xx', 'yy', 'zz'))
+    xy, xz, yz = (number(part(f'i{axes}')) for axes in ('xy', 'xz', 'yz'))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def _body(link: Element) -> RobotBody:
@@ -93,10 +90,8 @@ def _body(link: Element) -> RobotBody:
     if (given := link.find('inertial')) is not None:
         turn, body.cog = _pose(given)
         body.mass = number(_text(given, 'mass'), 1.0)
-        parts = ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
-        ones = {'ixx': 1.0, 'iyy': 1.0, 'izz': 1.0}
-        i = {k: number(_text(given, f'inertia/{k}'), ones.get(k, 0.0)) for k in parts}
-        body.inertia = turn @ matrix(i) @ turn.T
+        inertia = inertia_of(lambda k: _text(given, f'inertia/{k}'), 1.0)
+        body.inertia = turn @ inertia @ turn.T
     return body
 
 

@@ -15,11 +15,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.markup import number, numbers, parse, rotation, turned
-from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint
-from mechanism_sim.imports.sdf import join, matrix
-
-_KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic',
-          'fixed': 'fixed'}  # fmt: skip
+from mechanism_sim.imports.robot import KINDS, WORLD, Robot, RobotBody, RobotJoint
+from mechanism_sim.imports.sdf import inertia_of, join
 
 
 def read(path: Path, text: str, _unit: str | None) -> Blueprint:
@@ -51,7 +48,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
             (str(end.get('link')), _origin(end)[1]) for end in ends if end is not None
         )
         axis = numbers(_find(loop, 'axis', 'xyz'), 3) if loop.find('axis') is not None else _Z
-        kind = {**_KINDS, 'slot': 'slot'}.get(loop.get('type', 'revolute'), 'revolute')
+        kind = {**KINDS, 'slot': 'slot'}.get(loop.get('type', 'revolute'), 'revolute')
         robot.joints.append(RobotJoint(_name(loop), kind, one, other, at, there, axis))
     for joint in root.findall('gazebo/joint'):  # as Gazebo's tutorial of loops has it
         join(robot, joint)
@@ -85,7 +82,7 @@ def _positions(root: Element) -> dict[str, float]:
 
 def _carry(robot: Robot, joint: Element, state: dict[str, float]) -> None:
     """A joint, and where the link that it carries is."""
-    name, kind = _name(joint), _KINDS.get(joint.get('type', ''))
+    name, kind = _name(joint), KINDS.get(joint.get('type', ''))
     parent, child = (robot.bodies[_end(joint, side)] for side in ('parent', 'child'))
     if kind is None:
         raise InputError(f'{name}: joints of type {joint.get("type")} are not planar ones')
@@ -114,11 +111,7 @@ def _body(link: Element) -> RobotBody:
     if (given := link.find('inertial')) is not None:
         turn, body.cog = _origin(given)
         body.mass = number(_find(given, 'mass', 'value'))
-        i = {
-            k: number(_find(given, 'inertia', k))
-            for k in ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
-        }
-        body.inertia = turn @ matrix(i) @ turn.T
+        body.inertia = turn @ inertia_of(lambda k: _find(given, 'inertia', k)) @ turn.T
     return body
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import heyoka as hy
 from pydantic import model_validator
@@ -19,30 +19,32 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Play, play_of
 from mechanism_sim.joints.joint_keys import JointKeys, Joints
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient, Length, Part, Radius, si_of
+from mechanism_sim.keys.quantities import AnyPosition, Coefficient, Length, Part, Radius
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
 from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
-from mechanism_sim.planar.play import BOUNDS, MeasuredGap, bound_name, with_turning
+from mechanism_sim.planar.play import (
+    BOUNDS,
+    FrictionlessGap,
+    MeasuredGap,
+    bound_name,
+    with_turning,
+)
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
-from mechanism_sim.units import QuantityValue
-
-Limit = Annotated[QuantityValue, si_of('rad', 'm')]
-"""An angle of a revolute joint, or a displacement."""
 
 
 class StopsPart(Part):
     """Limits of a joint, and the impact law at them."""
 
-    lower: Limit | None = None
+    lower: AnyPosition | None = None
     """Least angle or displacement of the second link against the first; without it there is no
     stop on this side. Of a pin in a slot, of the pin from the slot's point."""
-    upper: Limit | None = None
+    upper: AnyPosition | None = None
     """Largest angle or displacement; one of the two is needed."""
     restitution: Coefficient = 0.0
     """Coefficient of restitution: 0 without rebound, 1 without loss."""
@@ -192,7 +194,7 @@ class _Stop(MeasuredGap):
 
 
 @dataclass(frozen=True)
-class AngleStop(_Stop):
+class AngleStop(FrictionlessGap, _Stop):
     """A stop of a revolute joint, at a radius r: the gap is ``r (u - s)`` or ``r (s - l)``.
 
     Between two stops less than a turn apart angles count from the middle, without whole turns;
@@ -206,11 +208,6 @@ class AngleStop(_Stop):
     def words(self) -> str:
         """The limit, with its unit."""
         return f'{math.degrees(self.limit):.6g} deg'
-
-    @property
-    def friction(self) -> float:
-        """Nothing slides."""
-        return 0.0
 
     def value(self, frames: Frames) -> Jet:
         """The distance at the radius [m]."""
@@ -244,19 +241,6 @@ class AngleStop(_Stop):
             for x in ends
         )
         draft.wall(joint.first, start, end)
-
-    def slip(self, _: Frames) -> Jet:
-        """There is no friction here.
-
-        Raises
-        ------
-        NotImplementedError
-        """
-        raise NotImplementedError('stops of an angle have no friction')
-
-    def normal(self, _: Frames) -> tuple[Jet, Jet]:
-        """A moment only: nothing in the plane."""
-        return lift(0.0), lift(0.0)
 
     def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
         """The moment on the second-named link."""

@@ -112,6 +112,8 @@ def si_or_point(point: str, *units: str) -> UnitValue:
 
 Offset = Annotated[float | tuple[float, float], one_or_two('m', 'a pair [x, y]')]
 """A place on a link: along it from its origin, or a pair [x, y] in its frame."""
+AnyPosition = Annotated[QuantityValue, si_of('rad', 'm')]
+"""An angle of what turns, or a displacement of what slides."""
 Mass = Annotated[float, si('kg'), POSITIVE]
 LinkMass = Annotated[float, si('kg'), NOT_NEGATIVE]
 Inertia = Annotated[float, si('kg m^2'), POSITIVE]

@@ -17,16 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.tolerances import TOLERANCES
 
 _HARMONICS = TOLERANCES.harmonics
 _QUADRATURE = TOLERANCES.quadrature
 _ROUNDING = TOLERANCES.rounding
 
-ComplexArray = NDArray[np.complex128]
 Functions = Callable[[Array], Array]
 """Values (C, N) of C functions at times (N,) [s]."""
 

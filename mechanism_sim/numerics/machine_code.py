@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from mechanism_sim.numerics import kernel_code
 
-_WORD = 8  # [B] of what is handed over
 _KINDS = {'f': np.dtype(np.float64), 'i': np.dtype(np.int64), 'b': np.dtype(np.bool_)}
 _PYTHON = {'f': float, 'i': int, 'b': bool}
 _ENTER = ctypes.PYFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)  # nobody else may run meanwhile

@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
-from mechanism_sim.numerics.rational import ComplexArray, Modes
+from mechanism_sim.numerics.rational import Modes
 
 NODES = Nodes(tuple(chebyshev_nodes(20)))
 """Where inputs are asked for on every piece, to make polynomials of them."""

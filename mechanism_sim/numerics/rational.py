@@ -8,12 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.tolerances import TOLERANCES
 
 _HARMONICS = TOLERANCES.harmonics
-
-ComplexArray = NDArray[np.complex128]
 
 
 class Modes(NamedTuple):

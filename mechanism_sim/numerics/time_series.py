@@ -106,7 +106,7 @@ class TimeSeries:
 
         words = formula.Words(known, flag=flag)
         value = sum((formula.of_tree(x, words, self.text) for x in rest), hy.expression(0.0))
-        self._first_flag, self._flags = count, len(guards)
+        self._flags = len(guards)
         last = count + len(guards)
         rates = [value, *guards]
         states = [(hy.make_vars(f'integral {k}'), x) for k, x in enumerate(rates)]

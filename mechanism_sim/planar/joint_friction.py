@@ -145,10 +145,14 @@ class JournalFriction(JointFriction):
     radius: float = 0.0  #: [m] of the pin
 
     @property
+    def _circle(self) -> float:
+        """Radius of the friction circle [m]."""
+        return self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
+
+    @property
     def law(self) -> str:
         """By the force of the pin."""
-        circle = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
-        return f'|{{0}}| <= {circle:.6g} m times the force in {{1}}{_AGAINST}'
+        return f'|{{0}}| <= {self._circle:.6g} m times the force in {{1}}{_AGAINST}'
 
     @property
     def unit(self) -> str:
@@ -158,8 +162,8 @@ class JournalFriction(JointFriction):
     @property
     def words(self) -> str:
         """By the radius of its friction circle."""
-        circle = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
-        return f'coefficient {self.coefficient:g}, friction circle of radius {1e3 * circle:.4g} mm'
+        circle = 1e3 * self._circle
+        return f'coefficient {self.coefficient:g}, friction circle of radius {circle:.4g} mm'
 
     def slip(self, frames: Frames) -> Jet:
         """Of the angles."""
@@ -182,12 +186,8 @@ class JournalFriction(JointFriction):
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
         """By the size of the force."""
-        arm = self.radius * self.coefficient / math.hypot(1.0, self.coefficient)
-        return [
-            Pressed(
-                self._number(frames, 'arm', arm), (wrench.x, wrench.y), self._resolution(frames)
-            )
-        ]
+        arm = self._number(frames, 'arm', self._circle)
+        return [Pressed(arm, (wrench.x, wrench.y), self._resolution(frames))]
 
 
 @dataclass(frozen=True)

@@ -103,7 +103,6 @@ class Linearisation:
         self._relations, self._elements = tuple(relations), tuple(elements)
         self._torques, self._motors = tuple(torques), tuple(motors)
         self._size = hy.make_vars('excitation')
-        self._excitation = excitation
         self.equations = Equations(mechanism, relations=relations)
         self._forces, self._cut = self.equations.transmitted()
         frames = self.equations.frames

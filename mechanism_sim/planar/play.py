@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import heyoka as hy
 
@@ -37,6 +38,25 @@ class MeasuredGap:
     def distance(self, value: Array) -> Array:
         """The value is the distance."""
         return value
+
+
+class FrictionlessGap(MeasuredGap):
+    """A gap that presses along an axis or by a moment: nothing of it is in the plane."""
+
+    friction: ClassVar[float] = 0.0
+
+    def slip(self, _: Frames) -> Jet:
+        """Refuse: there is no friction here, for which alone slips are asked.
+
+        Raises
+        ------
+        NotImplementedError
+        """
+        raise NotImplementedError(f'{type(self).__name__} has no friction')
+
+    def normal(self, _: Frames) -> tuple[Jet, Jet]:
+        """Nothing in the plane."""
+        return lift(0.0), lift(0.0)
 
 
 @dataclass(frozen=True)

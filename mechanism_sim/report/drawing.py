@@ -92,7 +92,7 @@ class Brush:
         coils = [coil(start, end, skeleton.symbol) for start, end in ends]
         self._coils.set_segments([*coils, *strung(skeleton, pose[None])[:, 0]])
 
-    def ghost(self, pose: Array, shade: str = GHOST) -> None:
+    def ghost(self, pose: Array) -> None:
         """Links and sliders at another pose (L, 3 + M), as lines."""
         for shape in self._skeleton.shapes:
             if shape.link == GROUND or shape.kind in ('bushing', 'pin', 'point', 'cog', 'drive'):
@@ -105,7 +105,7 @@ class Brush:
                     curve = subdivided(curve, shape.symbol)
                 path = self._deformed(shape.link, ShapePath('line', (curve,)), pose)
                 frame = Affine2D().rotate(angle).translate(x, y)
-                self._patch(path, frame, zorder=1.2, fc='none', ec=shade, lw=0.8)
+                self._patch(path, frame, zorder=1.2, fc='none', ec=GHOST, lw=0.8)
 
     def _patch(self, path: ShapePath, frame: Affine2D, **how: Any) -> Any:
         patch = PathPatch(_outline(path), joinstyle='round', capstyle='round', **how)

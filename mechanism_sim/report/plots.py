@@ -12,8 +12,7 @@ from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Over, Pan
 from mechanism_sim.report.charts.lines import against, chart, columns
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
-
-_KINDS = ('position', 'velocity', 'acceleration')
+from mechanism_sim.results.quantities.motion import RATES
 
 
 def charts(cycle: Cycle) -> Iterator[Chart]:
@@ -59,11 +58,11 @@ def _chart(cycle: Cycle, key: str, found: list[Panel], beside: int = 0) -> Chart
 def _motion(cycle: Cycle) -> Chart:
     names, known = cycle.machine.physics.coordinates, catalogue(cycle.machine)
     units = len({known[f'position.{name}'].unit for name in names})
-    rows = [_panels(cycle, [f'{kind}.{name}' for name in names]) for kind in _KINDS]
+    rows = [_panels(cycle, [f'{kind}.{name}' for name in names]) for kind in RATES]
     if len(rows[0]) == units:
         return _chart(cycle, 'motion', list(chain(*rows)), units)
     # of many coordinates each has a row
-    return _chart(cycle, 'motion', list(chain(*zip(*rows, strict=True))), len(_KINDS))
+    return _chart(cycle, 'motion', list(chain(*zip(*rows, strict=True))), len(RATES))
 
 
 def _hodographs(cycle: Cycle) -> Chart:

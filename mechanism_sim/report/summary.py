@@ -17,6 +17,7 @@ from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.recording.runs import realtime_factor
 from mechanism_sim.report.sections import Section, SummaryRow, amount
 from mechanism_sim.results.catalogue import catalogue
+from mechanism_sim.results.quantities.motion import RATES
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import Solution, Stats
 from mechanism_sim.results.simulate import Stream
@@ -344,10 +345,9 @@ def _end(run: Stream) -> Iterator[Section]:
     """Coordinates at the end, and what joints, drives and links carry there."""
     physics, data = run.machine.physics, _final(run)
     rows: list[tuple[str, ...]] = [('coordinate', 'position', 'speed', 'acceleration')]
-    kinds = ('position', ''), ('velocity', '/s'), ('acceleration', '/s^2')
     for c in physics.coordinates:
         unit = 'm' if c in physics.displacements else 'rad'
-        rows.append((c, *(f'{data[kind][c]:.10g} {unit}{per}' for kind, per in kinds)))
+        rows.append((c, *(f'{data[kind][c]:.10g} {unit}{per}' for kind, per in RATES.items())))
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
     if states := data.get('states'):
         units = {x.label: x.unit for x in run.machine.plan.states}

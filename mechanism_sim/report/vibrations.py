@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechanism_sim import text_table
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.export.palette import GROUND, INK, LINKS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, ChartCurve, Mark, Panel, whole
@@ -16,7 +16,7 @@ from mechanism_sim.report.charts.lines import colours
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.harmonics import Harmonics
 from mechanism_sim.studies.modes import CriticalSpeed, NormalMode, Station
-from mechanism_sim.studies.response import ComplexArray, FrequencyResponse
+from mechanism_sim.studies.response import FrequencyResponse
 
 _UNDAMPED = 1e-9  # damping ratio up to which there is none but for rounding
 _SHOWN = 1e-6  # of the largest amplitude: an error that six digits show

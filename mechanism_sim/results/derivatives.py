@@ -29,6 +29,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
 from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.quantities.motion import DERIVATIVES
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import IMPACT_UNITS, Piece, Runner, seconds_of
 from mechanism_sim.scene import Machine
@@ -47,7 +48,6 @@ _AROUND = tuple(
 )
 """Places and weights of differences of sixth order."""
 
-_ORDERS = {'position': 0, 'velocity': 1, 'acceleration': 2}
 
 _Taken = Callable[[Piece], Array]
 
@@ -106,8 +106,8 @@ class RunDerivative:
         slopes = self._slopes(taken, times)
         for k, n in enumerate(chosen):
             kind, _, of = n.partition('.')
-            if kind in _ORDERS and of in self._piece.physics.coordinates:
-                slopes[k] = self._motion(of, _ORDERS[kind], times, slopes[k])
+            if kind in DERIVATIVES and of in self._piece.physics.coordinates:
+                slopes[k] = self._motion(of, DERIVATIVES[kind], times, slopes[k])
         if summed:
             of_sums, own = self._of_whole(taken), [known[n].cumulative for n in chosen]
             slopes[own] = of_sums[own]

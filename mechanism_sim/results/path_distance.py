@@ -18,6 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.planar.drive import DriveLaw
+from mechanism_sim.results.quantities.motion import RATES
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.table_keys import allowed_file
@@ -85,7 +86,7 @@ def names_of(text: str, path: TargetPath) -> tuple[str, ...]:
     if kind != 'position' or not rest:
         raise InputError(f'distance needs a position, as position.LINK.POINT, not {quoted(text)}')
     axes = ('.x', '.y') if len(path.points[0]) > 1 else ('',)
-    return tuple(f'{k}.{rest}{a}' for k in ('position', 'velocity', 'acceleration') for a in axes)
+    return tuple(f'{k}.{rest}{a}' for k in RATES for a in axes)
 
 
 class PathDistances:

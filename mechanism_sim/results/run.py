@@ -114,6 +114,12 @@ class Piece(Rich):
         joints = {'joint': np.array([i.joint for i in self.impacts], dtype=str)}
         return Table({'t': columns['t']} | joints | columns, IMPACT_UNITS)
 
+    def digest(self) -> str:
+        """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
+        digest = MotionDigest()
+        digest.add(self.motion, self.impacts)
+        return digest.hexdigest()
+
     @property
     def physics(self) -> Physics:
         """Equations of the machine."""
@@ -213,12 +219,6 @@ class Solution(Piece):
     def duration(self) -> float:
         """Simulated time [s]."""
         return self.motion.curve.end
-
-    def digest(self) -> str:
-        """SHA-256 of motion and impacts: equal for runs that are equal bit by bit."""
-        digest = MotionDigest()
-        digest.add(self.motion, self.impacts)
-        return digest.hexdigest()
 
 
 class Batch(NamedTuple):

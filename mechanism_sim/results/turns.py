@@ -69,6 +69,7 @@ class DriveTurns:
     Attributes
     ----------
     begin, end : of what was seen [s]: a run that is resumed begins later than its first turn
+    edges : the start of the run, and the ends of its whole turns so far [s]
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -76,7 +77,7 @@ class DriveTurns:
         self._known = isinstance(machine.drive.law, DriveLaw) and not machine.drive.law.straight
         self._index = machine.physics.coordinates.index(machine.plan.main)
         self._start: Place | None = None
-        self._edges: list[float] = []
+        self.edges: list[float] = []
         self.begin = self.end = 0.0
 
     def add(self, piece: Piece) -> None:
@@ -85,27 +86,27 @@ class DriveTurns:
         begin, self.end = float(curve.start[0]), curve.end
         if self._start is None:
             self._start, self.begin = beginning(curve, self._index), begin
-            self._edges = [0.0 if self._known else begin]
+            self.edges = [0.0 if self._known else begin]
         if self._known:
             try:
                 time_of, end = self._machine.drive.time_of, self.end * (1.0 + 1e-12)
-                while (t := time_of(len(self._edges))) <= end:
-                    self._edges.append(min(t, self.end))
+                while (t := time_of(len(self.edges))) <= end:
+                    self.edges.append(min(t, self.end))
             except InputError:
                 self._known = False
-                self._edges = self._edges if len(self._edges) > 1 else [self.begin]
+                self.edges = self.edges if len(self.edges) > 1 else [self.begin]
             else:
                 return
         ends = np.append(curve.start, self.end)
         turned = self._turned(piece, ends)
-        while len(later := np.flatnonzero(turned >= len(self._edges))):
-            wanted, past = len(self._edges), int(later[0])
+        while len(later := np.flatnonzero(turned >= len(self.edges))):
+            wanted, past = len(self.edges), int(later[0])
             low, high = (float(ends[max(past - 1, 0)]), float(ends[past]))
             for _ in range(_BISECTIONS):
                 middle = 0.5 * (low + high)
                 far = self._turned(piece, np.array([middle]))[0] >= wanted
                 low, high = (low, middle) if far else (middle, high)
-            self._edges.append(high)
+            self.edges.append(high)
 
     def _turned(self, piece: Piece, t: Array) -> Array:
         """Turns since the start (N,), in either direction."""
@@ -114,28 +115,23 @@ class DriveTurns:
         return np.abs(turns_at(curve, self._index, *curve.find(t), self._start))
 
     @property
-    def edges(self) -> list[float]:
-        """The start of the run, and the ends of its whole turns so far [s]."""
-        return self._edges
-
-    @property
     def unseen(self) -> int:
         """Turns of which the run has seen nothing, or not the beginning."""
         first = self.begin - 1e-9 * self.begin
-        return sum(edge < first for edge in self._edges)
+        return sum(edge < first for edge in self.edges)
 
     def time(self, bound: Bound) -> float:
         """A bound in seconds; infinite if it is not reached yet."""
         if not bound.revolutions:
             return bound.value
         whole = math.floor(bound.value)
-        if whole >= len(self._edges):
+        if whole >= len(self.edges):
             return math.inf
         if bound.value == whole:
-            return self._edges[whole]
-        if whole + 1 >= len(self._edges):
+            return self.edges[whole]
+        if whole + 1 >= len(self.edges):
             return math.inf
-        a, b = self._edges[whole : whole + 2]
+        a, b = self.edges[whole : whole + 2]
         return a + (bound.value - whole) * (b - a)
 
 

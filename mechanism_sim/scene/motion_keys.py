@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
-from mechanism_sim.keys.quantities import Duration, Part, Time, UnitValue, si_of
+from mechanism_sim.keys.quantities import AnyPosition, Duration, Part, Time, UnitValue, si_of
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Interpolation, spline
 from mechanism_sim.numerics.expressions import (
@@ -28,7 +28,6 @@ from mechanism_sim.planar.drive import FormulaLaws, curve_laws
 from mechanism_sim.scene.formula_keys import or_formula
 from mechanism_sim.units import QuantityValue, alike, to_si_of
 
-Place = Annotated[QuantityValue, si_of('rad', 'm')]
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 AnyAcceleration = Annotated[QuantityValue, si_of('rad/s^2', 'm/s^2')]
 AnyJerk = Annotated[QuantityValue, si_of('rad/s^3', 'm/s^3')]
@@ -194,7 +193,7 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
 class PositionPart(CoursePart):
     """A position over time: a formula, or points in the scene or in a file."""
 
-    points: list[tuple[Time, Place]] | None = Field(None, min_length=2)
+    points: list[tuple[Time, AnyPosition]] | None = Field(None, min_length=2)
     """List of [time, position] with rising times; before the first and after the last the speed
     stays. Instead of it `file` names a file of comma-separated values beside the scene, and
     `columns` two of its columns, else the first two; headings may have units in brackets.
@@ -286,9 +285,9 @@ Speed = Annotated[
 class MovePart(Part):
     """A move from rest to rest, or a dwell; its own limits go before those of all moves."""
 
-    to: Place | None = None
+    to: AnyPosition | None = None
     """Its end."""
-    by: Place | None = None
+    by: AnyPosition | None = None
     """Displacement, with its sign."""
     dwell: Duration | None = None
     """Duration of a dwell instead."""
@@ -328,5 +327,5 @@ class SwingPart(Part):
 
     period: Duration
     """Period of the oscillation."""
-    margin: Annotated[Place, POSITIVE_VALUE] | None = None
+    margin: Annotated[AnyPosition, POSITIVE_VALUE] | None = None
     """Distance that it keeps from each limit; without it a hundredth of the way between them."""

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
+from mechanism_sim.documents import texts_of
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.level import Level
@@ -223,19 +224,8 @@ def _unnamed(machine: Machine) -> Iterator[str]:
     content = machine.scene.to_document()
     for section in ('tables', 'gears'):
         own = content.pop(section)
-        texts = ' '.join(_texts([content, own] if section == 'gears' else content))
+        part = [content, own] if section == 'gears' else content
+        texts = ' '.join(text for _, text in texts_of(part))
         for name in own:
             if not re.search(rf'\b{re.escape(name)}\b', texts):
                 yield f'{section}.{name} has no effect: nothing refers to it'
-
-
-def _texts(part: Any) -> Iterator[str]:
-    """All texts in the values of a part of a scene."""
-    if isinstance(part, str):
-        yield part
-    elif isinstance(part, dict):
-        for value in part.values():
-            yield from _texts(value)
-    elif isinstance(part, list | tuple):
-        for value in part:
-            yield from _texts(value)

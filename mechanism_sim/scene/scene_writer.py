@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-import yaml
 from pydantic import Field, TypeAdapter
 
 from mechanism_sim import output
+from mechanism_sim.documents import flow
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.keys.quantities import Part, meanings
@@ -115,7 +114,7 @@ class _SceneWriter:
             if frame
             else list(self.part(type(value), data, value))
         )
-        short = f'{name}: {_flow(data)}'
+        short = f'{name}: {flow(data)}'
         if not any(line.note for line in inner) and len(short) < WIDTH - 8:
             yield Entry(short, note)
         else:
@@ -126,7 +125,7 @@ class _SceneWriter:
         """A part in a list."""
         inner = list(self.part(kind, data, value))
         if not any(line.note for line in inner):
-            inner = [Entry(_flow(data))]
+            inner = [Entry(flow(data))]
         first, *rest = inner
         yield Entry(f'- {first.text}', first.note)
         yield from _indented(rest)
@@ -206,14 +205,14 @@ def _entry(name: str, data: Any, note: str) -> Iterator[Entry]:
         yield Entry(f'{name}: >', note)
         yield from _indented(Entry(row) for row in textwrap.wrap(data, WIDTH - 3))
         return
-    text = f'{name}: {_flow(data)}'.rstrip()
+    text = f'{name}: {flow(data)}'.rstrip()
     if len(text) < WIDTH or not isinstance(data, list | dict):
         yield Entry(text, note)
         return
     yield Entry(f'{name}:', note)
     rows = data.items() if isinstance(data, dict) else data
     yield from _indented(
-        Entry(f'{row[0]}: {_flow(row[1])}' if isinstance(data, dict) else f'- {_flow(row)}')
+        Entry(f'{row[0]}: {flow(row[1])}' if isinstance(data, dict) else f'- {flow(row)}')
         for row in rows
     )
 
@@ -238,16 +237,6 @@ def _plain(value: Part) -> dict[str, Any]:
         for key, item in found.items()
         if item is not None
     }
-
-
-def _flow(data: Any) -> str:
-    """A value in one line of YAML."""
-    if data is None:
-        return ''
-    text = yaml.safe_dump(
-        data, default_flow_style=True, width=math.inf, sort_keys=False, allow_unicode=True
-    )
-    return text.removesuffix('...\n').strip()
 
 
 def _indented(lines: Iterable[Entry]) -> Iterator[Entry]:

@@ -75,18 +75,14 @@ class FloquetMap:
     def place(self, x: Array) -> dict[str, float]:
         """All coordinates in a state."""
         q, _ = self._motion(x)
-        return dict(zip(self._run_names, q.tolist(), strict=True))
-
-    @property
-    def _run_names(self) -> tuple[str, ...]:
-        return self._kinematics.mechanism.coordinates
+        return dict(zip(self._kinematics.coordinates, q.tolist(), strict=True))
 
     def _motion(self, x: Array) -> tuple[Array, Array]:
         """All coordinates and rates (n,) in a state."""
         k = len(self.names)
         z, rates = np.split(x * self.scale, [k])
         guess = self._guess.copy()
-        guess[[self._run_names.index(c) for c in self.names]] = z
+        guess[[self._kinematics.coordinates.index(c) for c in self.names]] = z
         q, _ = self._kinematics.positions(guess[:, None])
         still = np.zeros(len(self._held))
         v = self._kinematics.rates(q, np.concatenate([still, rates])[:, None])
@@ -137,7 +133,7 @@ class FloquetMap:
     @property
     def _whole_state(self) -> list[int]:
         """Indices of the free coordinates, then of their rates, among those of all."""
-        return [*self._free, *(len(self._run_names) + i for i in self._free)]
+        return [*self._free, *(len(self._kinematics.coordinates) + i for i in self._free)]
 
 
 def applies(machine: Machine) -> bool:

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.numerics.fourier import PeriodicSpectrum, spectrum
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
@@ -22,8 +21,6 @@ from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaken_frame import Shaking
-
-ComplexArray = NDArray[np.complex128]
 
 _LONGER = 1.95  # periods that are run, to compare the forces in them
 LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period

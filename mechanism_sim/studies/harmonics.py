@@ -19,6 +19,7 @@ from mechanism_sim.numerics.enclosure import MotionSeries
 from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.steep_loads import SteepLoads
+from mechanism_sim.results.quantities.motion import DERIVATIVES
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies import frames
 from mechanism_sim.studies.modes import (
@@ -30,7 +31,6 @@ from mechanism_sim.studies.modes import (
     turning,
 )
 from mechanism_sim.studies.response import (
-    DERIVATIVES,
     FrequencyResponse,
     HarmonicSource,
     frame_units,

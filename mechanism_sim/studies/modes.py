@@ -13,9 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import TorqueLaw
@@ -25,8 +24,6 @@ from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.frames import Vibrating
 from mechanism_sim.vibration.systems import ROUNDING, LinearSystem, state_matrix
-
-ComplexArray = NDArray[np.complex128]
 
 #: of damped roots, against the largest, below which one is that of a rigid-body mode: a double
 #: root that is zero splits by the square root of rounding

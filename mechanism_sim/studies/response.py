@@ -10,20 +10,17 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.planar.linearisation import Excitation
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.results.quantities.motion import DERIVATIVES, RATES
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies import frames
 from mechanism_sim.studies.modes import LinearMachine, derivatives, kept, linearised, turning
 
-ComplexArray = NDArray[np.complex128]
-
-DERIVATIVES = {'position': 0, 'velocity': 1, 'acceleration': 2}
 _AXES = ('x', 'y')
 
 
@@ -182,7 +179,7 @@ def frame_units(
                 f'{", ".join(known)}'
             )
         unit = 'rad' if c.endswith('.angle') else 'm'
-        units[quantity] = unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
+        units[quantity] = unit + RATES[kind]
     return units
 
 
@@ -219,7 +216,7 @@ def unit_of(one: LinearMachine, name: str) -> str:
         wrong = f"{machine.name}: '{name}': there is no coordinate '{rest}'"
         check_known(rest, coordinates, wrong, 'coordinates:')
         unit = 'm' if rest in machine.plan.ideal.displacements else 'rad'
-        return unit + ('', '/s', '/s^2')[DERIVATIVES[kind]]
+        return unit + RATES[kind]
     joint, _, axis = rest.rpartition('.')
     joints = [j.name for j in machine.plan.joints]
     if kind != 'reaction':

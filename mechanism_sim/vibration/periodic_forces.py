@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.fourier import PeriodicSpectrum
 from mechanism_sim.vibration.systems import state_matrix
-
-ComplexArray = NDArray[np.complex128]
 
 _BEYOND = 4.0  # times the largest root: from there on a system is all but its masses
 _EACH = 20000  # harmonics that are looked at one by one, in search of the largest response

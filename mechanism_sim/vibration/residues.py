@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.rational import ComplexArray, Modes, Rational
+from mechanism_sim.arrays import Array, ComplexArray
+from mechanism_sim.numerics.rational import Modes, Rational
 
 _DEFECTIVE = 1e5
 """Condition of the eigenvectors from which on poles are taken for a multiple one."""

@@ -10,10 +10,14 @@ from running import run
 from scipy.io import wavfile
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.signal_files import is_signal_file, read_signal, read_signals
+from mechanism_sim.signal_files import choose, is_signal_file, read_signals
 
 T = np.arange(200) / 1000.0
 Y = 3.0 * np.sin(40.0 * T)
+
+
+def read_signal(file, channel=None, full_scale=''):
+    return choose(file, read_signals(file, full_scale), channel)
 
 
 def table(folder, text, name='a.csv'):

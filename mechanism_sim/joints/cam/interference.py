@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 import scipy
 
 from mechanism_sim.joints.cam.laws import spelled
-from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
+from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent, runs_of
 
 
 @dataclass(frozen=True)
@@ -56,12 +55,5 @@ def find_cut_away(cam: Cam) -> list[CutAway]:
         depth = (touch.profile.T @ touch.normal - height).max(axis=1)
     else:  # and come nearer than the roller's radius to one of its centres
         depth = roller - scipy.spatial.KDTree(touch.pitch.T).query(touch.profile.T)[0]
-    bad = np.flatnonzero(depth > 1e-6 * cam.base_radius)
-    found = []
-    for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
-        if len(run):
-            worst = run[np.argmax(depth[run])]
-            start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
-            deep = float(depth[worst])
-            found.append(CutAway(start, end, deepest, deep, cam.law.reciprocating))
-    return found
+    runs = runs_of(x, depth, depth > 1e-6 * cam.base_radius)
+    return [CutAway(*run, cam.law.reciprocating) for run in runs]

@@ -40,6 +40,7 @@ from mechanism_sim.joints.transmission.keys import PhaseKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import (
     Angle,
+    AnyPosition,
     Coefficient,
     Displacement,
     Length,
@@ -57,8 +58,6 @@ from mechanism_sim.units import QuantityValue
 
 Frame: TypeAlias = tuple[Vector2, float, Literal[1, -1]]
 """Centre [m], direction [rad] and sense of a `CamPair`."""
-Way = Annotated[QuantityValue, si_of('rad', 'm')]
-"""An angle of a cam, or a displacement if it slides."""
 
 Rise = Annotated[QuantityValue, si_of('m', 'rad')]
 """A displacement of the follower: an angle if it swings."""
@@ -83,7 +82,7 @@ Curve = Literal[
 class ConditionPart(Part):
     """Conditions on a polynomial at a place of its segment."""
 
-    at: Way
+    at: AnyPosition
     """Position within the segment, counted as `from` and `to`."""
     lift: Rise | None = None
     """Displacement of the follower since the beginning of the segment."""
@@ -101,9 +100,9 @@ class SegmentPart(Part):
     Of a cam that slides: of its displacement.
     """
 
-    begin: Way = Field(alias='from')
+    begin: AnyPosition = Field(alias='from')
     """Angle of the cam, or its displacement if it slides."""
-    end: Way = Field(alias='to')
+    end: AnyPosition = Field(alias='to')
     """Likewise."""
     rise: Rise = QuantityValue(0.0, '')
     """Of the follower, negative for a return; 0 is a dwell."""
@@ -202,7 +201,7 @@ class LawPart(Part):
 
     segments: tuple[SegmentPart, ...] = ()
     """Rises and returns, between which the follower dwells."""
-    points: tuple[tuple[Way, Rise], ...] = ()
+    points: tuple[tuple[AnyPosition, Rise], ...] = ()
     """Instead: measured pairs of the cam's angle and the follower's displacement. Or `file` names
     a file of comma-separated values beside the scene, `columns` two of its columns, and `units`
     theirs, such as [deg, mm], if its first line does not.

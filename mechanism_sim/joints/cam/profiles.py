@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
@@ -229,14 +229,21 @@ def _flaws(
     flaws = []
     for first, last in _pieces(law):
         x, y = _sampled(excess, first, last)
-        bad = np.flatnonzero(y >= -1e-9)
-        for run in np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1):
-            if len(run):
-                worst = run[np.argmax(y[run])]
-                kind: Literal['undercut', 'cusp'] = 'cusp' if y[worst] <= 1e-9 else 'undercut'
-                start, end, deepest = (float(x[k]) for k in (run[0], run[-1], worst))
-                flaws.append(Flaw(kind, wall, start, end, deepest, law.reciprocating))
+        for start, end, worst, most in runs_of(x, y, y >= -1e-9):
+            kind: Literal['undercut', 'cusp'] = 'cusp' if most <= 1e-9 else 'undercut'
+            flaws.append(Flaw(kind, wall, start, end, worst, law.reciprocating))
     return flaws
+
+
+def runs_of(
+    x: Array, values: Array, chosen: NDArray[np.bool_]
+) -> Iterator[tuple[float, float, float, float]]:
+    """Runs of chosen places (n,): first and last, where the value is largest, and that value."""
+    places = np.flatnonzero(chosen)
+    for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
+        if len(run):
+            worst = run[np.argmax(values[run])]
+            yield float(x[run[0]]), float(x[run[-1]]), float(x[worst]), float(values[worst])
 
 
 def _roller(follower: Follower) -> float:

@@ -23,7 +23,7 @@ from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.planar.play import ENDS, STOPS, MeasuredGap, end_name
+from mechanism_sim.planar.play import ENDS, STOPS, FrictionlessGap, end_name
 from mechanism_sim.planar.points import GROUND, Point, Vector2
 from mechanism_sim.planar.protocols import ForceLaw, Wrench, moment_of
 
@@ -104,7 +104,7 @@ def bearing_ends(
 
 
 @dataclass(frozen=True)
-class AxialStop(MeasuredGap):
+class AxialStop(FrictionlessGap):
     """A face at an end of a bearing, on which the collar of the first link comes to rest.
 
     With the way z of the first link against the second along the axis, and the inclination s of
@@ -125,7 +125,6 @@ class AxialStop(MeasuredGap):
     crown: float = 0.0  #: [m] k, of the face's middle above its rim
     pin: Vector2 = (0.0, 0.0)  #: [rad] inclination by manufacture, in the frame of its link
     bushing: Vector2 = (0.0, 0.0)  #: [rad]
-    friction: ClassVar[float] = 0.0
 
     @property
     def _ends(self) -> tuple[tuple[str, Vector2, float], tuple[str, Vector2, float]]:
@@ -159,19 +158,6 @@ class AxialStop(MeasuredGap):
         return gap - half.chain(
             inner / (root + crown), square / root, -square * square / (root * root * root)
         )
-
-    def slip(self, _: Frames) -> Jet:
-        """There is no friction here.
-
-        Raises
-        ------
-        NotImplementedError
-        """
-        raise NotImplementedError('stops along an axis have no friction')
-
-    def normal(self, _: Frames) -> tuple[Jet, Jet]:
-        """Along the axis: nothing in the plane."""
-        return lift(0.0), lift(0.0)
 
     def wrench(self, frames: Frames, N: Term, _: Term) -> Wrench:
         """A moment in the plane is left where faces are out of line by manufacture."""

@@ -31,13 +31,11 @@ from typing import Any, NamedTuple
 
 import heyoka as hy
 import numpy as np
-from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet
 
-Complexes = NDArray[np.complex128]
 _Pair = tuple[Term, Term]  # real and imaginary part
 
 LOOKS = 4096
@@ -153,16 +151,16 @@ class WornSurface:
         tilt = float(np.abs(gradient + normal).max())
         return replace(found, centre=centre, error=error, tilt=tilt)
 
-    def _turned(self, z: Complexes) -> Complexes:
+    def _turned(self, z: ComplexArray) -> ComplexArray:
         """``w``."""
         return np.asarray(z / np.sqrt(np.abs(z) ** 2 + self.soft**2))
 
-    def _turned_along(self, z: Complexes, way: Complexes) -> Complexes:
+    def _turned_along(self, z: ComplexArray, way: ComplexArray) -> ComplexArray:
         """The derivative of w along a way."""
         t = np.sqrt(np.abs(z) ** 2 + self.soft**2)
         return np.asarray(way / t - z * (z.conj() * way).real / t**3)
 
-    def measure(self, z: Complexes) -> tuple[Array, Complexes]:
+    def measure(self, z: ComplexArray) -> tuple[Array, ComplexArray]:
         """Y [m] at places of the pin (N,) in the link's frame, and its gradient x + i y."""
         z = z - self.centre
         w, half = self._turned(z), 0.5 * np.abs(z) ** 2 / self.clearance
@@ -268,7 +266,7 @@ class WornShape:
         """Those that are worn."""
         return [surface for surface in (self.pin, self.bushing) if surface is not None]
 
-    def measure(self, z: Complexes, ways: Sequence[Any]) -> tuple[Array, Complexes]:
+    def measure(self, z: ComplexArray, ways: Sequence[Any]) -> tuple[Array, ComplexArray]:
         """The gap [m] at places of the pin (N,), and its gradient; `ways` of the worn links."""
         value, gradient = np.zeros(len(z)), np.zeros(len(z), complex)
         for surface, way in zip(self.surfaces, ways, strict=True):
@@ -279,7 +277,7 @@ class WornShape:
             gradient = gradient + z / self.mean
         return value, gradient
 
-    def _edge(self, turn: Complexes, ways: Sequence[Any]) -> Complexes:
+    def _edge(self, turn: ComplexArray, ways: Sequence[Any]) -> ComplexArray:
         """Where the gap is zero (N,), in directions (N,) from the middle."""
         out = np.full(len(turn), self.mean)
         for _ in range(_ROUNDS):
@@ -329,8 +327,8 @@ class FilmProfile:
     """
 
     place: int
-    own: Complexes
-    other: Complexes
+    own: ComplexArray
+    other: ComplexArray
     count: int
     blur: float
 

@@ -23,6 +23,8 @@ from mechanism_sim.scene import Machine
 
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
 """Kinds of quantities of a motion, with what they add to the unit."""
+DERIVATIVES = {kind: order for order, kind in enumerate(RATES)}
+"""Which derivative of a position each is."""
 
 _WORDS = {
     'rad': ('angle', 'angular velocity', 'angular acceleration'),

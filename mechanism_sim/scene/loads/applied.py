@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Part, si_of
+from mechanism_sim.keys.quantities import AnyPosition, Part
 from mechanism_sim.linkages.forces import AppliedForce, CycleRange, DriveEffort, UnknownForce
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.planar.mechanism import Mechanism
@@ -24,17 +24,15 @@ from mechanism_sim.scene.formula_keys import (
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 from mechanism_sim.units import QuantityValue
 
-Place = Annotated[QuantityValue, si_of('rad', 'm')]
-
 
 class DuringPart(Part):
     """A part of the cycle of a coordinate."""
 
     coordinate: str
     """The link whose angle or displacement it is."""
-    begin: Place | None = Field(None, alias='from')
+    begin: AnyPosition | None = Field(None, alias='from')
     """Where it begins; of an angle always needed, of a displacement its least value if any."""
-    end: Place | None = Field(None, alias='to')
+    end: AnyPosition | None = Field(None, alias='to')
     """Where it ends: of an angle, counterclockwise from there; of a displacement its largest."""
     moving: Literal['forward', 'backward'] | None = None
     """Only while the coordinate increases, or only while it decreases; else both."""
