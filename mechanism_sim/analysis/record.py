@@ -25,6 +25,7 @@ from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.events import Impact, Mode, ModeChange
+from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, row_names
@@ -78,7 +79,7 @@ _BLOCK = 8192  # instants at once
 
 
 @dataclass(frozen=True, eq=False)
-class Revolutions:
+class Revolutions(Rich):
     """A run, and where its main drive is when.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
@@ -235,6 +236,9 @@ class Record(Revolutions):
     wall_time: float | None = None
     complete: bool = True
     whole: Motion | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), 'audit': None}  # `audited` makes it again
 
     def __repr__(self) -> str:
         return f'<Record of {self.machine.name}: {self.piece!r}>'

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from typing import Any
 
 Plot = Callable[..., Any]
@@ -42,7 +43,14 @@ def progress(label: str, total: float) -> Callable[..., None] | None:
 
 
 class Rich:
-    """A table and a picture of an object for notebooks (`mechanism_sim.report.rich`)."""
+    """A dataclass that notebooks show (`mechanism_sim.report.rich`) and pickles hold.
+
+    A pickle or a copy has its fields only; what follows from them is made again when asked for:
+    compiled equations stay in their process.
+    """
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: vars(self)[f.name] for f in fields(self)}  # type: ignore[arg-type]
 
     def _repr_html_(self) -> str | None:
         """HTML, a few tens of kilobytes; none where no room is known that makes it."""
