@@ -31,9 +31,9 @@ def plot(run: Any, *names: Any, **how: Any) -> Any:
     return _finders['plot']()(run, *names, **how)
 
 
-def report(*sources: Any, **how: Any) -> Any:
-    """Write the page of a run; see `mechanism_sim.pages.writing.report`."""
-    return _finders['report']()(*sources, **how)
+def report() -> Plot:
+    """What writes the page of a run, `mechanism_sim.pages.writing.report`."""
+    return _finders['report']()
 
 
 def progress(label: str, total: float) -> Callable[..., None] | None:
