@@ -142,6 +142,15 @@ def is_signal_file(path: Path | str) -> bool:
     return Path(path).suffix.lower() in READERS
 
 
+def refuse_signals(path: Path | str, kind: str) -> None:
+    """Refuse a file of signals where another `kind` is wanted."""
+    if is_signal_file(path) and Path(path).is_file():
+        raise InputError(
+            f"'{path}' is a file of signals, not a {kind}: 'mechanism-sim analyze' and "
+            "'mechanism-sim plot' read it"
+        )
+
+
 def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
     """The channel without samples that are missing; InputError if its times do not rise."""
     t, y = (np.asarray(x, dtype=float).ravel() for x in (channel.times, channel.values))

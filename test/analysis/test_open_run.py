@@ -61,6 +61,41 @@ def test_all_sources_give_the_same_numbers(tmp_path):
     assert np.array_equal(found['drive_torque'], cycle['drive_torque'])
 
 
+@pytest.mark.parametrize(
+    ('source', 'words'),
+    [
+        (ms.load_scene('slider_crank'), 'slider_crank is a machine that has not run yet'),
+        ({}, '{} is not a run: expected a solution'),
+        (None, 'null is not a run'),
+        (3.5, '3.5 is not a run'),
+    ],
+)
+def test_what_is_no_run_is_refused(source, words):
+    with pytest.raises(InputError, match=words):
+        ms.open_run(source)
+
+
+def test_one_name_needs_no_list(tmp_path):
+    record, t = ms.open_run(ms.simulate('slider_crank', duration=0.1)), np.array([0.05])
+    for run, name in (
+        (record, 'position.piston'),
+        (ms.open_run(foreign(tmp_path / 'other.mcap', True)), 'position.rod'),
+    ):
+        assert run.columns(name, t) == run.columns([name], t)
+    cycle = ms.cycle('slider_crank', samples=4, points='rod.end')
+    assert [*cycle.at(t, 'position.rod.end.x')] == ['position.rod.end.x']
+    machine = ms.load_scene('slider_crank', 'drive.speed=60 rpm')
+    assert [*ms.simulate(machine, duration=0.1, derivatives='drive.speed').derivatives] == [
+        'drive.speed'
+    ]
+    sweep = {'revolutions': 1, 'grid': {'drive.speed': ['60 rpm']}}
+    measure = 'top = highest(velocity.piston)'
+    assert 'top' in ms.sweep(sweep, scene=machine, measures=measure)
+    assert ms.report(record.piece, tmp_path / 'run.html', measures=measure).is_file()
+    found = ms.ensemble(machine, {'drive.speed': [6.0]}, revolutions=1, columns='impacts')
+    assert 'impacts' in found
+
+
 @pytest.mark.parametrize('again', [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy])
 def test_machines_and_runs_come_back_from_a_pickle(tmp_path, again):
     """As `multiprocessing`, joblib and Dask hand them on; what was compiled is made again."""
