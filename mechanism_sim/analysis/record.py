@@ -33,6 +33,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
+from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.turns import turns_at
@@ -260,7 +261,7 @@ class Record(Revolutions):
         return max(begin, self.start), min(finish, self.end)
 
     def columns(
-        self, names: Sequence[str], t: Array | None = None, *, turns: Array | None = None
+        self, names: str | Sequence[str], t: Array | None = None, *, turns: Array | None = None
     ) -> Table:
         """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
         if (t is None) == (turns is None):
@@ -274,7 +275,7 @@ class Record(Revolutions):
                 )
             t = self.times_at(turns)
         assert t is not None  # noqa: S101 - one of both is given
-        return self.piece.sample(t, 't', *names)
+        return self.piece.sample(t, 't', *flat(names))
 
     @cached_property
     def audited(self) -> Audit:

@@ -36,6 +36,7 @@ from mechanism_sim import strict_json
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.joints.contact_keys import Clearance, WearPart
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
 from mechanism_sim.results.bearing_wear import (
     LOAD_WAY,
@@ -208,7 +209,7 @@ def life(
     until: str = '',
     *,
     cycles: float = 1e7,
-    measures: Sequence[str] = (),
+    measures: str | Sequence[str] = (),
     table: str | Path | None = None,
     restart: bool = False,
     bags: str | Path | None = None,
@@ -243,7 +244,7 @@ def life(
     plan = LifePlan(cycles=float(cycles), **how)
     worn = _worn_bearings(machine, plan)
     ends = Until.read(until) if until else None
-    asked = _asked(machine, worn, measures, ends)
+    asked = _asked(machine, worn, listed(measures), ends)
     content = machine.scene.to_document()
     print_of = strict_json.dumps([content, asked, plan.revolutions, plan.skip])
     with _kept(table, sha256(print_of.encode()).hexdigest(), restart) as rows:
