@@ -32,7 +32,7 @@ def plot(run: Any, *names: Any, **how: Any) -> Any:
 
 
 def report() -> Plot:
-    """What writes the page of a run, `mechanism_sim.pages.writing.report`."""
+    """Function that writes the page of a run, `mechanism_sim.pages.writing.report`."""
     return _finders['report']()
 
 
