@@ -1,11 +1,11 @@
 """Tables in text files: columns by name with the units of their headings, or one sentence.
 
 The only reader of comma-separated values. Commas, semicolons and tabs separate, or spaces where
-every line has some and the first none of these; lines that begin with ``#`` are comments; a
-heading may have its unit in brackets, as ``angle [deg]``, or below it, in a line without numbers
-that stands above numbers. A file without headings has the columns ``1``, ``2`` and so on. Where
-commas separate nothing and no number has a point, they are decimal ones, unless all of them might
-stand before thousands.
+every line has some and the first none of these, or what a first line ``sep=;`` says; lines that
+begin with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``, after a
+slash, as ``angle / deg``, or below it, in a line without numbers that stands above numbers. A file
+without headings has the columns ``1``, ``2`` and so on. Where cells have commas and no number has
+a point, they are decimal ones, unless all of them might stand before thousands.
 """
 
 from __future__ import annotations
@@ -30,6 +30,9 @@ LARGEST, MOST = 1 << 21, 20_000
 _SHOWN = 300  # characters of names in a sentence
 _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', re.IGNORECASE)
 _THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
+_GROUPED = re.compile(r"\s*[-+]?\d{1,3}(?:([., '])\d{3})(?:\1\d{3})*[.,]\d+\s*")
+_SLASHED = re.compile(r'([^\[(]+)\s/\s+[\[(]?(.+?)[\])]?')  # as ISO 80000 has it, and DIN 1313
+_EXCEL = re.compile(r'"?sep=([;,|\t])"?', re.IGNORECASE)
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
 _WITH_UNIT = re.compile(r'(?:[^\s"\[(]+\s*)?[\[(][^\])]*[\])]')
@@ -43,12 +46,14 @@ class CsvTable:
     Attributes
     ----------
     where : begins each sentence about it: file and key that name it, and its own name
+    heading : its first line
     cells : of each column, from the first row on
     units : by column as its heading has it; empty for none
     lines : line of the file that each row is on
     """
 
     where: str
+    heading: str
     cells: Mapping[str, Sequence[str]]
     units: Mapping[str, str]
     lines: Sequence[int]
@@ -79,6 +84,13 @@ class CsvTable:
         ]
         return np.array(found, float).reshape(len(found), len(columns))
 
+    def is_text(self, name: object) -> bool:
+        """True if no cell of a column is meant as a number, however it is written."""
+        return not any(
+            (_is_number(x) or _GROUPED.fullmatch(x)) and x.strip().lower() not in MISSING
+            for x in self.column(name)
+        )
+
     def rising(self, name: object, values: Array) -> None:
         """Refuse numbers of a column that do not rise from row to row."""
         for line, before, value in zip(self.lines[1:], values[:-1], values[1:], strict=True):
@@ -90,9 +102,12 @@ class CsvTable:
 
     def _number(self, cell: str, name: object, line: int) -> float:
         place = f"{self.where}, line {line}: expected a finite number in column '{name}'"
-        if _DECIMAL_COMMA.fullmatch(cell):
+        if _DECIMAL_COMMA.fullmatch(cell) or _GROUPED.fullmatch(cell):
+            whole, point, part = cell.strip().replace(',', '.').rpartition('.')
+            plain = re.sub(r"[. ']", '', whole) + point + part
             raise InputError(
-                f'{place}, got {quoted(cell)}: write {cell.replace(",", ".").strip()}'
+                f'{place}, got {quoted(cell)}: write {plain}, decimal signs alike in all of the '
+                'table and none before thousands'
             )
         try:
             value = float(cell)
@@ -112,7 +127,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     larger : how many times as large it may be as `LARGEST` and `MOST`
     """
     where, most = f"{where}: '{path.name}'", larger * MOST
-    rows = _rows(path, where, larger * LARGEST)
+    heading, rows = _rows(path, where, larger * LARGEST)
     if len(rows) - 1 > most:
         raise InputError(
             f'{where} has {len(rows) - 1} points: allowed are {most}; take every '
@@ -121,8 +136,8 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     if all(map(_is_number, rows[0][1])):
         names, units = [str(i + 1) for i in range(len(rows[0][1]))], [''] * len(rows[0][1])
     else:
-        parts = [cell.removeprefix("'").replace('(', '[').partition('[') for cell in rows[0][1]]
-        names, units = [p[0].strip() for p in parts], [p[2].strip(' ])') for p in parts]
+        parts = [_name_and_unit(cell.removeprefix("'").strip()) for cell in rows[0][1]]
+        names, units = [name for name, _ in parts], [unit for _, unit in parts]
         rows = rows[1:]
         if not any(units) and _are_units([row for _, row in rows[:2]]):
             units = [x.strip(' []()') for x in rows[0][1]] + [''] * (len(names) - len(rows[0][1]))
@@ -141,20 +156,32 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     missing = [''] * len(names)  # cells of shorter rows
     columns = zip(*((row + missing)[: len(names)] for _, row in rows), strict=True)
     cells = dict(zip(names, columns if rows else missing, strict=True))
-    return CsvTable(where, cells, dict(zip(names, units, strict=True)), [n for n, _ in rows])
+    units_of = dict(zip(names, units, strict=True))
+    return CsvTable(where, heading, cells, units_of, [n for n, _ in rows])
 
 
-def _rows(path: Path, where: str, largest: int) -> list[tuple[int, list[str]]]:
-    """Line number and cells of each line with text, at least one."""
+def _name_and_unit(heading: str) -> tuple[str, str]:
+    """Of a column; the unit is empty where the heading has none."""
+    if found := _SLASHED.fullmatch(heading):
+        return found[1].strip(), found[2].strip()
+    name, _, unit = heading.replace('(', '[').partition('[')
+    return name.strip(), unit.strip(' ])')
+
+
+def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, list[str]]]]:
+    """The first line with text, and line number and cells of each; at least one."""
     try:
         data = documents.bytes_of(path, largest)
         if len(data) > largest:
             raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
         lines = _text(data).splitlines()
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
+        told = _EXCEL.fullmatch(lines[kept[0]])
+        kept = kept[1:] if told else kept
         first, texts = lines[kept[0]], [lines[n] for n in kept]
-        mark = next(s for s in _SEPARATORS if s in first or s == _SEPARATORS[-1])
-        if mark not in first and all(' ' in line.strip() for line in texts):
+        known = told[1] if told else _SEPARATORS
+        mark = next(s for s in known if s in first or s == known[-1])
+        if mark not in first and not told and all(' ' in line.strip() for line in texts):
             # of headings a name and its unit are one cell
             mark, texts = ' ', [_WITH_UNIT.sub(r'"\g<0>"', line.strip()) for line in texts]
         reader = csv.reader(texts, delimiter=mark, skipinitialspace=True)
@@ -168,12 +195,14 @@ def _rows(path: Path, where: str, largest: int) -> list[tuple[int, list[str]]]:
     except (OSError, csv.Error, ValueError, IndexError) as error:
         reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'
         raise InputError(f'{where} cannot be read: {reason}') from error
-    if mark != ',' and _commas_are_decimal([cell for _, row in rows for cell in row]):
+    # within quotes beside other commas they may part a list: in rows of numbers only they do not
+    maybe = mark != ',' or all(map(_is_number, rows[-1][1]))
+    if maybe and _commas_are_decimal([cell for _, row in rows for cell in row]):
         rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
     # a separator after the last cell, as some programs write it, makes no column
     if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
         rows = [(n, row[:-1]) for n, row in rows]
-    return rows
+    return first.strip(), rows
 
 
 def _text(data: bytes) -> str:

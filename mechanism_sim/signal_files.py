@@ -1,8 +1,8 @@
 """Measured signals in files: instants, values and unit of a channel.
 
 =========  ==================================================================================
-``.csv``   a column of time (``t``, ``time``) and channels, with units in brackets; cells that are
-           empty or not numbers are samples that are missing
+``.csv``   a column of time (``t``, ``time``) and channels, with units in brackets or after a
+           slash; cells that are empty or not numbers are samples that are missing
 ``.wav``   channels ``1``, ``2``; whole numbers are parts of the full scale, which must be given
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
@@ -16,6 +16,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings, simplefilter
@@ -24,8 +25,9 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import read_csv
-from mechanism_sim.errors import InputError, check_known
+from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
+from mechanism_sim.terminal import print_notice
 from mechanism_sim.units import to_si
 
 _LARGER = 128  # as tables of scenes
@@ -135,6 +137,15 @@ def is_signal_file(path: Path | str) -> bool:
     return Path(path).suffix.lower() in READERS
 
 
+def refuse_signals(path: Path | str, kind: str) -> None:
+    """Refuse a file of signals where another `kind` is wanted."""
+    if is_signal_file(path) and Path(path).is_file():
+        raise InputError(
+            f"'{path}' is a file of signals, not a {kind}: 'mechanism-sim analyze' and "
+            "'mechanism-sim plot' read it"
+        )
+
+
 def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
     """The channel without samples that are missing; InputError if its times do not rise."""
     t, y = (np.asarray(x, dtype=float).ravel() for x in (channel.times, channel.values))
@@ -153,7 +164,12 @@ def _csv(path: Path) -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
     time = next((c for c in table.cells if c.lower() in _TIMES), None)
     if time is None:
-        raise InputError(f"{table.where} has no column of time: name one 't [s]'")
+        raise InputError(
+            f"{table.where} has no column of time: name one 't [s]'; its first line is "
+            f'{quoted(table.heading)}'
+        )
+    if not table.units[time]:
+        _assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
     try:
         seconds = to_si(f'1 {table.units[time] or "s"}', 's')
     except ValueError as error:
@@ -161,9 +177,15 @@ def _csv(path: Path) -> list[ChannelSamples]:
     t = seconds * table.numbers(time)[:, 0]
     return [
         ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], table.units[name])
-        for name, cells in table.cells.items()
-        if name != time and any(np.isfinite(_number(x)) for x in cells)  # others are labels
+        for name in table.cells
+        if name != time and not table.is_text(name)  # but labels
     ]
+
+
+@cache
+def _assume(what: str) -> None:
+    """Tell an assumption, once."""
+    print_notice(what)
 
 
 def _number(cell: str) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim import output
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed, spared
 
 ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
@@ -92,9 +92,12 @@ class Table(dict[str, NDArray[Any]]):
         note = f', {more} of them not shown' if more else ''
         return f'<table>{"".join(lines)}</table><p>{rows} rows, {len(self)} columns{note}</p>'
 
-    def to_frame(self) -> Any:
-        """A data frame of pandas, or of polars where only that is installed."""
-        return self.to_polars() if find_spec('pandas') is None else self.to_pandas()
+    def to_frame(self, library: str | None = None) -> Any:
+        """A data frame of ``'pandas'`` or ``'polars'``; unless told of that which is installed."""
+        makers = {'pandas': self.to_pandas, 'polars': self.to_polars}
+        chosen = library or ('polars' if find_spec('pandas') is None else 'pandas')
+        check_known(chosen, makers, f'library is {quoted(chosen)}', 'there are:')
+        return makers[chosen]()
 
     def to_pandas(self) -> Any:
         """A `pandas.DataFrame`; its ``attrs['units']`` are the units."""

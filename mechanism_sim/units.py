@@ -148,6 +148,8 @@ _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
 _OPERATION = re.compile(r'\*|/\d')
 """As of ``0.5*bar_rate`` and ``7/41``, which no unit begins with."""
 
+_GRADE = re.compile(r'\s*(ISO[\s-]*)?(VG|SAE)', re.IGNORECASE)
+
 _COMMA = re.compile(r'\s*[-+]?[\d.]*\d?,\d[\d.,]*')
 _ROTATION = 'rad/s', 'rad/s^2', 'rad/s^3'
 """Wanted units whose angle has to be written: ``1/s`` may be a radian or a revolution a second."""
@@ -553,6 +555,11 @@ def _parsed(value: str, unit: str, hint: str) -> float:
         raise ValueError(f'is longer than {_LONGEST} characters: {hint}')
     _refuse_comma(value, hint)
     match = _NUMBER.fullmatch(value)
+    if unit == 'Pa s' and _GRADE.match(value):
+        raise ValueError(
+            'is a grade of oil, not its viscosity (an ISO VG is kinematic, in mm^2/s at 40 deg C: '
+            f'multiply it by the density): {hint}'
+        )
     if not match:
         raise ValueError(f'is not a number{" with a unit" if unit else ""}: {hint}')
     number, given = match[1], match[2].strip()
@@ -625,6 +632,10 @@ def _mixed(unit: str, angular: bool, hertz: bool) -> bool:
 
 def _other(given: str, unit: str, hint: str, fits: bool) -> str:
     said = ' (it may mean rev/s or rad/s)' if fits and unit == 'rad/s' else ''
+    if unit == 'Pa s' and not fits:
+        with suppress(ValueError):
+            _converted('1', _respelled(given), given, 'm^2/s', '')
+            said = ' (it is one of kinematic viscosity: multiply by the density)'
     weight = _KILOGRAM.sub('kgf', _respelled(given))
     if not fits and weight != _respelled(given):
         with suppress(ValueError):

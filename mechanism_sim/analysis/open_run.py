@@ -25,7 +25,7 @@ from mechanism_sim.analysis.series import (
     recorded,
 )
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, check_known, nearest
+from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.messages.units import units_of
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.recording.inventory import scene_text
@@ -34,7 +34,8 @@ from mechanism_sim.recording.runs import BAG_ENDINGS
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece, seconds_of
-from mechanism_sim.signal_files import read_signals
+from mechanism_sim.scene import Machine
+from mechanism_sim.signal_files import read_signals, refuse_signals
 from mechanism_sim.tables import Table
 from ros_interfaces.definitions import MessageError, field_descriptions
 
@@ -79,7 +80,12 @@ class MessageRun:
         """Names of all that can be asked for."""
         return [name for name, _ in self.listed()]
 
-    def columns(self, names: Sequence[str], t: Array) -> Table:
+    @property
+    def usual(self) -> list[str]:
+        """Names for an overview: joint states, if there are any."""
+        return [*self.series] or self.names()
+
+    def columns(self, names: str | Sequence[str], t: Array) -> Table:
         """Quantities at times (N,) [s] within the recording, between its instants interpolated.
 
         Positions of joints with the recorded velocities, by cubic Hermite polynomials; all else
@@ -94,7 +100,7 @@ class MessageRun:
             columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
 
-    def find(self, given: Iterable[str | Sequence[str]]) -> list[Series]:
+    def find(self, given: str | Iterable[str | Sequence[str]]) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
         names = [*flat(given)]
         paths = {name: p for name in names if (p := path_in(self._bag, name, self._namespace))}
@@ -149,12 +155,18 @@ def open_run(
         return Record(source.machine, source.solution, {})
     if isinstance(source, Piece):
         return Record(source.machine, source, {})
-    bag = source if isinstance(source, Bag) else read_bag(source)
-    if scene_text(bag, namespace) is not None:
-        return read_record(bag, namespace)
-    run = MessageRun(bag)
+    if isinstance(source, Machine):
+        raise InputError(f'{source.name} is a machine that has not run yet: simulate it first')
+    if not isinstance(source, Bag | Path | str):
+        raise InputError(f'{quoted(source)} is not a run: expected a solution, a cycle or a bag')
+    if not isinstance(source, Bag):
+        refuse_signals(source, 'run')
+        source = read_bag(source)
+    if scene_text(source, namespace) is not None:
+        return read_record(source, namespace)
+    run = MessageRun(source)
     if not run.names():
-        raise InputError(f'{bag.path} holds neither a scene nor a number: {bag.contents()}')
+        raise InputError(f'{source.path} holds neither a scene nor a number: {source.contents()}')
     return run
 
 
@@ -337,7 +349,7 @@ class AskedSignals:
     """Answers about a file of measured signals, as `Asked` gives them about a run."""
 
     def __init__(self, path: Path | str, full_scale: str = '') -> None:
-        self._path, self._channels = path, read_signals(path, full_scale)
+        self.path, self._channels = Path(path), read_signals(path, full_scale)
 
     def series(
         self, names: Sequence[str], start: float | None = None, end: float | None = None
@@ -345,7 +357,7 @@ class AskedSignals:
         """Series of these channels, in their order, from `start` to `end` [s]."""
         found = []
         for name in names:
-            check_known(name, self._channels, f"{self._path} has no channel '{name}'", 'it has:')
+            check_known(name, self._channels, f"{self.path} has no channel '{name}'", 'it has:')
             c = self._channels[name]
             found.append(Series(name, c.unit, c.times, c.values).within(start, end))
         if not any(len(s.t) for s in found):
@@ -355,6 +367,11 @@ class AskedSignals:
     def recorded(self, name: str) -> Series:
         """Values of a channel, all of them."""
         return self.series([name])[0]
+
+    @property
+    def usual(self) -> list[str]:
+        """Names of all channels."""
+        return [*self._channels]
 
     def names(self) -> Iterator[Name]:
         """All channels."""

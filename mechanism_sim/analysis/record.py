@@ -24,6 +24,7 @@ from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.events import Impact, Mode, ModeChange
+from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, row_names
@@ -31,6 +32,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
+from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.quantity import Quantity
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.turns import turns_at
@@ -77,7 +79,7 @@ _BLOCK = 8192  # instants at once
 
 
 @dataclass(frozen=True, eq=False)
-class Revolutions:
+class Revolutions(Rich):
     """A run, and where its main drive is when.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
@@ -235,6 +237,9 @@ class Record(Revolutions):
     complete: bool = True
     whole: Motion | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), 'audit': None}  # `audited` makes it again
+
     def __repr__(self) -> str:
         return f'<Record of {self.machine.name}: {self.piece!r}>'
 
@@ -255,7 +260,7 @@ class Record(Revolutions):
         return max(begin, self.start), min(finish, self.end)
 
     def columns(
-        self, names: Sequence[str], t: Array | None = None, *, turns: Array | None = None
+        self, names: str | Sequence[str], t: Array | None = None, *, turns: Array | None = None
     ) -> Table:
         """Quantities by name (see `Piece.sample`) at times (N,) [s], or by turns of the drive."""
         if (t is None) == (turns is None):
@@ -269,7 +274,7 @@ class Record(Revolutions):
                 )
             t = self.times_at(turns)
         assert t is not None  # noqa: S101 - one of both is given
-        return self.piece.sample(t, 't', *names)
+        return self.piece.sample(t, 't', *flat(names))
 
     @cached_property
     def audited(self) -> Audit:

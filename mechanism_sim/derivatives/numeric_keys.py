@@ -18,6 +18,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.keys.names import listed
 from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, content_of
@@ -83,13 +84,11 @@ class NumericKey:
         return found
 
 
-def numeric_keys(machine: Machine, paths: Sequence[str]) -> list[NumericKey]:
+def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKey]:
     """The numbers of a scene by their paths; InputError if one is none."""
-    if isinstance(paths, str):
-        raise InputError(f"derivatives: give a list of paths, as ['{paths}']")
     leaves = dict(_leaves(machine.scene.to_document(exclude=_SILENT)))
     found = []
-    for path in dict.fromkeys(paths):
+    for path in dict.fromkeys(listed(paths)):
         given = path in leaves
         value, unit = _quantity(leaves[path]) if given else _at_start(machine, path, leaves)
         if not _is_number(value) or isinstance(value, int):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from pkgutil import resolve_name
 from typing import Any
 
@@ -33,9 +34,10 @@ def plot(run: Any, *names: Any, **how: Any) -> Any:
     return _call('plot', run, *names, **how)
 
 
-def report(*sources: Any, **how: Any) -> Any:
-    """Write the page of a run; see `mechanism_sim.pages.writing.report`."""
-    return _call('report', *sources, **how)
+def report() -> Callable[..., Any]:
+    """Function that writes the page of a run, `mechanism_sim.pages.writing.report`."""
+    found: Callable[..., Any] = resolve_name(_places['report'])
+    return found
 
 
 def progress(label: str, total: float) -> Callable[..., None] | None:
@@ -45,7 +47,14 @@ def progress(label: str, total: float) -> Callable[..., None] | None:
 
 
 class Rich:
-    """A table and a picture of an object for notebooks (`mechanism_sim.report.rich`)."""
+    """A dataclass that notebooks show (`mechanism_sim.report.rich`) and pickles hold.
+
+    A pickle or a copy has its fields only; what follows from them is made again when asked for:
+    compiled equations stay in their process.
+    """
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {f.name: vars(self)[f.name] for f in fields(self)}  # type: ignore[arg-type]
 
     def _repr_html_(self) -> str | None:
         """HTML, a few tens of kilobytes; none where no room is known that makes it."""

@@ -169,9 +169,9 @@ def life_page(found: Life, say: Say | None = None) -> str:
         record = Record(machine, run, {}).between(skip * machine.drive.period, run.duration)
         heights = [1e3 * float(x) for x in stage.clearance]
         members.append(Member(f'{stage.cycles:.3g}', record, (stage.cycles, heights)))
-    wear, profiles = lives.charts(found, found.machine.scene.title)
+    charts = lives.charts(found, found.machine.scene.title)
     end = '' if math.isnan(found.cycles) else f' The life ends after {found.cycles:.4g} cycles.'
     text = f'Choose a stage, or cycles with the slider.{end}'
-    parts = [ChartSection('life', 'Wear', text, (wear, profiles))]
+    parts = [ChartSection('life', 'Wear', text, tuple(c for c in charts if c.panels))]
     loads = [f'normal_force.{joint}' for joint in found.joints]
     return family_page('cycles', members, [*loads, *found.machine.scene.sensors], parts)

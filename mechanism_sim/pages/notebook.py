@@ -9,6 +9,7 @@ from typing import Any
 from mechanism_sim.analysis.open_run import is_run
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import listed
 from mechanism_sim.pages import report
 from mechanism_sim.pages.charts import sections
 from mechanism_sim.pages.families import Member, family_page
@@ -113,7 +114,7 @@ def explore(
     if not len(values):
         raise InputError(f'explore: {path}: no values are given')
     members = []
-    for value in values:
+    for value in listed(values):
         machine = load_scene(scene, {**(overrides or {}), path: value})
         solution = simulate(machine, revolutions=revolutions, duration=duration)
         members.append(Member(str(value), Record(machine, solution, {})))

@@ -32,7 +32,7 @@ def report(
     file: str | Path | None = None,
     *,
     other: Source | Piece | Cycle | Bag | Sequence[Source | Piece | Cycle | Bag] | None = None,
-    measures: Sequence[str] = (),
+    measures: str | Sequence[str] = (),
     start: float | str | None = None,
     skip: int = 0,
     revolutions: float | None = None,

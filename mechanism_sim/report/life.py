@@ -43,11 +43,12 @@ def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
 
 def _said(found: Life) -> str:
     runs = f'{counted(found.runs, "run")} of {counted(found.plan.revolutions, "turn")}'
-    if found.note:
+    if found.low < found.plan.cycles and found.note:
         return f'it cannot be computed: {found.note}'
     if math.isnan(found.cycles):
         reached = f', and {found.until} is not reached' if found.until else ''
-        return f'{found.plan.cycles:.6g} cycles are over{reached}; {runs}'
+        because = f': {found.note}' if found.note else ''
+        return f'{found.plan.cycles:.6g} cycles are over{reached}{because}; {runs}'
     return (
         f'{found.until} after {found.cycles:.4g} cycles, between {found.low:.4g} and '
         f'{found.high:.4g}; {runs}'

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechanism_sim.analysis.open_run import Asked
+from mechanism_sim.analysis.open_run import Asked, AskedSignals
 from mechanism_sim.analysis.series import Series, drawn
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import numbers
@@ -74,17 +74,17 @@ def plot(
 
 
 def plot_recorded(
-    asked: Asked,
+    asked: Asked | AskedSignals,
     *names: str | Sequence[str],
     against: str = 'time',
     start: float | None = None,
     end: float | None = None,
 ) -> Picture:
-    """Plot numbers of a bag of another program, as `plot`; joint states if none is named."""
-    run = asked.messages
+    """Plot numbers of a bag of another program or of a file of signals, as `plot`."""
+    run = asked if isinstance(asked, AskedSignals) else asked.messages
     assert run is not None  # noqa: S101 - of other bags there is a run
-    series = asked.series([*flat(names)] or [*run.series] or run.names(), start, end)
-    given = None if against == 'time' else run.one(against)
+    series = asked.series([*flat(names)] or run.usual, start, end)
+    given = None if against == 'time' else asked.recorded(against)
     return draw(
         chart(series, run.path.name, against_recorded(given, series) if given else OVER_TIME)
     )

@@ -23,12 +23,14 @@ _LARGEST = 60_000  # bytes of a picture
 
 
 def html(shown: Any) -> str:
-    """HTML of a machine, a solution or a part of one, or a cycle; some tens of kilobytes."""
+    """HTML of a machine, a run or a part of one, or a cycle; some tens of kilobytes."""
     if isinstance(shown, Cycle):
         return _page(repr(shown), _drawing(shown.machine), cycle.extremes(shown))
     if isinstance(shown, Piece):
         rows = facts(Record(shown.machine, shown, {})) if len(shown.motion) else ()
         return _page(repr(shown), _plot(shown), Section(rows=rows))
+    if isinstance(shown, Record):
+        return _page(repr(shown), _plot(shown.piece), Section(rows=facts(shown)))
     if isinstance(shown, Machine):
         return _page(f'{shown.name}: {shown.scene.title}', _drawing(shown), _machine(shown))
     return f'<pre>{escape(repr(shown))}</pre>'

@@ -62,7 +62,7 @@ class FilmParts(NamedTuple):
 
     lens: str | None = ''
     forces: bool = False
-    paths: Sequence[str] = ()
+    paths: str | Sequence[str] = ()
     labels: str = 'none'
 
 

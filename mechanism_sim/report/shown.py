@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.analysis.open_run import Asked, is_run
+from mechanism_sim.analysis.open_run import Asked, AskedSignals, is_run
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.report import drawing, figures, lines
@@ -17,6 +17,7 @@ from mechanism_sim.results.cycle import Cycle, instant
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.signal_files import is_signal_file
 from mechanism_sim.units import argument
 
 
@@ -56,11 +57,14 @@ def plot(
 
     Parameters
     ----------
-    source : all that `load_scene` takes, or a solution, a cycle, a bag or its path
+    source : all that `load_scene` takes, or a solution, a cycle, a bag, or the path of one
+        or of a file of signals
     names : of quantities, one by one or in lists; without any an overview
     revolutions, duration : length of the run of a scene
     how : ``against``, ``start``, ``end`` as `mechanism_sim.report.lines.plot` has them
     """
+    if isinstance(source, str | Path) and is_signal_file(source):
+        return lines.plot_recorded(AskedSignals(source), *names, **how)
     if not is_run(source):
         return lines.plot(simulate(source, revolutions, duration), *names, **how)  # type: ignore[arg-type]
     if isinstance(source, Piece | Cycle):

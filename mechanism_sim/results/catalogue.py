@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.keys.names import listed
 from mechanism_sim.results.quantities.contacts import (
     of_contacts,
     of_force_elements,
@@ -39,9 +40,9 @@ SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
 TIME = Quantity('t', 's', 'time', '', lambda view: view.t, counted=True)
 
 
-def flat(names: Iterable[str | Sequence[str]]) -> Iterator[str]:
+def flat(names: str | Iterable[str | Sequence[str]]) -> Iterator[str]:
     """Names that are given one by one or in lists."""
-    for name in names:
+    for name in listed(names):
         if isinstance(name, str):
             yield name
         elif isinstance(name, list | tuple):
@@ -95,7 +96,7 @@ class Catalogue(Mapping[str, Quantity]):
         shown = max((self._known[known].shown for known in below), default=Shown.ASKED)
         return [known for known in below if self._known[known].shown == shown]
 
-    def choose(self, names: Iterable[str | Sequence[str]]) -> list[str]:
+    def choose(self, names: str | Iterable[str | Sequence[str]]) -> list[str]:
         """Names of the quantities that are asked for; ``position`` means all that begin so."""
         found: dict[str, None] = {}
         for name in flat(names):

@@ -21,6 +21,7 @@ from mechanism_sim.engine import plotting
 from mechanism_sim.engine.peak_shapes import PeakShape, peak_shape
 from mechanism_sim.engine.physics import each_instant
 from mechanism_sim.errors import InputError
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
@@ -130,7 +131,7 @@ class Cycle(plotting.Rich):
         known, columns = catalogue(self.machine), self.at(self.t, self.names)
         return Table(columns, {name: known[name].unit for name in columns})
 
-    def at(self, t: Array, names: Sequence[str] | None = None) -> dict[str, Array]:
+    def at(self, t: Array, names: str | Sequence[str] | None = None) -> dict[str, Array]:
         """Columns at any instants (K,) of the cycle.
 
         Where forces in joints have no limit they are NaN. What the frame gets from all of them
@@ -140,7 +141,7 @@ class Cycle(plotting.Rich):
         ----------
         names : of quantities of the machine; without any those of its table
         """
-        names = self.names if names is None else names
+        names = self.names if names is None else listed(names)
         if self.static and (of_motion := [name for name in names if name in _OF_MOTION]):
             raise InputError(
                 f"{self.machine.name}: '{of_motion[0]}' is a quantity of the motion, which "
@@ -328,7 +329,7 @@ def cycle(
     start: float | str | None = None,
     periods: int | None = None,
     duration: float | str | None = None,
-    points: Sequence[str] = (),
+    points: str | Sequence[str] = (),
     local: bool = False,
     static: bool = False,
 ) -> Cycle:
@@ -422,7 +423,7 @@ def instant(
     angle: float | str | None = None,
     t: float | str | None = None,
     duration: float | str | None = None,
-    points: Sequence[str] = (),
+    points: str | Sequence[str] = (),
     still: bool = False,
 ) -> tuple[Cycle, float]:
     """A cycle, and the instant in it when the drive is at an angle, or the clock at a time.

@@ -369,7 +369,7 @@ class AskedDerivatives:
     """
 
     def __init__(
-        self, machine: Machine, paths: Sequence[str], end: float, resume: Snapshot | None
+        self, machine: Machine, paths: str | Sequence[str], end: float, resume: Snapshot | None
     ) -> None:
         if resume is not None:
             raise InputError(

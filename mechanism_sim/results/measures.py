@@ -22,6 +22,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact, Mode
 from mechanism_sim.errors import InputError, check_known, nearest
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue
@@ -69,17 +70,17 @@ class Measurement:
     def __init__(
         self,
         machine: Machine,
-        measures: dict[str, str] | Sequence[str] | Sequence[Measure],
+        measures: dict[str, str] | str | Sequence[str] | Sequence[Measure],
         since: float = 0.0,
         until: float = math.inf,
         where: str = 'measures',
         static: bool = False,
     ) -> None:
-        given = list(measures) if not isinstance(measures, dict) else measures
+        given = measures if isinstance(measures, dict) else listed(measures)
         self.measures: list[Measure] = (
-            given  # type: ignore[assignment]
+            given
             if isinstance(given, list) and all(isinstance(m, Measure) for m in given)
-            else read_all(given, where)  # type: ignore[arg-type]
+            else read_all(given, where)
         )
         self._machine = machine
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))

@@ -153,8 +153,13 @@ class Piece(Rich):
         one = known.table(chosen, self.view(float(self.motion.curve.start[0])))
         return Table({name: x[:0] for name, x in one.items()}, one.units)
 
-    def to_frame(self, *names: str | Sequence[str], rate: float | str | None = None) -> Any:
-        """A data frame of `sample`, evenly over the motion: of pandas, else of polars.
+    def to_frame(
+        self,
+        *names: str | Sequence[str],
+        rate: float | str | None = None,
+        library: str | None = None,
+    ) -> Any:
+        """A data frame of `sample`, evenly over the motion.
 
         >>> import mechanism_sim as ms
         >>> solution = ms.simulate('slider_crank', duration='0.1 s')
@@ -166,6 +171,7 @@ class Piece(Rich):
         ----------
         names : as for `sample`
         rate : samples a second; 1000 in all if not given
+        library : as `Table.to_frame` has it
         """
         first, last = float(self.motion.curve.start[0]), self.motion.curve.end
         rate, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
@@ -175,7 +181,7 @@ class Piece(Rich):
             count = int((last - first) * rate * (1.0 + 1e-12)) + 1
             t = np.minimum(first + np.arange(count) / rate, last)
         found = self.sample(t, *names)
-        return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame()
+        return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame(library)
 
     def plot(self, *names: str | Sequence[str], **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.

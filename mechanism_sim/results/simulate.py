@@ -196,7 +196,7 @@ def simulate(
     duration: float | str | None = None,
     progress: Progress | None = None,
     resume: Snapshot | None = None,
-    derivatives: Sequence[str] = (),
+    derivatives: str | Sequence[str] = (),
 ) -> Solution:
     """Run a machine and keep all of its motion.
 

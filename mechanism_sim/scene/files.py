@@ -21,6 +21,7 @@ from mechanism_sim.scene.four_bar import FourBarScene, expanded
 from mechanism_sim.scene.problems import sentence
 from mechanism_sim.scene.schema import AnyScene, Scene
 from mechanism_sim.scene.table_keys import with_files
+from mechanism_sim.signal_files import refuse_signals
 from mechanism_sim.units import plain
 
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
@@ -108,6 +109,7 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     except (OSError, ValueError):  # longer than the file system allows, or with a null character
         is_file = is_other = False
     if is_file:
+        refuse_signals(path, kind)
         return path
     known = sorted(path.stem for path in folder.glob('*.yaml'))
     if is_other and name not in known:  # a pipe

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.names import SceneError
+from mechanism_sim.keys.names import SceneError, listed
 from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.build import build
@@ -33,7 +33,7 @@ _MOMENT = 1e-6  # [s] of which no more than the start is looked at
 
 
 def load_scene(
-    source: Source, overrides: Mapping[str, Any] | Iterable[str] = (), name: str = 'scene'
+    source: Source, overrides: Mapping[str, Any] | str | Iterable[str] = (), name: str = 'scene'
 ) -> Machine:
     """A scene ready to run: one of the package by name, or your own, in whatever form it is.
 
@@ -59,7 +59,7 @@ def load_scene(
         if not overrides:
             return source
         source, name = source.scene, source.name
-    overrides = overrides if isinstance(overrides, Mapping) else [*overrides]
+    overrides = overrides if isinstance(overrides, Mapping) else listed(overrides)
     given = content_of(source, name, overrides)
     content = overridden(given.file, given.data, overrides, given.folder)
     questions = tuple(length_questions(content))

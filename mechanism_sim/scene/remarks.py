@@ -35,6 +35,8 @@ _PLAYS = 'lift_off', 'groove', 'backlash'
 """Radial clearance [m], and over the size of the machine."""
 _GRAVITY = 1.0, 30.0
 """[m/s^2] between that of the moon and that of Jupiter."""
+_THICKEST = 10.0
+"""[Pa s] of oil: as honey; ISO VG 3200, the thickest grade of ISO 3448, has 2.9 at 40 deg C."""
 _FASTEST = 3e4
 """[rad/s]: turbochargers."""
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
@@ -49,6 +51,7 @@ def doubts(machine: Machine) -> list[str]:
         *_inertias(machine),
         *_masses(machine),
         *_plays(machine),
+        *_oils(machine),
         *_others(machine),
     ]
 
@@ -157,6 +160,15 @@ def _plays(machine: Machine) -> Iterator[str]:
             between = f'{other} makes a play of {_length(2.0 * radial)}'
             said = between if other else f'clearance.radial = {_length(radial)}'
             yield (f'joints.{joint}.{said} in a machine of {_length(size)}: is the unit right?')
+
+
+def _oils(machine: Machine) -> Iterator[str]:
+    for joint, play in machine.plan.clearances.items():
+        if play.contact and (play.contact.viscosity or 0.0) > _THICKEST:
+            yield (
+                f'joints.{joint}.clearance.contact.viscosity = {play.contact.viscosity:g} Pa s is '
+                'that of honey or more, those of oils are given in mPa s: is the unit right?'
+            )
 
 
 def _others(machine: Machine) -> Iterator[str]:

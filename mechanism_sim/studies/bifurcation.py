@@ -21,6 +21,7 @@ from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.ranges import check_counts
@@ -167,7 +168,7 @@ class Bifurcation:
 def bifurcation(
     scene: Source,
     vary: Mapping[str, tuple[Any, Any, int]],
-    of: Sequence[str] = (),
+    of: str | Sequence[str] = (),
     *,
     at_impacts: str | None = None,
     starts: bool = False,
@@ -195,7 +196,7 @@ def bifurcation(
     if len(vary) != 1:
         raise InputError(f'bifurcation: one key is varied, not {len(vary)}; `basins` takes two')
     ((parameter, values, written),) = varied(machine, vary)
-    plan, units, words = section(machine, of, at_impacts, when)
+    plan, units, words = section(machine, listed(of), at_impacts, when)
     path = parameter.path
     content = machine.scene.to_document()
     changes = [{path: value} for value in values]

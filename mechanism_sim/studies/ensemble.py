@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.errors import InputError, check_known
+from mechanism_sim.keys.names import listed
 from mechanism_sim.results.run import Solution
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.plan import SweepPlan, measure_name, read_plan
@@ -40,8 +41,8 @@ def ensemble(
     duration: float | str | None = None,
     *,
     skip: float | str = 0,
-    measures: Sequence[str] = (),
-    columns: Sequence[str] | None = None,
+    measures: str | Sequence[str] = (),
+    columns: str | Sequence[str] | None = None,
     keep: bool = False,
     **how: Any,
 ) -> Ensemble:
@@ -115,11 +116,11 @@ def _done(
         return makers.do(tasks, FinishedRows(), show)
 
 
-def _wanted(plan: SweepPlan, columns: Sequence[str] | None) -> frozenset[str] | None:
+def _wanted(plan: SweepPlan, columns: str | Sequence[str] | None) -> frozenset[str] | None:
     """Columns to be computed: those asked for, and measures; all if None."""
     if columns is None:
         return None
-    labels = {*_ALWAYS, *plan.columns}
+    columns, labels = listed(columns), {*_ALWAYS, *plan.columns}
     known = [c.name for c in plan.table([]) if c.name not in labels]
     for name in columns:
         check_known(name, known, f"ensemble: columns: there is no '{name}'", 'columns:')

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.expressions import sides
 from mechanism_sim.results.cycle import cycle, cycle_window
 from mechanism_sim.results.measure_tally import EXACT
@@ -73,9 +74,9 @@ def read_goals(
     subject_to: str | Sequence[str] | None = None,
 ) -> tuple[Goal, ...]:
     """Goals as they are written: ``largest(reaction.pin) = 20 kN``, or one without a value."""
-    wanted = [_wanted(text) for text in _listed(so_that)]
-    extremes = [Goal(text.strip(), LEAST) for text in _listed(minimise)]
-    extremes += [Goal(text.strip(), GREATEST) for text in _listed(maximise)]
+    wanted = [_wanted(text) for text in listed(so_that)]
+    extremes = [Goal(text.strip(), LEAST) for text in listed(minimise)]
+    extremes += [Goal(text.strip(), GREATEST) for text in listed(maximise)]
     if bool(wanted) == bool(extremes):
         raise InputError(
             "give one of --so-that 'MEASURE = VALUE' and --minimise or --maximise MEASURE"
@@ -84,11 +85,7 @@ def read_goals(
         names = [goal.name for goal in goals]
         if len(set(names)) < len(names):
             raise InputError(f'{", ".join(names)}: every measure has one wanted value')
-    return (*wanted, *extremes, *map(_bound, _listed(subject_to)))
-
-
-def _listed(texts: str | Sequence[str] | None) -> list[str]:
-    return [texts] if isinstance(texts, str) else list(texts or ())
+    return (*wanted, *extremes, *map(_bound, listed(subject_to)))
 
 
 def _wanted(text: str) -> Goal:

@@ -36,6 +36,7 @@ from mechanism_sim import strict_json
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError, nearest
 from mechanism_sim.joints.contact_keys import Clearance, WearPart
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
 from mechanism_sim.results.bearing_wear import (
     LOAD_WAY,
@@ -144,7 +145,7 @@ class Life:
     stages : from the new machine on, the last at the end
     units : of the figures of stages
     runs : that were made
-    note : why it could not be followed to the end, if it could not
+    note : why it could not be followed to the end, or why nothing wears
     """
 
     machine: Machine
@@ -208,7 +209,7 @@ def life(
     until: str = '',
     *,
     cycles: float = 1e7,
-    measures: Sequence[str] = (),
+    measures: str | Sequence[str] = (),
     table: str | Path | None = None,
     restart: bool = False,
     bags: str | Path | None = None,
@@ -243,13 +244,13 @@ def life(
     plan = LifePlan(cycles=float(cycles), **how)
     worn = _worn_bearings(machine, plan)
     ends = Until.read(until) if until else None
-    asked = _asked(machine, worn, measures, ends)
+    asked = _asked(machine, worn, listed(measures), ends)
     content = machine.scene.to_document()
     print_of = strict_json.dumps([content, asked, plan.revolutions, plan.skip])
     with _kept(table, sha256(print_of.encode()).hexdigest(), restart) as rows:
         runs = _Runs(machine, content, worn, plan, asked, rows, show)
         found = _follow(runs, ends)
-    result = Life(machine, until, plan, *found, runs.units, runs.count, runs.stopped)
+    result = Life(machine, until, plan, *found, runs.units, runs.count, runs.note)
     if bags:
         for k, stage in enumerate(result.stages):
             _record(machine.name, result.scene(stage), Path(bags) / f'stage_{k:02d}.mcap', plan)
@@ -326,7 +327,7 @@ class _Runs:
         self.machine, self.worn, self.plan = machine, worn, plan
         self._content, self._asked, self._rows, self._show = content, asked, rows, show
         self.units = Measurement(machine, read_all(asked, 'life')).units()
-        self.count, self.stopped = 0, ''
+        self.count, self.note = 0, ''
 
     def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
         """Of the machine with these depths."""
@@ -594,10 +595,9 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
     if end and end.past(stages[0]) >= 0.0:
         return 0.0, 0.0, 0.0, tuple(stages)
     fastest, most = _fastest(rates), (1.0 + _FIRST) * size
-    if not fastest.any():
-        raise InputError(
-            f'{runs.machine.name}: nothing wears: no wall of a bearing slides under a force'
-        )
+    if not fastest.any():  # what is not worn in a cycle moves on as it did
+        runs.note = 'no wall of a bearing slides under a force, so that nothing wears'
+        return math.nan, plan.cycles, math.inf, (*stages, replace(stages[0], cycles=plan.cycles))
     step, tries = _FIRST * float((size / np.maximum(fastest, 1e-300)).min()), 0
     # a pin that sinks wears over an arc: more slowly than where the force points at first
     while (_clearances(runs, _moved(runs, depths, rates.depths, 2.0 * step)) <= most).all():
@@ -609,7 +609,7 @@ def _follow(runs: _Runs, until: Until | None) -> tuple[float, float, float, tupl
         try:
             found = _step(runs, now, rates, min(step, left, ahead))
         except RunError as error:  # the machine as it is worn then cannot be run
-            runs.stopped = str(error)
+            runs.note = str(error)
             return math.nan, now.cycles, math.inf, tuple(stages)
         if end and (over := end.past(found.stage)) >= 0.0:
             share = over / (over - end.past(now))

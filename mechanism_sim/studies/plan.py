@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
 from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
 from mechanism_sim.results.measure_text import Measure as OwnMeasure
@@ -189,7 +190,7 @@ class SweepPlan:
 
 def read_plan(
     source: str | Path | Mapping[str, Any],
-    measures: Sequence[str] = (),
+    measures: str | Sequence[str] = (),
     show: Callable[[str], None] | None = None,
     scene: Source | None = None,
     called: str = 'sweep',
@@ -279,9 +280,9 @@ def _content(source: str | Path | Mapping[str, Any], called: str) -> tuple[Path,
     return path, read_yaml(path, 'sweep')
 
 
-def _measures(file: str, sweep: SweepFile, more: Sequence[str]) -> list[OwnMeasure]:
+def _measures(file: str, sweep: SweepFile, more: str | Sequence[str]) -> list[OwnMeasure]:
     """All measures, those of the command line last."""
-    found = [*read_all(sweep.measures, f'{file}: measures'), *read_all([*more], '--measure')]
+    found = [*read_all(sweep.measures, f'{file}: measures'), *read_all(listed(more), '--measure')]
     _check_names(file, [m.name for m in found])
     return found
 

@@ -45,7 +45,7 @@ def sweep(
     file: str | Path | None = None,
     *,
     scene: Source | None = None,
-    measures: Sequence[str] = (),
+    measures: str | Sequence[str] = (),
     workers: int | None = 1,
     **how: Any,
 ) -> tables.Table:

@@ -10,6 +10,8 @@ import pytest
 from running import run, run_json
 from scipy.io import wavfile
 
+import mechanism_sim as ms
+from mechanism_sim.errors import InputError
 from mechanism_sim.report import lines
 
 draw = lines.draw
@@ -75,6 +77,24 @@ def test_a_channel_is_plotted_over_another(rig, monkeypatch):
     assert panel.x.words == 'way'
     np.testing.assert_allclose(panel.curves[0].x, 2.0 + TIMES[kept], rtol=1e-12)
     np.testing.assert_allclose(panel.curves[0].y, WAVE[kept], rtol=1e-12)
+
+
+def test_python_plots_channels_as_the_command_does(rig):
+    assert len(ms.plot(rig, 'acc').axes) == 1
+    assert len(ms.plot(str(rig), ['acc', 'way'], start=0.5).axes) == 2
+    assert len(ms.plot(rig).axes) == 2
+    with pytest.raises(InputError, match="no channel 'ac'; did you mean 'acc'"):
+        ms.plot(rig, 'ac')
+
+
+def test_other_commands_say_which_read_signals(rig):
+    for name in ('report', 'check', 'solve', 'sweep'):
+        done = run(name, str(rig))
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert 'is a file of signals, not a s' in done.stderr
+        assert "'mechanism-sim analyze' and 'mechanism-sim plot' read it" in done.stderr
+    with pytest.raises(InputError, match='is a file of signals, not a run'):
+        ms.open_run(rig)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -57,6 +59,67 @@ def test_all_sources_give_the_same_numbers(tmp_path):
     cycle = ms.cycle(ms.load_scene('four_bar_nominal'), samples=8)
     found = ms.open_run(cycle).columns(['drive_torque'], cycle.t)
     assert np.array_equal(found['drive_torque'], cycle['drive_torque'])
+
+
+@pytest.mark.parametrize(
+    ('source', 'words'),
+    [
+        (ms.load_scene('slider_crank'), 'slider_crank is a machine that has not run yet'),
+        ({}, '{} is not a run: expected a solution'),
+        (None, 'null is not a run'),
+        (3.5, '3.5 is not a run'),
+    ],
+)
+def test_what_is_no_run_is_refused(source, words):
+    with pytest.raises(InputError, match=words):
+        ms.open_run(source)
+
+
+def test_one_name_needs_no_list(tmp_path):
+    record, t = ms.open_run(ms.simulate('slider_crank', duration=0.1)), np.array([0.05])
+    for run, name in (
+        (record, 'position.piston'),
+        (ms.open_run(foreign(tmp_path / 'other.mcap', True)), 'position.rod'),
+    ):
+        assert run.columns(name, t) == run.columns([name], t)
+    cycle = ms.cycle('slider_crank', samples=4, points='rod.end')
+    assert [*cycle.at(t, 'position.rod.end.x')] == ['position.rod.end.x']
+    machine = ms.load_scene('slider_crank', 'drive.speed=60 rpm')
+    assert [*ms.simulate(machine, duration=0.1, derivatives='drive.speed').derivatives] == [
+        'drive.speed'
+    ]
+    sweep = {'revolutions': 1, 'grid': {'drive.speed': ['60 rpm']}}
+    measure = 'top = highest(velocity.piston)'
+    assert 'top' in ms.sweep(sweep, scene=machine, measures=measure)
+    assert ms.report(record.piece, tmp_path / 'run.html', measures=measure).is_file()
+    found = ms.ensemble(machine, {'drive.speed': [6.0]}, revolutions=1, columns='impacts')
+    assert 'impacts' in found
+
+
+@pytest.mark.parametrize('again', [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy])
+def test_machines_and_runs_come_back_from_a_pickle(tmp_path, again):
+    """As `multiprocessing`, joblib and Dask hand them on; what was compiled is made again."""
+    solution = ms.simulate('gear_pair', revolutions=1, derivatives=['drive.speed'])
+    machine, record = solution.machine, ms.open_run(solution)
+    bag = write_bag(tmp_path / 'run.mcap', record)
+    assert 'plan' in vars(machine)
+    assert vars(again(machine)).keys() == {'name', 'scene', 'questions'}
+    assert ms.simulate(again(machine), revolutions=1).digest() == solution.digest()
+    for run in (solution, record, ms.open_run(bag), record.between(0.0, 0.5 * record.end)):
+        found = again(run)
+        assert found.digest() == run.digest()
+    assert again(ms.open_run(bag)).audited.energy == ms.open_run(bag).audited.energy
+    t, found = np.array([0.1]), again(solution)
+    slopes = [run.derivatives['drive.speed'].sample(t, 'position') for run in (solution, found)]
+    assert slopes[0].keys() == slopes[1].keys()
+    assert all(np.array_equal(slopes[0][name], slopes[1][name]) for name in slopes[0])
+    cycle = ms.cycle('slider_crank', samples=8)
+    table = again(cycle).table()
+    assert table.units == cycle.units()
+    assert all(np.array_equal(table[name], x, equal_nan=True) for name, x in cycle.table().items())
+    messages = ms.open_run(foreign(tmp_path / 'other.mcap', velocities=True))
+    columns = [run.columns(['position.rod'], t) for run in (messages, again(messages))]
+    assert columns[0]['position.rod'] == columns[1]['position.rod']
 
 
 def test_an_angle_of_the_drive_may_be_asked_for():

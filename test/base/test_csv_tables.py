@@ -32,10 +32,16 @@ def table(tmp_path):
         't;x\ns;mm\n0;1\n0,5;2,25\n',
         't (s)  x [mm]\n 0 1 \n 0.5  2.25\n',
         't x\n(s) (mm)\n0 1\n0.5 2.25\n',
+        'sep=;\nt [s];x [mm]\n0;1\n0,5;2,25\n',
+        '"sep=,"\n"t [s]","x [mm]"\n"0","1"\n"0.5","2.25"\n',
+        't / s;x / mm\n0;1\n0,5;2,25\n',
+        't / s, x / (mm)\n0,1\n0.5,2.25\n',
+        '"t [s]","x [mm]"\n"0,000000","1,0"\n"0,500000","2,25"\n',
     ],
     ids=[
         'commas', 'semicolons', 'tabs', 'last separator', 'quotes', 'office', 'decimal commas',
-        'oscilloscope', 'units below', 'spaces', 'spaces and units below',
+        'oscilloscope', 'units below', 'spaces', 'spaces and units below', 'Excel',
+        'Excel with quotes', 'slashes', 'a slash and brackets', 'decimal commas in quotes',
     ],
 )  # fmt: skip
 def test_columns_have_names_units_and_numbers(table, text):
@@ -55,6 +61,7 @@ def test_cells_may_be_text(table):
     assert found.column('joint') == ('A', 'B')
     with pytest.raises(InputError, match="line 3: expected a finite number in column 'x', got ''"):
         found.numbers('x')
+    assert table('joint,x,links\nA,1,"1,2"\n').column('links') == ('1,2',)
     words = table('joint,type,x\nA,pin,\nB,slot,2\n')  # no units: they would be above numbers
     assert (words.column('joint'), words.units['joint']) == (('A', 'B'), '')
     assert table('gas pressure\n1\n2\n').column('gas pressure') == ('1', '2')
@@ -65,6 +72,8 @@ def test_cells_may_be_text(table):
     [
         ('t;x\n0;1,5\n0.5;2\n', "line 2: expected a finite number in column 'x', got '1,5': wr"),
         ('t;x\n0;1,500\n1;12,750', "line 2: expected a finite number in column 'x', got '1,500'"),
+        ('t;x\n0,000;1.500,5\n', "'1.500,5': write 1500.5, decimal signs alike in all of the"),
+        ("t;x\n0.5;1'000'500.25\n", 'write 1000500.25'),
         ('t,x\n0,5,1,5\n', 'line 2: expected 2 cells as in the first line, got 4: write decimal'),
         ('0;1,5\n1;2.5\n', "column '2', got '1,5': write 1.5"),
         ('t,x\n0,nan\n', "line 2: expected a finite number in column 'x', got 'nan'"),
@@ -74,7 +83,7 @@ def test_cells_may_be_text(table):
         ('', 'cannot be read: it is empty'),
         ('# nothing\n', 'cannot be read: it is empty'),
     ],
-    ids=range(10),
+    ids=range(12),
 )
 def test_mistakes_are_a_sentence_with_file_and_line(table, text, said):
     def all_of_it():

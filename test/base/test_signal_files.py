@@ -60,6 +60,21 @@ def test_columns_of_text_are_no_signals(tmp_path):
     )
 
 
+def test_a_time_without_a_unit_is_in_seconds_and_says_so_once(tmp_path, capsys):
+    file = table(tmp_path, 'time,a\n0,1\n0.5,2\n')
+    for _ in range(2):
+        assert read_signal(file).times.tolist() == [0.0, 0.5]
+    said = capsys.readouterr().err
+    assert said == (
+        "mechanism-sim: signal: 'a.csv': column 'time' has no unit: it is read in seconds\n"
+    )
+
+
+def test_units_may_stand_after_a_slash(tmp_path):
+    found = read_signal(table(tmp_path, 'Time / ms;Accel / g\n0,0;1,5\n0,5;2,5\n'))
+    assert (found.name, found.unit, found.times.tolist()) == ('Accel', 'g', [0.0, 0.0005])
+
+
 def test_uneven_instants_are_kept(tmp_path):
     t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 50))
     rows = '\n'.join(f'{a!r},{a * a!r}' for a in t.tolist())
@@ -71,7 +86,9 @@ def test_uneven_instants_are_kept(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'channel', 'words'),
     [
-        ('a [s],x\n0,1\n1,2\n', None, "no column of time: name one 't"),
+        ('a [s],x\n0,1\n1,2\n', None, "no column of time: name one 't.*first line is 'a .s.,x'"),
+        ('t [s];a [m/s^2]\n0.000;1,5\n', None, "line 2: .* in column 'a', got '1,5': write 1.5"),
+        ('t [s];a [m/s^2]\n0,000;1.500,5\n', None, "column 'a', got '1.500,5': write 1500.5"),
         ('t,x\n0,1\n0,2\n', None, 'times of channel .x. must increase, but 0 s follows 0 s'),
         ('t,x\n0,1\n1,nan\n', None, "'x' has 1 samples"),
         (

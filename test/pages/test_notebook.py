@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import inspect
 import json
 import re
 import sys
@@ -14,6 +15,7 @@ from running import ROOT
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.pages import writing
 from mechanism_sim.report import progress
 from mechanism_sim.report.picture import Picture
 
@@ -45,11 +47,13 @@ class Cells(HTMLParser):
 @pytest.fixture(scope='module')
 def shown():
     machine = ms.load_scene('four_bar_clearance')
+    solution = ms.simulate(machine, revolutions=2)
     return {
         'machine': machine,
-        'solution': ms.simulate(machine, revolutions=2),
+        'solution': solution,
         'piece': next(iter(ms.stream(machine, revolutions=1))),
         'cycle': ms.cycle(ms.load_scene('four_bar_nominal')),
+        'record': ms.open_run(solution),
     }
 
 
@@ -57,6 +61,7 @@ def shown():
     'name',
     [
         'solution',
+        'record',
         *(pytest.param(n, marks=pytest.mark.slow) for n in ('machine', 'piece', 'cycle')),
     ],
 )
@@ -104,12 +109,21 @@ def test_tables_become_data_frames(shown, library):
     frame = getattr(table, f'to_{library}')()
     assert list(frame.columns) == list(table)
     assert frame['position.rocker'].to_numpy().tolist() == table['position.rocker'].tolist()
+    chosen = shown['solution'].to_frame('position', library=library)
+    assert type(chosen) is type(frame)
+    assert [*chosen.columns][:2] == ['t', 'position.crank']
+    with pytest.raises(InputError, match="library is 'panda'; did you mean 'pandas'"):
+        table.to_frame('panda')
 
 
 def test_a_library_that_is_missing_is_named(shown, monkeypatch):
     monkeypatch.setitem(sys.modules, 'pandas', None)
     with pytest.raises(InputError, match='pip install pandas'):
         shown['cycle'].table().to_pandas()
+
+
+def test_the_report_has_the_signature_of_what_writes_it():
+    assert inspect.signature(ms.report) == inspect.signature(writing.report)
 
 
 def test_the_package_completes_to_what_is_documented_and_nothing_else():

@@ -36,6 +36,14 @@ def test_what_is_a_thousand_times_off_is_questioned(override, said):
     assert any(said in doubt and doubt.endswith('is the unit right?') for doubt in doubts(machine))
 
 
+def test_an_oil_as_thick_as_honey_is_questioned():
+    film = {'law': 'film', 'viscosity': 40, 'width': '10 mm', 'radius': '6 mm'}
+    path = 'joints.coupler_rocker.clearance.contact'
+    (doubt,) = doubts(ms.load_scene(FOUR_BAR, {path: film, 'start': 'centred'}))
+    assert doubt.startswith(f'{path}.viscosity = 40 Pa s is that of honey')
+    assert doubts(ms.load_scene(FOUR_BAR, {path: film | {'viscosity': '40 mPa s'}})) == []
+
+
 def test_a_play_of_teeth_is_named_by_its_own_key():
     machine = ms.load_scene('gear_rattle')
     (joint,) = machine.plan.clearances

@@ -9,6 +9,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import check_known
+from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.symbolic import add, dense
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames, Parameters
@@ -71,9 +72,9 @@ def named_points(machine: Machine) -> dict[str, LinkPoint]:
     }
 
 
-def choose_points(machine: Machine, names: Iterable[str]) -> dict[str, LinkPoint]:
+def choose_points(machine: Machine, names: str | Iterable[str]) -> dict[str, LinkPoint]:
     """The points of these names, in this order."""
-    known = named_points(machine)
+    known, names = named_points(machine), listed(names)
     for name in names:
         wrong = f"{machine.name} has no point '{name}'"
         check_known(name, known, wrong, 'a point is LINK.POINT:')
