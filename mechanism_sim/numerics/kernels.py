@@ -57,9 +57,14 @@ class Kernel:
         """Call it, compiled or as it is."""
         return self.run(*args)
 
+    @property
+    def is_compiled(self) -> bool:
+        """True if it runs as machine code by now."""
+        return self.run is not self.function
+
     def bind(self, *args: Any) -> Callable[[], Any]:
         """A call with some arrays, which stay where they are, as `run` is now."""
-        if self.run is not self.function:
+        if self.is_compiled:
             try:
                 return self._bound(args)
             except Exception as error:

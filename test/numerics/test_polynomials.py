@@ -16,6 +16,7 @@ from mechanism_sim.numerics.polynomials import (
     Nodes,
     PiecewisePolynomial,
     chebyshev_nodes,
+    evaluate,
     fit_powers,
     gauss_nodes,
     shift_powers,
@@ -64,6 +65,19 @@ def test_several_derivatives_at_once_are_those_asked_for_one_by_one(curve, shape
     dt = shape if isinstance(shape, Nodes) else RNG.uniform(0.0, 0.2, shape)
     for found, d in zip(curve.locals(segments, dt, (2, 0, 1)), (2, 0, 1), strict=True):
         np.testing.assert_array_equal(found, curve.local(segments, dt, d))
+
+
+@pytest.mark.parametrize('shape', [(3,), (3, 5), (0,)])
+def test_machine_code_has_the_bits_of_array_operations(curve, shape, monkeypatch):
+    segments = np.array([2, 0, 3])[: shape[0]]
+    dt = RNG.uniform(-0.1, 0.2, shape)
+    orders = (0, 3, 1, 7)
+    monkeypatch.setattr(evaluate, 'run', evaluate.function)
+    plain = curve.locals(segments, dt, orders)
+    evaluate.compile()
+    assert evaluate.is_compiled
+    for compiled, arrays in zip(curve.locals(segments, dt, orders), plain, strict=True):
+        np.testing.assert_array_equal(compiled, arrays)
 
 
 @pytest.mark.parametrize('t', [-1e-9, 3.0 + 1e-9, np.nan])
