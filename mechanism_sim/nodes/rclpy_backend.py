@@ -203,14 +203,15 @@ class Node(rclpy.node.Node):  # type: ignore[misc]
                     )
                     time.sleep(RETRY)
 
-        def publish_all(messages: Sequence[bytes]) -> None:
-            done, raw = 0, publisher.handle.publish_raw
+        def publish_all(messages: Sequence[Any]) -> None:
+            done, raw, plain = 0, publisher.handle.publish_raw, publisher.handle.publish
             try:
                 with write(), publisher.handle:
                     for message in messages:
-                        raw(message)
+                        # bytes given to the other are refused with all of them as text
+                        (raw if isinstance(message, bytes) else plain)(message)
                         done += 1
-            except (RCLError, TypeError):  # a queue that is full, or messages
+            except RCLError:  # a queue that is full
                 for message in messages[done:]:
                     publish_when_possible(message)
 

@@ -531,6 +531,34 @@ def test_a_wait_ends_when_its_time_is_over_between_two_looks():
     assert done.stdout == '20000\n'
 
 
+def test_messages_and_bytes_are_published_together_and_never_written_out(either):
+    """A motion of a megabyte as text, if only to be refused, takes longer than all else."""
+    collector = either.start(COLLECT, 4, 0)
+    source = either.start("""
+        import time
+        from mechanism_sim.messages import Impact, serialize
+        from mechanism_sim.nodes.middleware import *
+        def written(self):
+            raise AssertionError('a message was written out')
+        Impact.__repr__ = Impact.__str__ = written
+        init()
+        node = Node('source')
+        publisher = node.create_publisher(
+            Impact, 'impacts', QoSProfile(history=HistoryPolicy.KEEP_ALL)
+        )
+        while not node.count_subscribers('last'):
+            time.sleep(0.001)
+        first, *rest = (Impact(index=index) for index in range(4))
+        publish_all(publisher, [first, serialize(rest[0]), *rest[1:]])
+        leave([node])
+        print('done')
+    """)
+    source.expect('done')
+    source.finish()
+    assert collector.expect('got') == '4 True'
+    collector.finish()
+
+
 SEND = """
     import time
     from mechanism_sim.messages import Impact, serialize
