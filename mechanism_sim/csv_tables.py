@@ -23,6 +23,7 @@ import numpy as np
 from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.units import to_si_text
 
 LARGEST, MOST = 1 << 21, 20_000
 """Bytes and lines of a file; a pressure measured every twentieth of a degree is half of it."""
@@ -30,8 +31,8 @@ LARGEST, MOST = 1 << 21, 20_000
 _SHOWN = 300  # characters of names in a sentence
 _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', re.IGNORECASE)
 _THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
-_GROUPED = re.compile(r"\s*[-+]?\d{1,3}(?:([., '])\d{3})(?:\1\d{3})*[.,]\d+\s*")
-_SLASHED = re.compile(r'([^\[(]+)\s/\s+[\[(]?(.+?)[\])]?')  # as ISO 80000 has it, and DIN 1313
+_GROUPED = re.compile(r"\s*[-+]?\d{1,3}([., '])\d{3}(?:\1\d{3})*(?!\1)[.,]\d+\s*")
+_BRACKET = re.compile(r'[^/]*[\[(]')
 _EXCEL = re.compile(r'"?sep=([;,|\t])"?', re.IGNORECASE)
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
@@ -136,7 +137,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     if all(map(_is_number, rows[0][1])):
         names, units = [str(i + 1) for i in range(len(rows[0][1]))], [''] * len(rows[0][1])
     else:
-        parts = [_name_and_unit(cell.removeprefix("'").strip()) for cell in rows[0][1]]
+        parts = _names_and_units([cell.removeprefix("'").strip() for cell in rows[0][1]])
         names, units = [name for name, _ in parts], [unit for _, unit in parts]
         rows = rows[1:]
         if not any(units) and _are_units([row for _, row in rows[:2]]):
@@ -160,12 +161,36 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     return CsvTable(where, heading, cells, units_of, [n for n, _ in rows])
 
 
-def _name_and_unit(heading: str) -> tuple[str, str]:
-    """Of a column; the unit is empty where the heading has none."""
-    if found := _SLASHED.fullmatch(heading):
-        return found[1].strip(), found[2].strip()
+def _names_and_units(headings: Sequence[str]) -> list[tuple[str, str]]:
+    """Of columns; a unit is empty where its heading has none.
+
+    As ``Time / ms``, which is that of ISO 80000 and DIN 1313, where none has brackets before.
+    """
+    slashed = not any(map(_BRACKET.match, headings))
+    return [(slashed and _slashed(x)) or _bracketed(x) for x in headings]
+
+
+def _bracketed(heading: str) -> tuple[str, str]:
     name, _, unit = heading.replace('(', '[').partition('[')
     return name.strip(), unit.strip(' ])')
+
+
+def _slashed(heading: str) -> tuple[str, str] | None:
+    """None where what stands behind the slash is no unit."""
+    name, slash, unit = heading.partition(' / ')
+    unit = unit.strip()
+    if _within(unit):
+        unit = unit[1:-1].strip()
+    try:
+        to_si_text(f'1 {re.sub("1 */ *", "", unit)}')
+    except ValueError:
+        return None
+    return (name.strip(), unit) if slash and unit else None
+
+
+def _within(unit: str) -> bool:
+    """True if one pair of brackets holds all of it."""
+    return unit[:1] + unit[-1:] in {'[]', '()'} and not set('[]()') & set(unit[1:-1])
 
 
 def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, list[str]]]]:
@@ -195,13 +220,13 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
     except (OSError, csv.Error, ValueError, IndexError) as error:
         reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'
         raise InputError(f'{where} cannot be read: {reason}') from error
+    # a separator after the last cell, as some programs write it, makes no column
+    if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
+        rows = [(n, row[:-1]) for n, row in rows]
     # within quotes beside other commas they may part a list: in rows of numbers only they do not
     maybe = mark != ',' or all(map(_is_number, rows[-1][1]))
     if maybe and _commas_are_decimal([cell for _, row in rows for cell in row]):
         rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
-    # a separator after the last cell, as some programs write it, makes no column
-    if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
-        rows = [(n, row[:-1]) for n, row in rows]
     return first.strip(), rows
 
 

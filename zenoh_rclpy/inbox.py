@@ -174,6 +174,7 @@ class Inbox:
         """Take in nothing more and let go whoever waits."""
         with self._lock:
             self._open = False
+            self._items.clear()
             self._changed.notify_all()
         self._context.inboxes.discard(self)
 

@@ -81,7 +81,7 @@ class Subscription:
         if not isinstance(attachment, wire.Attachment):
             judged = self._judge(data, attachment)
             if judged is None:
-                return False
+                return True  # no callback, but work: who spins looks at the time
             message, data, attachment = judged
         if self.raw:
             message = data
@@ -118,17 +118,23 @@ class Subscription:
         """
         self._context.received += 1
         extra = sample.attachment if sample.kind == zenoh.SampleKind.PUT else None
-        data, about = sample.payload.to_bytes(), None if extra is None else extra.to_bytes()
+        if extra is None or len(extra) != wire.ATTACHED:
+            self._refuse_attachment()
+            return
+        data, about = sample.payload.to_bytes(), extra.to_bytes()
         if self.inbox.waits:
             self.inbox.put((None, data, about, time.time_ns()), len(data))
         elif (item := self._judge(data, about)) is not None:
             self.accept([item])
 
-    def _judge(self, data: bytes, about: bytes | None) -> Item | None:
+    def _refuse_attachment(self) -> None:
+        self.refuse('attachment', f'a sample of ROS has an attachment of {wire.ATTACHED} bytes')
+
+    def _judge(self, data: bytes, about: bytes) -> Item | None:
         """The message of a sample; None if it is none of ROS, or has come before."""
-        attachment = None if about is None else wire.parse_attachment(about)
+        attachment = wire.parse_attachment(about)
         if attachment is None:
-            self.refuse('attachment', 'a sample of ROS has an attachment of 33 bytes')
+            self._refuse_attachment()
             return None
         if self._once and attachment.sequence <= self._latest.get(attachment.gid, 0):
             return None

@@ -24,6 +24,7 @@ NODE, PUBLISHER, SUBSCRIPTION, SERVICE, CLIENT = 'NN', 'MP', 'MS', 'SS', 'SC'
 NO_HASH = 'TypeHashNotSupported'  # what Humble writes
 
 _ATTACHMENT = struct.Struct('<qqB16s')
+ATTACHED = _ATTACHMENT.size  # bytes of an attachment
 _TOKEN = re.compile(
     rf'{TOKENS}/\d+/(?P<session>\w+)/(?P<node_id>\d{{1,18}})/(?P<entity_id>\d{{1,18}})/'
     r'(?P<kind>NN|MP|MS|SS|SC)/[^/]+/(?P<namespace>[\w%]+)/(?P<node>\w+)'
@@ -123,7 +124,7 @@ def pack_attachment(sequence: int, time: int, endpoint: bytes) -> bytes:
 
 def parse_attachment(data: bytes) -> Attachment | None:
     """Attachment, None if the bytes are not one."""
-    if len(data) != _ATTACHMENT.size:
+    if len(data) != ATTACHED:
         return None
     sequence, time, length, endpoint = _ATTACHMENT.unpack(data)
     return Attachment(sequence, time, endpoint) if length == 16 else None

@@ -37,17 +37,32 @@ def table(tmp_path):
         't / s;x / mm\n0;1\n0,5;2,25\n',
         't / s, x / (mm)\n0,1\n0.5,2.25\n',
         '"t [s]","x [mm]"\n"0,000000","1,0"\n"0,500000","2,25"\n',
+        '"t [s]","x [mm]",\n"0,000000","1,0",\n"0,500000","2,25",\n',
     ],
     ids=[
         'commas', 'semicolons', 'tabs', 'last separator', 'quotes', 'office', 'decimal commas',
         'oscilloscope', 'units below', 'spaces', 'spaces and units below', 'Excel',
         'Excel with quotes', 'slashes', 'a slash and brackets', 'decimal commas in quotes',
+        'decimal commas in quotes and a last separator',
     ],
 )  # fmt: skip
 def test_columns_have_names_units_and_numbers(table, text):
     found = table(text)
     assert found.units == {'t': 's', 'x': 'mm'}
     assert np.array_equal(found.numbers('x', 't'), [[1.0, 0.0], [2.25, 0.5]])
+
+
+@pytest.mark.parametrize(
+    ('headings', 'units'),
+    [
+        ('t [s];a / b;a / c', {'t': 's', 'a / b': '', 'a / c': ''}),
+        ('t;input / output [V]', {'t': '', 'input / output': 'V'}),
+        ('left / right;ratio in / out', {'left / right': '', 'ratio in / out': ''}),
+        ('speed / m / s;n / 1/min', {'speed': 'm / s', 'n': '1/min'}),
+    ],
+)
+def test_what_stands_behind_a_slash_is_a_unit_if_it_can_be(table, headings, units):
+    assert table(f'{headings}\n{";".join("1" for _ in units)}\n').units == units
 
 
 def test_a_file_without_headings_keeps_its_first_row(table):

@@ -75,6 +75,11 @@ def test_units_may_stand_after_a_slash(tmp_path):
     assert (found.name, found.unit, found.times.tolist()) == ('Accel', 'g', [0.0, 0.0005])
 
 
+def test_labels_with_points_are_no_thousands(tmp_path):
+    text = 't [s],host,version,x\n0,192.168.1,1.234.5,1\n1,192.168.1,1.234.5,2\n'
+    assert read_signal(table(tmp_path, text)).name == 'x'
+
+
 def test_uneven_instants_are_kept(tmp_path):
     t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 50))
     rows = '\n'.join(f'{a!r},{a * a!r}' for a in t.tolist())

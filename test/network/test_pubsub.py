@@ -614,6 +614,37 @@ def test_a_publisher_that_waits_goes_on_past_what_is_no_message(joined, capfd):
     node.destroy_node()
 
 
+FLOOD = """
+    import time
+    from mechanism_sim.messages import Impact
+    from mechanism_sim.nodes.middleware import *
+    init()
+    node = Node('source')
+    publisher = node.create_publisher(
+        Impact, 'impacts', QoSProfile(history=HistoryPolicy.KEEP_ALL)
+    )
+    while not publisher.get_subscription_count():
+        time.sleep(0.001)
+    for index in range(200):
+        publisher.publish(b'no message')
+    leave([node])
+"""
+
+
+def test_who_spins_gets_its_turn_amid_what_is_no_message(joined):
+    node = Node('here')
+    subscription = node.create_subscription(Impact, 'impacts', lambda _: None, KEEP_ALL)
+    source = joined.start(FLOOD)
+    source.finish()
+    assert eventually(lambda: len(subscription.inbox) == 200)
+    for _ in range(3):
+        spin_once(node, timeout_sec=0.0)
+    assert len(subscription.inbox) > 150
+    node.destroy_subscription(subscription)
+    assert not len(subscription.inbox)
+    node.destroy_node()
+
+
 def _add(texts, more):
     texts[0] += more
     return texts[0]
