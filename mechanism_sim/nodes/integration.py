@@ -38,8 +38,12 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.results.run import Batch, Piece, Runner, prepare
 from mechanism_sim.scene import Machine
 
-BATCH = Batch(steps=2048, stride=256, longest=0.05)
-"""Largest contents of a message."""
+BATCH = Batch(steps=4096, stride=256, longest=0.05)
+"""Largest contents of a message of motion: what is done once for each costs as much as some
+hundred steps."""
+LARGEST = 4 << 20
+"""[B] of its coefficients, of a coordinate and a step some `_EACH`."""
+_EACH = 8 * 20
 TOGETHER = 256
 """Steps that are audited at once where messages have few."""
 
@@ -143,6 +147,8 @@ class Integration:
     def _take_machine(self) -> None:
         self._machine = self._node.machine
         prepare(self._machine)
+        steps = LARGEST // (_EACH * len(self._machine.physics.coordinates))
+        self._batch = BATCH._replace(steps=min(BATCH.steps, max(BATCH.stride, steps)))
 
     def _start_over(self) -> None:
         self._samples.start_over()
@@ -191,7 +197,7 @@ class Integration:
                 self._node.ignore(self._drive, str(error))
                 return
         self._law_id = message.law_id
-        for piece in self._runner.to(message.valid_until, final=message.final, batch=BATCH):
+        for piece in self._runner.to(message.valid_until, final=message.final, batch=self._batch):
             self._publish(piece, self._runner)
             if self._runner.more:
                 self._node.report(self._known)
