@@ -60,8 +60,9 @@ class BagInfo:
         return realtime_factor(self.duration, self.wall_time)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the same as a plain dictionary."""
-        return asdict(self) | {'realtime_factor': self.realtime_factor}
+        """Return the same as a plain dictionary; `damaged` where it is true only."""
+        found = asdict(self) | {'realtime_factor': self.realtime_factor}
+        return found if self.damaged else {k: v for k, v in found.items() if k != 'damaged'}
 
 
 def info(path: Path | str) -> BagInfo:

@@ -1,4 +1,4 @@
-"""What is sound in a file, wherever it stands: behind damaged chunks, too, and in closed files.
+"""Sound records of a file, wherever they are: behind damaged chunks, too, and in closed files.
 
 A record says how long it is, and a chunk says so twice, so that what is damaged is passed over.
 Where a length is damaged itself, the next chunk that agrees with its checksum is looked for.
@@ -122,7 +122,7 @@ def salvage(path: Path, stream: BinaryIO) -> Salvage:
     if not size:
         return Salvage(FileLayout())
     with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        walk = _Walk(path, data)
+        walk = _RecordWalk(path, data)
         walk.go()
         if index:
             walk.compare(index)
@@ -135,7 +135,7 @@ def salvage(path: Path, stream: BinaryIO) -> Salvage:
     return found
 
 
-class _Walk:
+class _RecordWalk:
     """Goes through a file, record by record.
 
     Parameters
@@ -339,7 +339,7 @@ def _reader() -> Callable[[bytes], bytes]:
 
 
 def _known(schema: Schema) -> bool:
-    """Whether a schema says what is known here: so what stands beside it is as it was written."""
+    """True if a schema is as it is known here: then what stands beside it is sound, too."""
     with suppress(MessageError):
         same: bool = schema.data == definition(schema.name).encode()
         return same
