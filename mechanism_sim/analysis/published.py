@@ -209,8 +209,8 @@ class PublishedEnergies:
             self._worst, self._worst_time = abs(self._residual), float(m.time)
 
     def summary(self) -> EnergySummary | None:
-        """The balance; None without a message."""
-        if not self.samples:
+        """The balance; None of fewer than two instants, between which nothing can be lost."""
+        if self.samples < 2:
             return None
         return EnergySummary(
             samples=self.samples,

@@ -497,7 +497,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     )
     if bag.library != LIBRARY and not any(present.values()):
         return replace(found, fields=field_ranges(bag))
-    return replace(found, absent=(*_absent(present, found), *filter(None, [unknown])))
+    return replace(found, absent=(*_absent(present, found, energy), *filter(None, [unknown])))
 
 
 def _peaks(bag: Bag, namespace: str | None) -> tuple[LoadPeaks | None, str]:
@@ -530,7 +530,7 @@ def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | Non
     return driven, end
 
 
-def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:
+def _absent(present: dict[str, bool], found: Summary, energy: PublishedEnergies) -> Iterator[str]:
     """Parts that are missing in the bag and therefore here, in sentences."""
     lost = {
         'motion': 'revolutions, angles of the drive and digest',
@@ -546,5 +546,10 @@ def _absent(present: dict[str, bool], found: Summary) -> Iterator[str]:
         yield 'topic motion is empty: no revolutions, angles of the drive and digest'
     if present['joint_reactions'] and found.loads is None:
         yield 'topic joint_reactions is empty: no forces and torque'
-    if present['linkage_state'] and found.energy is None:
+    if energy.samples == 1:
+        yield (
+            'topic linkage_state has too few published instants, 1: no energy balance (raise '
+            "outputs.linkage_state, as by --set 'outputs.linkage_state=100 kHz')"
+        )
+    elif present['linkage_state'] and found.energy is None:
         yield 'topic linkage_state has no energies: no energy balance'

@@ -48,7 +48,9 @@ def add(command: Command) -> None:
     )
     rate_option(sub, '--clock', 'also publish /clock if the bag has none')
     option(sub, '--timeout', 'S', 'longest time to wait for subscriptions', 10.0)
-    sub = command('bag recover', _recover, 'close a bag whose recorder was killed')
+    sub = command(
+        'bag recover', _recover, 'close a bag whose recorder was killed, or that is damaged'
+    )
     sub.add_argument('bag', metavar='BAG', help='an MCAP file, or a folder with one')
     sub = command('analyze', _analyze, 'summarise a recorded run, or identify a bearing from it')
     sub.add_argument(

@@ -21,6 +21,7 @@ from mechanism_sim.nodes.middleware import (
     init,
     leave,
 )
+from mechanism_sim.nodes.partners import SETTLE
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.terminal import print_notice
 from ros_interfaces.names import InvalidNameError
@@ -104,6 +105,7 @@ class BagPlayer:
 
     def __init__(self, node: Node, patience: float) -> None:
         self._node, self._patience = node, patience
+        self._joined = time.monotonic()  # [s]
 
     def play(
         self,
@@ -122,7 +124,13 @@ class BagPlayer:
         rate : recorded seconds per second; 0 as fast as possible
         start : [s] after the first message
         clock : Hz of messages on ``/clock`` with the time of the bag, if it has none
+
+        Raises
+        ------
+        InputError
+            If others publish on these topics: who hears both takes them for one run.
         """
+        self._refuse_others([t for t in topics if t in bag.topics] + ['/clock'] * bool(clock))
         publishers = {
             name: self._node.create_publisher(
                 message_class(bag.topics[name].type), name, _profile(bag.topics[name].qos)
@@ -151,6 +159,20 @@ class BagPlayer:
             count += 1
             told(now - bag.start / 1e9, count)
         return count
+
+    def _refuse_others(self, topics: Sequence[str]) -> None:
+        """InputError if there are publishers of topics that are to be played."""
+        time.sleep(max(0.0, self._joined + SETTLE - time.monotonic()))
+        speakers = {t: self._node.get_publishers_info_by_topic(t) for t in topics}
+        if taken := [topic for topic, found in speakers.items() if found]:
+            names = ', '.join(sorted({i.node_name for t in taken for i in speakers[t]}))
+            more = f' and {len(taken) - 3} more' if len(taken) > 3 else ''
+            raise InputError(
+                f'{", ".join(taken[:3])}{more} cannot be played: a run in this domain '
+                f'publishes there already ({names}): end it, play the bag in a domain of its own '
+                '(ROS_DOMAIN_ID=1), begin the run in a namespace (--namespace left), or play '
+                'other topics only (--topics)'
+            )
 
 
 def _wait_for_subscriptions(publishers: Sequence[Publisher], patience: float) -> None:

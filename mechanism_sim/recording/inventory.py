@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import shlex
+import shutil
 from dataclasses import asdict, dataclass
+from itertools import count as numbers_from
 from pathlib import Path
-from typing import IO, Any, BinaryIO
+from typing import IO, Any, BinaryIO, cast
 
 from mcap.writer import Writer
 
@@ -17,17 +19,10 @@ from mechanism_sim.recording.reader import Bag, BagTopic, read_bag, topics_of
 from mechanism_sim.recording.rosbag2 import METADATA_NAME, Qos, TopicRecord, bag_metadata
 from mechanism_sim.recording.rosbag2 import qos_profile as profile_of
 from mechanism_sim.recording.runs import realtime_factor
-from mechanism_sim.recording.storage import (
-    MESSAGE,
-    FileLayout,
-    attachments,
-    blocks,
-    file_of,
-    messages,
-    survey,
-)
+from mechanism_sim.recording.salvage import Salvage, salvage
+from mechanism_sim.recording.storage import MESSAGE, file_of, messages, opened
 from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
-from mechanism_sim.units import instant
+from mechanism_sim.units import counted, instant
 
 
 @dataclass(frozen=True)
@@ -38,7 +33,7 @@ class BagInfo:
     them [s]; scene: name of the scene that made it, None where topic `scene` is missing;
     version: of its content, '0' where it has none; package: version of this package that
     wrote it; wall_time: how long the recording took [s], None where that is not known; recovered:
-    `recover` has closed it.
+    `recover` has closed it; damaged: without parts that were damaged. Chunks are not read for it.
     """
 
     path: str
@@ -57,6 +52,7 @@ class BagInfo:
     package: str
     wall_time: float | None
     recovered: bool = False
+    damaged: bool = False
 
     @property
     def realtime_factor(self) -> float | None:
@@ -64,8 +60,9 @@ class BagInfo:
         return realtime_factor(self.duration, self.wall_time)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the same as a plain dictionary."""
-        return asdict(self) | {'realtime_factor': self.realtime_factor}
+        """Return the same as a plain dictionary; `damaged` where it is true only."""
+        found = asdict(self) | {'realtime_factor': self.realtime_factor}
+        return found if self.damaged else {k: v for k, v in found.items() if k != 'damaged'}
 
 
 def info(path: Path | str) -> BagInfo:
@@ -94,6 +91,7 @@ def info(path: Path | str) -> BagInfo:
         package=bag.package,
         wall_time=bag.wall_time,
         recovered=bag.recovered,
+        damaged=bag.damaged,
     )
 
 
@@ -165,7 +163,10 @@ def _pace(bag: BagInfo) -> str:
 def _state(bag: BagInfo) -> str:
     """State of the file, and what to do if it is not whole."""
     if bag.complete:
-        return 'yes, but its recorder was killed' if bag.recovered else 'yes'
+        if bag.damaged:
+            return "yes, without what was damaged when 'bag recover' closed it"
+        by_index = "yes, by its index; 'bag recover' checks what stands before it"
+        return 'yes, but its recorder was killed' if bag.recovered else by_index
     if Path(bag.path).is_dir():
         return 'NO: a file of it is cut short; what could be read is listed'
     with Path(bag.path).open('rb') as stream:
@@ -208,7 +209,11 @@ class RecoveredBag:
     """Outcome of a recovery: messages in the bag now, bytes that were lost.
 
     was_closed: nothing was to be done; end: largest log time [s]; cut: bytes at the end that were
-    no whole record; rescued: messages in them that could be read all the same.
+    no whole record; rescued: messages in them that could be read all the same; dropped_chunks,
+    dropped_bytes: what was damaged and left out; dropped_start, dropped_end: first and last time
+    of it [s], None where that is not known; nameless: messages left out since what was damaged
+    said what they are; from_damaged: topics whose names stood in what was damaged; kept: the file
+    as it was, None where nothing of it was left out.
     """
 
     path: str
@@ -217,6 +222,13 @@ class RecoveredBag:
     end: float
     cut: int
     rescued: int
+    dropped_chunks: int = 0
+    dropped_bytes: int = 0
+    dropped_start: float | None = None
+    dropped_end: float | None = None
+    nameless: int = 0
+    from_damaged: tuple[str, ...] = ()
+    kept: str | None = None
 
     def to_json(self) -> dict[str, object]:
         """Return the same as a plain dictionary."""
@@ -224,54 +236,104 @@ class RecoveredBag:
 
 
 def recover(path: Path | str) -> RecoveredBag:
-    """Close the bag at `path`: all that can be read of it stays, byte by byte, with an index.
+    """Close the bag at `path`: all that is sound in it stays, byte by byte, with an index.
 
-    It is written beside the file and takes its name at last. A bag that is closed is left alone.
+    It is written beside the file and takes its name at last. Chunks that are damaged are left out,
+    also of a bag that was closed; then the file as it was is kept under another name. A bag that
+    is closed and sound is left alone.
 
     Raises:
-        InputError: No such file, not an MCAP, its index is damaged, or it is being recorded.
+        InputError: No such file, not an MCAP, or it is being recorded.
         RunError: The disk is full or gone.
 
     """
     file = file_of(path)
-    survey(file)  # raises what is wrong with it
-    with file.open('rb') as stream:
+    with opened(file) as stream:
         if not lock(stream):
             raise InputError(f'{file} is still being recorded: end its recorder first.')
-        layout = survey(file)
-        left = stream.seek(0, os.SEEK_END) - layout.readable
-        cut = 0 if layout.complete else max(0, left)
-        rescued = sum(1 for _ in messages(layout.rest))
-        if not layout.complete:
+        found = salvage(file, stream)
+        layout, losses = found.layout, found.losses
+        kept = None
+        if not found.closed:
+            if losses or found.nameless or not found.cut:
+                kept = _keep(file)
             with beside(file) as part, part.open('wb') as out:
-                _rewrite(file, stream, layout, out)
+                _rewrite(file, stream, found, out)
                 out.flush()
                 os.fsync(out.fileno())
                 os.fchmod(out.fileno(), os.fstat(stream.fileno()).st_mode & 0o777)
-    count = layout.counts.total()
-    return RecoveredBag(str(file), layout.complete, count, layout.end / 1e9, cut, rescued)
+    spans = [loss.times for loss in losses if loss.times]
+    return RecoveredBag(
+        path=str(file),
+        was_closed=found.closed,
+        messages=layout.counts.total() - found.nameless,
+        end=layout.end / 1e9,
+        cut=0 if found.closed else found.tail,
+        rescued=sum(1 for _ in messages(layout.rest)),
+        dropped_chunks=found.chunks,
+        dropped_bytes=sum(loss.size for loss in losses),
+        dropped_start=min(start for start, _ in spans) / 1e9 if spans else None,
+        dropped_end=max(end for _, end in spans) / 1e9 if spans else None,
+        nameless=found.nameless,
+        from_damaged=tuple(found.fished),
+        kept=str(kept) if kept else None,
+    )
 
 
 def render_recovery(found: RecoveredBag) -> str:
     """Return the text that the command line shows."""
     if found.was_closed:
-        return f'{found.path} has been closed, with its index: it is left as it is'
-    lines = [f'{found.path} is closed: {found.messages} messages, up to {found.end:.6g} s']
+        return (
+            f'{found.path} has been closed, with its index, and all its chunks are sound: it is '
+            'left as it is'
+        )
+    held = counted(found.messages, 'message')
+    lines = [f'{found.path} is closed: {held}, up to {found.end:.6g} s']
+    if found.dropped_bytes:
+        chunks = f'{counted(found.dropped_chunks, "chunk")}, ' if found.dropped_chunks else ''
+        span = ''
+        if found.dropped_start is not None and found.dropped_end is not None:
+            span = f', of {instant(found.dropped_start)} s to {instant(found.dropped_end)} s'
+        lines.append(f'damaged and left out: {chunks}{found.dropped_bytes} bytes{span}')
+    if found.nameless:
+        lines.append(
+            f'left out, since their topics were described in what was damaged: '
+            f'{counted(found.nameless, "message")}'
+        )
+    if found.from_damaged:
+        names = ', '.join(found.from_damaged)
+        lines.append(f'read out of what was damaged: the names of the topics {names}')
     if found.cut:
         lines.append(
             f'its last {found.cut} bytes had no index; {found.rescued} messages could be read of '
             'them'
         )
-    lines.append(
-        'lost is what the file does not hold: where a recorder was killed, less than its last '
-        'half second'
-    )
+    if found.kept:
+        lines.append(f'the file as it was is {found.kept}')
+    elif found.cut:
+        lines.append(
+            'lost is what the file does not hold: where a recorder was killed, less than its last '
+            'half second'
+        )
     return '\n'.join(lines)
 
 
-def _rewrite(path: Path, stream: BinaryIO, layout: FileLayout, out: IO[bytes]) -> None:
-    """Write what can be read of a file as a file that is complete."""
-    writer: Any = Writer(out, enable_crcs=True, enable_data_crcs=True)
+def _keep(file: Path) -> Path:
+    """Copy a file beside itself, under a name that no command takes for a bag."""
+    names = (f'{file.name}.damaged' + (f'-{k}' if k > 1 else '') for k in numbers_from(1))
+    kept = next(there for name in names if not (there := file.with_name(name)).exists())
+    with beside(kept) as part:
+        shutil.copyfile(file, part)
+        shutil.copystat(file, part)
+    return kept
+
+
+def _rewrite(path: Path, stream: BinaryIO, found: Salvage, out: IO[bytes]) -> None:
+    """Write what is sound in a file as a file that is complete."""
+    layout, writer = (
+        found.layout,
+        cast('Any', Writer(out, enable_crcs=True, enable_data_crcs=True)),
+    )
     writer.start(profile=layout.profile, library=layout.library)
     schemas = {0: 0} | {
         number: writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -286,21 +348,22 @@ def _rewrite(path: Path, stream: BinaryIO, layout: FileLayout, out: IO[bytes]) -
         )
         for number, channel in layout.channels.items()
     }
-    for block in blocks(path, stream, layout):
+    for block in found.blocks(path, stream):
         for channel, log_time, start, stop in messages(block):
             if channel in channels:
                 _, sequence, _, publish_time = MESSAGE.unpack_from(block, start - MESSAGE.size)
                 data = block[start:stop]
                 writer.add_message(channels[channel], log_time, data, publish_time, sequence)
-    for a in attachments(stream, layout):
+    for a in found.attachments:
         writer.add_attachment(a.create_time, a.log_time, a.name, a.media_type, a.data)
-    for name, entries in (layout.metadata | _own_metadata(path, layout)).items():
+    for name, entries in (layout.metadata | _own_metadata(path, found)).items():
         writer.add_metadata(name, entries)
     writer.finish()
 
 
-def _own_metadata(path: Path, layout: FileLayout) -> dict[str, dict[str, str]]:
+def _own_metadata(path: Path, found: Salvage) -> dict[str, dict[str, str]]:
     """Return what the recorder would have written at its end; nothing for files of others."""
+    layout = found.layout
     if layout.library != LIBRARY:
         return {}
     hashes = {c.topic: c.metadata.get('topic_type_hash', '') for c in layout.channels.values()}
@@ -308,8 +371,9 @@ def _own_metadata(path: Path, layout: FileLayout) -> dict[str, dict[str, str]]:
         TopicRecord(t.name, t.type, hashes[t.name], profile_of(t.qos or Qos()), t.count)
         for t in topics_of([layout]).values()
     )
+    damaged = {'damaged': 'yes'} if found.losses or found.nameless else {}
     text = bag_metadata(path.name, layout.start, layout.end, topics)
     return {
         METADATA_NAME: {'serialized_metadata': text},
-        RECORDING: layout.metadata.get(RECORDING, {}) | {'recovered': 'yes'},
+        RECORDING: layout.metadata.get(RECORDING, {}) | {'recovered': 'yes'} | damaged,
     }

@@ -73,7 +73,8 @@ class Bag:
         package: Version of this package that wrote it; empty where it is missing.
         wall_time: How long that took [s], from the first message to the last; None of a bag that
             was cut short, or that others wrote.
-        recovered: Whether it was cut short and `recover` has closed it.
+        recovered: Whether it was cut short or damaged and `recover` has closed it.
+        damaged: Whether it has left something out then.
 
     """
 
@@ -98,6 +99,7 @@ class Bag:
         self.version = recording.get('version', '0')
         self.package = recording.get('package', '')
         self.recovered = recording.get('recovered') == 'yes'
+        self.damaged = recording.get('damaged') == 'yes'
         taken = recording.get('wall_time') if self.complete else None
         with sound(path, 'its metadata of the recording'):
             self.wall_time = None if taken is None else float(taken)

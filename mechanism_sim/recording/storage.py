@@ -7,6 +7,7 @@ Source: MCAP file format specification, version 0 (mcap.dev/spec).
 
 from __future__ import annotations
 
+import shlex
 import sqlite3
 import struct
 from collections import Counter
@@ -17,13 +18,13 @@ from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
-from urllib.parse import quote
+from urllib.parse import quote as quoted_address
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError, UnsupportedCompressionError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
-from mcap.records import Attachment, Channel, Chunk, Header, Metadata, Schema
+from mcap.records import Channel, Chunk, Header, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, get_chunk_data_stream
 from zstandard import ZstdDecompressor, ZstdError
 
@@ -82,7 +83,8 @@ def sound(path: Path, what: str) -> Iterator[None]:
 class FileLayout:
     """Contents of a file and where its readable part ends.
 
-    `chunk_channels` maps the offset of a chunk to the channels in it, where an index says so;
+    `chunks` are the offsets of all chunks by the index, where there is one; `chunk_channels` maps
+    those of which it says so to the channels in them;
     `rest` is what can be read of a chunk that was cut: whole records, decompressed.
     """
 
@@ -97,6 +99,7 @@ class FileLayout:
     counts: Counter[int] = field(default_factory=Counter)
     compression: set[str] = field(default_factory=set)
     chunk_channels: dict[int, frozenset[int]] = field(default_factory=dict)
+    chunks: frozenset[int] = frozenset()
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     rest: bytes = b''
 
@@ -108,15 +111,27 @@ def survey(path: Path) -> FileLayout:
         InputError: No such file, or not an MCAP.
 
     """
+    with opened(path) as stream:
+        return from_index(path, stream) or _from_records(path, stream)
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """An MCAP file, open for reading; InputError if there is none, or it cannot be read."""
     try:
-        with path.open('rb') as stream:
-            if not MAGIC.startswith(stream.read(len(MAGIC))):  # its writer may have got no further
-                raise InputError(f'{path} is not an MCAP file.')
-            return _from_index(path, stream) or _from_records(path, stream)
+        stream = path.open('rb')
     except FileNotFoundError:
         raise InputError(f'{path} does not exist.') from None
     except OSError as error:
         raise InputError(f'{path} cannot be read: {error.strerror or error}.') from error
+    with stream:
+        try:
+            head = stream.read(len(MAGIC))
+        except OSError as error:
+            raise InputError(f'{path} cannot be read: {error.strerror or error}.') from error
+        if not MAGIC.startswith(head):  # its writer may have got no further
+            raise InputError(f'{path} is not an MCAP file.')
+        yield stream
 
 
 def blocks(
@@ -140,7 +155,7 @@ def blocks(
             if wanted is not None and inside is not None and not any(c in wanted for c in inside):
                 continue
             stream.seek(offset + RECORD.size)
-            yield _decompress(path, offset, stream.read(length))[1]
+            yield decompress(path, offset, stream.read(length))[1]
         elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
             stream.seek(offset)
             yield stream.read(RECORD.size + length)
@@ -177,15 +192,7 @@ def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
         offset += RECORD.size + length
 
 
-def attachments(stream: BinaryIO, layout: FileLayout) -> Iterator[Attachment]:
-    """Yield the attachments in the readable part of a file."""
-    for opcode, offset, length in _records(stream, layout.readable):
-        if opcode == Opcode.ATTACHMENT:
-            stream.seek(offset + RECORD.size)
-            yield Attachment.read(ReadDataStream(BytesIO(stream.read(length))))
-
-
-def _rest(piece: bytes) -> bytes:
+def rest_of(piece: bytes) -> bytes:
     """Return the whole records of a chunk of which only the first bytes are there."""
     with suppress(*_DAMAGE):
         opcode, length = RECORD.unpack_from(piece)
@@ -209,7 +216,8 @@ def _rest(piece: bytes) -> bytes:
     return b''
 
 
-def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
+def decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
+    """A chunk, and the records in it; DamagedBagError if its checksum is not theirs."""
     with sound(path, f'the chunk at byte {offset}'):
         chunk = Chunk.read(ReadDataStream(BytesIO(body)))
         if chunk.uncompressed_size > LARGEST_CHUNK:
@@ -219,7 +227,7 @@ def _decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
     return chunk, block
 
 
-def _from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
+def from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
     """Return the layout by the summary of a file that was closed; None where there is none."""
     size = stream.seek(0, 2)
     stream.seek(max(0, size - len(MAGIC)))
@@ -248,6 +256,7 @@ def _from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
             for index in summary.chunk_indexes
             if index.message_index_offsets
         },
+        chunks=frozenset(index.chunk_start_offset for index in summary.chunk_indexes),
         metadata=metadata,
     )
 
@@ -269,9 +278,9 @@ def _from_records(path: Path, stream: BinaryIO) -> FileLayout:
         layout.complete = opcode == Opcode.FOOTER and layout.readable + len(MAGIC) <= size
     if not layout.complete:
         stream.seek(layout.readable)
-        rest = _rest(stream.read(LARGEST_CHUNK))
+        rest = rest_of(stream.read(LARGEST_CHUNK))
         with suppress(DamagedBagError), sound(path, 'a chunk that was cut'):
-            _count(layout, rest, times)
+            note_records(layout, rest, times)
             layout.rest = rest
     layout.start, layout.end = times or (0, 0)
     return layout
@@ -282,10 +291,10 @@ def _note(
 ) -> None:
     """Note what a record holds, and the first and the last of the `times` so far."""
     if opcode == Opcode.CHUNK:
-        chunk, block = _decompress(path, offset, block[RECORD.size :])
+        chunk, block = decompress(path, offset, block[RECORD.size :])
         layout.compression.add(chunk.compression)
     if opcode in {Opcode.CHUNK, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE}:
-        _count(layout, block, times)
+        note_records(layout, block, times)
     elif opcode == Opcode.HEADER:
         header = Header.read(ReadDataStream(BytesIO(block[RECORD.size :])))
         layout.library, layout.profile = header.library, header.profile
@@ -294,7 +303,7 @@ def _note(
         layout.metadata[found.name] = found.metadata
 
 
-def _count(layout: FileLayout, block: bytes, times: list[int]) -> None:
+def note_records(layout: FileLayout, block: bytes, times: list[int]) -> None:
     """Note what a run of records holds, and the first and the last of the `times` so far."""
     held = [(channel, log_time) for channel, log_time, _, _ in messages(block)]
     _register(layout, block)
@@ -319,6 +328,19 @@ def _register(layout: FileLayout, block: bytes) -> None:
             layout.channels[channel.id] = channel
 
 
+@contextmanager
+def _cure_named(path: Path, holder: Any) -> Iterator[None]:
+    """Name the command that helps where a file is damaged; of a compressed one there is none."""
+    try:
+        yield
+    except DamagedBagError as error:
+        if holder:
+            raise
+        command = f'mechanism-sim bag recover {shlex.quote(str(path))}'
+        said = str(error).removesuffix('.')
+        raise DamagedBagError(f"{said}; '{command}' keeps all that is whole.") from error
+
+
 @dataclass(frozen=True)
 class BagFile:
     """A file of a bag.
@@ -339,7 +361,7 @@ class BagFile:
         if self.path.suffix == '.db3':
             yield from _rows(self.path, self.layout, wanted, progress)
             return
-        with self.path.open('rb') as stream:
+        with _cure_named(self.path, self.holder), self.path.open('rb') as stream:
             for block in blocks(self.path, stream, self.layout, wanted):
                 if progress:
                     progress(stream.tell() / self.layout.readable)
@@ -422,8 +444,10 @@ def _part(path: Path) -> BagFile:
         except ZstdError as error:
             raise DamagedBagError(f'{path} is damaged ({reason(error)}).') from error
         path = target
-    layout = _survey_rows(path) if path.suffix == '.db3' else survey(path)
-    return BagFile(path, layout, holder)
+    if path.suffix == '.db3':
+        return BagFile(path, _survey_rows(path), holder)
+    with _cure_named(path, holder):
+        return BagFile(path, survey(path), holder)
 
 
 @contextmanager
@@ -432,7 +456,9 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
     if not path.is_file():
         raise InputError(f'{path} does not exist.')
     try:
-        with closing(sqlite3.connect(f'file:{quote(str(path))}?mode=ro', uri=True)) as base:
+        with closing(
+            sqlite3.connect(f'file:{quoted_address(str(path))}?mode=ro', uri=True)
+        ) as base:
             yield base
     except (sqlite3.Error, AttributeError, TypeError, ValueError) as error:  # also wrong rows
         raise DamagedBagError(f'{path} is not SQLite, or damaged ({reason(error)}).') from error

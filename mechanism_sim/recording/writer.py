@@ -78,7 +78,7 @@ RECORDING = 'mechanism_sim'
 
 ``version``: `VERSION`, missing in bags before the first; ``package``: version of the package;
 ``wall_time`` [s] of a bag that was closed: from the first message to the last; ``recovered``: it
-was closed later.
+was closed later; ``damaged``: without parts that were damaged.
 """
 
 FLUSH_PERIOD = 0.25  # [s] of wall time: half of what a kill may cost

@@ -310,6 +310,14 @@ def test_balance_of_energy(summary):
     assert energy.largest_energy == 4.0
 
 
+def test_one_instant_is_no_balance_of_energy(tmp_path):
+    found = analyze(record(tmp_path / 'run.mcap', {'linkage_state': list(states())[:1]}))
+    assert found.energy is None
+    assert found.to_json()['energy'] is None
+    assert 'too few published instants, 1: no energy balance (raise outputs.' in render(found)
+    assert 'energy error' not in render(found)
+
+
 def test_vibration_of_a_sine(summary):
     [sensor] = summary.vibration
     assert (sensor.sensor, sensor.link, sensor.samples) == ('s1', 'coupler', 6000)

@@ -129,6 +129,28 @@ def test_a_bag_is_replayed_as_its_nodes_published_it(network, tmp_path):
     assert [m['normal_impulse'] for m in heard] == [m.normal_impulse for m in recorded]
 
 
+def test_a_bag_is_not_played_into_a_run(network, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    done = run('run', 'four_bar_clearance', '--duration', '0.1', '--record', str(bag), env=network)
+    assert done.returncode == 0, done.stderr
+    running = start(
+        'run', 'four_bar_clearance', '--paused', '--hold', '--duration', '0.1', env=network
+    )
+    try:
+        with command_node(60.0) as node:
+            for topic in ('progress', 'motion'):
+                assert eventually(lambda topic=topic: bool(node.endpoints(topic).publishers))
+        done = run('bag', 'play', str(bag), '--rate', '0', env=network)
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1), done.stderr
+        assert 'cannot be played: ' in done.stderr
+        assert 'ROS_DOMAIN_ID=1' in done.stderr
+        done = run('bag', 'play', str(bag), '--rate', '0', '--topics', '/progress', env=network)
+        assert (done.returncode, '/progress cannot be played' in done.stderr) == (2, True)
+    finally:
+        running.kill()
+        running.communicate()
+
+
 def test_messages_are_written_and_read_as_plain_data():
     kind = message_class('sensor_msgs/msg/JointState')
     given = {'header': {'stamp': {'sec': 3}}, 'name': ['a'], 'position': [1, 2.5]}

@@ -387,7 +387,7 @@ def test_the_command_says_what_it_did(tmp_path):
         writer.add_topic('/a', STRING, RESULT)
         writer.write('/a', text('a'), 10**9)
     path.write_bytes(path.read_bytes()[:-1])
-    assert f'{path} is closed: 1 messages, up to 1 s' in run('bag', 'recover', str(path)).stdout
+    assert f'{path} is closed: 1 message, up to 1 s' in run('bag', 'recover', str(path)).stdout
     assert 'it is left as it is' in run('bag', 'recover', str(path)).stdout
     assert run_json('bag', 'recover', str(path))['was_closed']
     missing = run('bag', 'recover', 'missing.mcap')
@@ -742,3 +742,131 @@ def test_info_finds_the_name_of_the_scene(tmp_path, content, name):
         writer.add_topic('/ns/scene', STRING, LATCHED)
         writer.write('/ns/scene', text(content), 0)
     assert info(writer.path).scene == name
+
+
+# --- damage -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def long_bag(tmp_path):
+    """A bag of twenty chunks: ten messages on two topics in each."""
+    path, dice = tmp_path / 'long.mcap', np.random.default_rng(1)
+    with BagWriter(path) as writer:
+        for topic in ('/a', '/b'):
+            writer.add_topic(topic, STRING, RESULT)
+        for k in range(200):
+            word = text(dice.bytes(40).hex())
+            writer.write('/ab'[0] + 'ab'[k % 2], word, k * 10**8)
+            if k % 10 == 9:
+                writer.flush()
+    return path
+
+
+def chunks(path):
+    with path.open('rb') as stream:
+        found = make_reader(stream).get_summary().chunk_indexes
+    return sorted((c.chunk_start_offset, c.chunk_length) for c in found)
+
+
+def flipped(data, *places):
+    data = bytearray(data)
+    for place in places:
+        data[place] ^= 0xFF
+    return bytes(data)
+
+
+@pytest.mark.parametrize('closed', [False, True])
+@pytest.mark.parametrize('where', ['content', 'checksum', 'compression'])
+def test_recovery_leaves_out_the_damaged_chunk_and_no_other(long_bag, closed, where):
+    sent, (begin, length) = list(read_bag(long_bag).raw()), chunks(long_bag)[3]
+    place = {'content': length - 5, 'checksum': 9 + 24, 'compression': 9 + 32}[where]
+    whole_file = long_bag.read_bytes()
+    damaged = flipped(whole_file if closed else whole_file[:-100], begin + place)
+    long_bag.write_bytes(damaged)
+    told = recover(long_bag)
+    kept = sent[:30] + sent[40:]
+    assert whole(long_bag) == list(read_bag(long_bag).raw()) == kept
+    assert (told.was_closed, told.messages) == (False, 190)
+    assert (told.dropped_chunks, told.dropped_bytes) == (1, length)
+    assert (told.dropped_start, told.dropped_end) == (3.0, 3.9)
+    original = Path(f'{long_bag}.damaged')
+    assert told.kept == str(original)
+    assert original.read_bytes() == damaged
+    assert 'yes, without what was damaged' in render_info(info(long_bag))
+    assert recover(long_bag).was_closed
+    long_bag.write_bytes(damaged)
+    said = run('bag', 'recover', str(long_bag))
+    assert f'1 chunk, {length} bytes, of 3 s to 3.9 s' in said.stdout
+    assert f'the file as it was is {original}-2' in said.stdout
+    assert 'lost is what the file does not hold' not in said.stdout
+
+
+@pytest.mark.parametrize('closed', [False, True])
+@pytest.mark.parametrize('of', ['chunk', 'index'])
+@pytest.mark.parametrize('byte', range(9))
+def test_recovery_finds_what_is_behind_a_damaged_length(long_bag, closed, of, byte):
+    """Or opcode; of a chunk, and of the index of its messages behind it."""
+    sent, (begin, length) = list(read_bag(long_bag).raw()), chunks(long_bag)[3]
+    data = long_bag.read_bytes() if closed else long_bag.read_bytes()[:-100]
+    long_bag.write_bytes(flipped(data, begin + byte + (length if of == 'index' else 0)))
+    told = recover(long_bag)
+    lost = of == 'chunk' and byte == 0  # it may be any record; its length is said twice
+    assert whole(long_bag) == (sent[:30] + sent[40:] if lost else sent)
+    foreign = byte == 0 and closed  # a record of another program, by its opcode
+    assert bool(told.kept) == (lost or (of == 'index' and not foreign))
+    assert recover(long_bag).was_closed
+
+
+def test_whatever_byte_is_damaged_all_other_chunks_are_kept(long_bag):
+    """Also of an index: it is made anew."""
+    sent, data, dice = list(read_bag(long_bag).raw()), long_bag.read_bytes(), dice_of(2)
+    for place in dice.integers(8, len(data), 150):
+        long_bag.write_bytes(flipped(data, place))
+        if place < 100 and long_bag.read_bytes()[:8] != data[:8]:
+            continue
+        told = recover(long_bag)
+        found = list(read_bag(long_bag).raw())
+        assert len(found) in {190, 200}, place
+        assert [x for x in sent if x in set(found)] == found
+        assert told.messages == len(found)
+
+
+def dice_of(seed):
+    return np.random.default_rng(seed)
+
+
+def test_topics_named_in_a_damaged_first_chunk_are_read_out_of_it_or_missed(long_bag):
+    sent, (begin, length) = list(read_bag(long_bag).raw()), chunks(long_bag)[0]
+    cut = long_bag.read_bytes()[: chunks(long_bag)[-1][0]]
+    long_bag.write_bytes(flipped(cut, begin + 9 + 24))  # the checksum
+    told = recover(long_bag)
+    assert whole(long_bag) == sent[10:190]
+    assert set(told.from_damaged) == {'/a', '/b'}
+    long_bag.write_bytes(cut[: begin + 60] + bytes(length - 60) + cut[begin + length :])
+    told = recover(long_bag)
+    assert (told.messages, told.nameless) == (0, 180)
+    assert told.kept
+    assert 'left out, since their topics' in run('bag', 'recover', told.kept).stdout
+
+
+def test_a_kill_leaves_nothing_to_be_kept(long_bag):
+    data = long_bag.read_bytes()
+    for tail in (data[: chunks(long_bag)[7][0] + 50], data[: chunks(long_bag)[7][0]] + bytes(99)):
+        long_bag.write_bytes(tail)
+        told = recover(long_bag)
+        assert (told.kept, told.dropped_bytes) == (None, 0)
+        assert told.messages >= 70
+
+
+def test_commands_name_the_cure(tmp_path):
+    path = tmp_path / 'a.mcap'
+    with BagWriter(path) as writer:
+        writer.add_topic('/scene', STRING, RESULT)
+        writer.write('/scene', text('name: x'), 10**9)
+    assert "'bag recover' checks what stands before it" in run('bag', 'info', str(path)).stdout
+    begin, length = chunks(path)[0]
+    path.write_bytes(flipped(path.read_bytes(), begin + length - 5))
+    for words in (['analyze'], ['report', '-o', f'{path}.html']):
+        done = run(words[0], str(path), *words[1:])
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert f"'mechanism-sim bag recover {path}' keeps all that is whole" in done.stderr
