@@ -70,7 +70,7 @@ _EVEN, _FALLEN, _STEADY = 0.8, 0.8, 0.95
 """Of a decay: how its shares agree, in logarithms, what it leaves, and in how many turns it goes
 on. Where nothing repeats, it must do so."""
 _CLEAR = 10.0
-"""What tells two turns of a period apart, over what is left of the transient, at least."""
+"""Distance of two turns of a period over what is left of the transient, at least."""
 _BENT = 0.5
 """Of a step from one response to the next: what steps of one branch differ by, at most."""
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
@@ -491,7 +491,7 @@ def measure(machine: Machine) -> tuple[list[str], Array, Array]:
 
 
 class _Fall(NamedTuple):
-    """How a transient dies out, or what is unstable is left."""
+    """Decay of a transient, or departure from what is unstable."""
 
     share: float  #: of it that a turn leaves
     left: float  #: of it, over the distance within which sections are the same
