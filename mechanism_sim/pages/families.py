@@ -113,6 +113,7 @@ def bifurcation_page(
     Values are left out where there are more than a page can hold.
     """
     kinds = {(r.value, r.number): r for r in reversed(found.responses) if r.state}
+    kinds |= {(r.value, r.number): r for r in reversed(found.responses) if r.state and r.settled}
     points = [kinds[key] for key in sorted(kinds)]
     if len(points) > _MOST:
         chosen = np.linspace(0, len(points) - 1, _MOST).round().astype(int)
@@ -123,6 +124,7 @@ def bifurcation_page(
         if say:
             say(f'motion {k + 1} of {len(points)}')
         period = f'period {point.period}' if point.period else 'no period'
+        period = period if point.settled else 'not settled'
         value = f'{found.scale * point.value:.5g} {found.unit}, {period}'
         heights = [scales[0][1] * float(x) for x in point.points[:, 0]]
         record = Record(*_played(found, point), {})

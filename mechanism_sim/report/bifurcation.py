@@ -15,7 +15,7 @@ from mechanism_sim.studies.bifurcation import Bifurcation, Response
 from mechanism_sim.studies.continuation import ResponseBranch
 from mechanism_sim.units import for_people
 
-_OTHERS = 'no period found'
+_OTHERS, _CONVERGES = 'no period found', 'not settled'
 _COLOURED = 8
 """Periods that have a colour of their own; a longer one shares the last."""
 
@@ -29,7 +29,7 @@ def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
         own = [r for r in found.responses if r.branch == branch]
         for first, last, count in _ranges(own):
             low, high = (f'{found.scale * r.value:.6g}{unit}' for r in (first, last))
-            period = first.note or (str(first.period) if first.period else 'none found')
+            period = first.note or told(first)
             rows.append((branch, low, high, count, period, f'{first.impacts:.4g}'))
     head = 'branch', 'from', 'to', 'values', 'period [turns]', 'impacts a turn there'
     values, several = sorted({r.value for r in found.responses}), {*found.coexisting}
@@ -54,11 +54,18 @@ def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
     return text([Section(table=[head, *rows], notes=notes, left=1)])
 
 
+def told(response: Response) -> str:
+    """The period of a response, or that there is none, or that it is not known yet."""
+    if not response.settled:
+        return 'not settled'
+    return str(response.period) if response.period else 'none found'
+
+
 def _ranges(found: list[Response]) -> list[tuple[Response, Response, int]]:
     """First and last responses of the same period one after the other, and their number."""
     ranges: list[tuple[Response, Response, int]] = []
     for r in found:
-        if ranges and (ranges[-1][1].period, ranges[-1][1].note) == (r.period, r.note):
+        if ranges and (told(ranges[-1][1]), ranges[-1][1].note) == (told(r), r.note):
             first, _, count = ranges.pop()
             ranges.append((first, r, count + 1))
         else:
@@ -83,6 +90,7 @@ def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, A
                 'period': r.period or None,
                 'branch': r.branch,
                 'response': r.number,
+                'settled': r.settled,
             }
             for r in found.responses
             for row in r.points.tolist()
@@ -95,6 +103,7 @@ def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, A
                 'period': r.period or None,
                 'response': r.number,
                 'impacts_per_turn': r.impacts,
+                'settled': r.settled,
                 **({'failed': r.note} if r.note else {}),
             }
             for r in found.responses
@@ -122,19 +131,21 @@ def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, A
 def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = ()) -> Chart:
     """Sections over the parameter, coloured by period; directions by marks, branches as lines."""
     marks = {'up': 'triangle-up', 'down': 'triangle-down', 'start': 'circle'}
-    periods = sorted({r.period for r in found.responses}, key=lambda p: (not p, p))
+    kinds = sorted({(r.period, r.settled) for r in found.responses}, key=lambda x: (not x[0], *x))
+    periods = [period for period, _ in kinds]
     along = Axis('.'.join(found.parameter.path.split('.')[-3:]), found.unit)
     panels = []
     for k, (words, (shown, scale)) in enumerate(zip(found.words, scales(found), strict=True)):
         curves = []
-        for number, period in enumerate(periods):
+        for number, (period, settled) in enumerate(kinds):
             for branch, marker in marks.items():
-                some = [r for r in found.responses if (r.period, r.branch) == (period, branch)]
+                own = period, settled, branch
+                some = [r for r in found.responses if (r.period, r.settled, r.branch) == own]
                 if not some:
                     continue
                 x = np.concatenate([np.full(len(r.points), found.scale * r.value) for r in some])
                 y = np.concatenate([scale * r.points[:, k] for r in some])
-                label = f'period {period}' if period else _OTHERS
+                label = f'period {period}' if period else _OTHERS if settled else _CONVERGES
                 colour = min(number, _COLOURED - 1) if period else '#9aa1aa'
                 curves.append(
                     ChartCurve(x, y, f'{label}, {branch}', '', colour, form='dots', marker=marker)
@@ -178,7 +189,7 @@ def basins_text(found: Basins) -> str:
     """Kinds of responses, and the share of the places that lead to each."""
     places = [kind for *_, kind in found.cells]
     rows = [
-        (str(kind), 'no run' if r.note else str(r.period or 'none found'),
+        (str(kind), 'no run' if r.note else told(r),
          f'{r.impacts:.4g}', f'{100.0 * places.count(kind) / len(places):.4g} %')
         for kind, r in found.kinds.items()
     ]  # fmt: skip
@@ -199,6 +210,7 @@ def basins_json(found: Basins) -> dict[str, Any]:
                 'response': kind,
                 'period': r.period or None,
                 'impacts_per_turn': r.impacts,
+                'settled': r.settled,
                 **({'failed': r.note} if r.note else {}),
             }
             for x, y, r, kind in found.cells
@@ -217,7 +229,7 @@ def basins_chart(found: Basins, title: str) -> Chart:
     for kind, r in found.kinds.items():
         some = [(a * x, b * y) for x, y, _, k in found.cells if k == kind]
         x, y = np.array(some).T
-        none = 'no run' if r.note else _OTHERS
+        none = 'no run' if r.note else _OTHERS if r.settled else _CONVERGES
         label = f'response {kind}: period {r.period}' if r.period else f'{kind}: {none}'
         colour = kind if r.period else '#d5d9de' if r.note else '#9aa1aa'
         curves.append(ChartCurve(x, y, label, '', colour, form='dots', marker='square'))

@@ -157,4 +157,4 @@ def _alike(kind: Response, response: Response, one_machine: bool) -> bool:
         return _NUMBER.sub('', kind.note) == _NUMBER.sub('', response.note)
     if one_machine and response.period:
         return same(kind, response)
-    return kind.period == response.period
+    return (kind.period, kind.settled) == (response.period, response.settled)

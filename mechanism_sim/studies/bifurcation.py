@@ -45,9 +45,11 @@ _NOTHING: dict[str, Any] = {'period': 0, 'impacts': 0.0, 'points': [], 'returns'
 START = 'start'
 _RETURN = 1e-2
 """Of what the clearances leave free: sections that come back so near are the same."""
+ONE = 5.0 * _RETURN
+"""Likewise: those that two runs come to are of one response."""
 _OF_RANGE = 1e-4
 """Of the range of a rate or displacement in all sections: likewise."""
-_APART = 0.381966
+APART = 0.381966
 """Of a turn before its end: where it is seen whether the motion comes back. Machines often begin
 where something strikes, and at that very instant rates have two values."""
 _MOST_POINTS = 400
@@ -62,6 +64,13 @@ _SEEN = 4
 """Turns at least, over which a transient is compared with as many before."""
 _SETTLED = 1e-3
 """Of the distance within which sections are the same: what may be left of a transient."""
+_PATIENT = 8
+"""As many turns as are planned, times this, are waited for what still converges."""
+_EVEN, _FALLEN, _STEADY = 0.8, 0.8, 0.95
+"""Of a decay: how its shares agree, in logarithms, what it leaves, and in how many turns it goes
+on. Where nothing repeats, it must do so."""
+_CLEAR = 10.0
+"""Distance of two turns of a period over what is left of the transient, at least."""
 _BENT = 0.5
 """Of a step from one response to the next: what steps of one branch differ by, at most."""
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
@@ -106,6 +115,8 @@ class Response:
     impacts : per turn
     note : why there is none, if there is none
     state : at the end of a turn, when the crank is where the scene begins
+    settled : false where it still converges: it may have a period that is not told, and is none
+        of those that coexist
     """
 
     value: float
@@ -117,6 +128,7 @@ class Response:
     number: int = 0
     note: str = ''
     state: State | None = None
+    settled: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,12 +169,16 @@ class Bifurcation:
             Column('period', [r.period for r, _ in rows], '', 'turns of the drive; 0: none found'),
             Column('response', [r.number for r, _ in rows], '', 'of those that coexist'),
         ]
-        return first + [
-            Column(name, [float(r.points[k, i]) for r, k in rows], unit, words)
-            for i, (name, unit, words) in enumerate(
-                zip(self.plan.of, self.units, self.words, strict=True)
-            )
-        ]
+        return (
+            first
+            + [
+                Column(name, [float(r.points[k, i]) for r, k in rows], unit, words)
+                for i, (name, unit, words) in enumerate(
+                    zip(self.plan.of, self.units, self.words, strict=True)
+                )
+            ]
+            + [Column('settled', [int(r.settled) for r, _ in rows], '', '0: it still converges')]
+        )
 
 
 def bifurcation(
@@ -415,8 +431,9 @@ def _settled(
 ) -> tuple[dict[str, Any], State, Ends] | None:
     """The section of a machine after its transient, and the state at the end.
 
-    A transient of so many turns at least is compared with as many before. None where it was
-    foretold, but does not settle: it may be near what has become unstable.
+    A transient of so many turns at least is compared with as many before. What still converges
+    goes on for more turns than planned. None where it was foretold, but does not settle: it may
+    be near what has become unstable.
 
     Parameters
     ----------
@@ -440,11 +457,45 @@ def _settled(
         turns += 0 if keep else turns // 2 if seen == _SEEN else 1
     if seen < _SEEN and not keep:
         return None
-    turns = min(turns, most)
+    turns, converges = min(turns, most), False
+    while not keep:
+        for piece in runner.to(turns * machine.drive.period, final=False):
+            tally.add(piece)
+        keep = tally.settled(seen)
+        more = 0 if keep else tally.due()
+        converges = turns + more > _PATIENT * most
+        if converges or not more:
+            break
+        turns += more
     for piece in runner.to(turns * machine.drive.period):
         tally.add(piece)
     found = tally.found(turns, keep)
+    if converges:
+        found |= {'period': 0, 'settled': False}
     return found, replace(engine.state, time=Fraction(0)), tally.ends(found['period'])
+
+
+def measure(machine: Machine) -> tuple[list[str], Array, Array]:
+    """Names of positions and rates (2 f,), their scales, and turns after which they are the same.
+
+    A turn is 0 where that never is.
+    """
+    free = machine.equations.system.free
+    names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in free]
+    slides = np.array([c in machine.mechanism.displacements for c in free])
+    size = machine.mechanism.size
+    play = min((c.radial for c in machine.plan.clearances.values() if c.radial), default=0.0)
+    place = np.where(slides, play or 1e-3 * size, (play or 1e-3 * size) / size)
+    turns = np.concatenate([np.where(slides, 0.0, TWO_PI), np.zeros(len(free))])
+    return names, np.concatenate([place, machine.drive.fastest * place]), turns
+
+
+class _Fall(NamedTuple):
+    """Decay of a transient, or departure from what is unstable."""
+
+    share: float  #: of it that a turn leaves
+    left: float  #: of it, over the distance within which sections are the same
+    even: bool  #: whether it does so turn for turn, or as a geometric series
 
 
 class _SectionTally:
@@ -452,16 +503,8 @@ class _SectionTally:
 
     def __init__(self, machine: Machine, own: Array, plan: SectionPlan) -> None:
         self._plan, self._turn, self._begin = plan, machine.drive.period, own
-        self._edges: Array = self._turn * np.arange(plan.transient + plan.keep + 1.0)
-        free = machine.equations.system.free
-        self._names = [f'{kind}.{c}' for kind in ('position', 'velocity') for c in free]
-        slides = np.array([c in machine.mechanism.displacements for c in free])
-        size = machine.mechanism.size
-        play = min((c.radial for c in machine.plan.clearances.values() if c.radial), default=0.0)
-        play = play or 1e-3 * size
-        place = np.where(slides, play, play / size)
-        self._turns = np.concatenate([np.where(slides, 0.0, TWO_PI), np.zeros(len(free))])
-        self._scale = np.concatenate([place, machine.drive.fastest * place])
+        self._edges: Array = self._turn * np.arange(_PATIENT * (plan.transient + plan.keep) + 1.0)
+        self._names, self._scale, self._turns = measure(machine)
         self._states: list[Array] = []
         self._ends: list[Array] = []
         self._points: list[Array] = []
@@ -473,7 +516,7 @@ class _SectionTally:
         self._struck += piece.impacts
         if not len(curve):
             return
-        seen = self._due(self._edges[1:] - _APART * self._turn, self._states, curve)
+        seen = self._due(self._edges[1:] - APART * self._turn, self._states, curve)
         ends = self._due(self._edges[1:], self._ends, curve)
         if len(seen) or len(ends):
             found = piece.sample(np.concatenate([seen, ends]), *self._names)
@@ -493,12 +536,10 @@ class _SectionTally:
     def found(self, turns: int, settled: int) -> dict[str, Any]:
         """Period, section and impacts per turn of the last turns of so many, as plain data."""
         keep, states = settled or self._plan.keep, np.concatenate(self._states)
-        # twice the longest period tells it; of what still settles the later half is looked at
-        looked = keep // 2 if settled else max(keep // 2, min(keep, 2 * self._plan.longest))
-        p = self._period(states[-(looked + 1) :])
+        p = self._told(states, settled)
         kept = p or keep
         # impacts at the very end of a turn are in that turn or in the next: count between turns
-        end = turns - _APART
+        end = turns - APART
         last = [i for i in self._struck if end - kept < i.t / self._turn <= end]
         own = [i for i in last if i.joint == self._plan.joint][-_MOST_POINTS:]
         points = (
@@ -539,6 +580,57 @@ class _SectionTally:
                 return 2 * (m + p)  # half of it is looked at for the period
         return 0
 
+    def due(self) -> int:
+        """Turns that what converges needs until its period can be told; 0 if nothing does.
+
+        A period is told if what is left of the transient is small beside what tells its turns
+        apart: near a flip the turns of one that dies out slowly are two for long.
+        """
+        states = np.concatenate(self._states)
+        p = self._told(states, 0)
+        falls = (self._fall(states, q) for q in range(1, self._plan.longest + 1))
+        if p:
+            before = [self._off(states[-p - q :], q) / self._near(states) for q in range(1, p)]
+            apart = min((float(x.max()) for x in before), default=math.inf)
+            fall = self._fall(states, p)
+            if fall is None or fall.left <= min(1.0, apart / _CLEAR):
+                return 0
+        else:
+            fall = next((x for x in falls if x and x.even), None)
+            if fall is None:
+                return 0
+        most = _PATIENT * (self._plan.transient + self._plan.keep)
+        if fall.share >= 1.0:
+            return len(states) // 2
+        turns = math.log(max(2.0 * fall.left, 1.0)) / -math.log(fall.share)
+        return math.ceil(min(turns, most)) + 2 * self._plan.longest
+
+    def _told(self, states: Array, settled: int) -> int:
+        """The period of the last turns: of so many that have settled, or of those to keep."""
+        keep = settled or self._plan.keep
+        # twice the longest period tells it; of what still settles the later half is looked at
+        looked = keep // 2 - 1 if settled else max(keep // 2, min(keep, 2 * self._plan.longest))
+        return self._period(states[-(looked + 1) :])
+
+    def _fall(self, states: Array, p: int) -> _Fall | None:
+        """How the change in p turns dies out, or grows, over the later half, if all the time."""
+        m = p * max(-(-_SEEN // p), (len(states) // 2 - p) // (4 * p))
+        if len(states) < 4 * m + p:
+            return None
+        off = (self._off(states[-4 * m - p :], p) / self._near(states)).max(axis=1)
+        sizes = off.reshape(4, m).max(axis=1)
+        falls = -np.diff(np.log(np.maximum(sizes, 1e-300)))
+        if falls.min() <= 0.0 <= falls.max():
+            return None
+        ways = np.sign(off[p:] - off[:-p]) == -np.sign(falls[0])
+        steady = ways.mean() >= _STEADY
+        share = math.exp(-float(falls.mean()) / m)
+        if share >= 1.0:
+            return _Fall(share, math.inf, True) if steady and sizes[0] > _SETTLED else None
+        even = falls.min() >= _EVEN * falls.max() and sizes[3] <= _FALLEN * sizes[0]
+        left = float(sizes[3]) * share**p / (1.0 - share**p)
+        return _Fall(share, left, bool(even or steady))
+
     def _near(self, states: Array) -> Array:
         """How near sections are the same (2 f,)."""
         near = _RETURN * self._scale
@@ -566,7 +658,7 @@ def read_response(row: Mapping[str, Any], width: int) -> Response:
     returns = returns.reshape(len(returns), -1) if len(returns) else np.empty((0, 0))
     return Response(
         row['value'], row['branch'], row['period'], points, returns, row['impacts'], 0,
-        row.get('note', ''), row['state'],
+        row.get('note', ''), row['state'], row.get('settled', True),
     )  # fmt: skip
 
 
@@ -580,8 +672,9 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
         kinds: list[Response] = []
         for response in by_value[value]:
             alike = (k for k, kind in enumerate(kinds) if same(kind, response))
-            number = 0 if response.note else next(alike, len(kinds))
-            if number == len(kinds) and not response.note:  # a run that failed is no response
+            none = bool(response.note) or not response.settled  # what it comes to is not known
+            number = 0 if none else next(alike, len(kinds))
+            if number == len(kinds) and not none:
                 kinds.append(response)
             numbered.append(replace(response, number=number))
     return numbered
@@ -602,4 +695,4 @@ def same(a: Response, b: Response) -> bool:
         return bool((shared >= 0.5 * (high - low)).all())
     shifts = range(a.period)
     off = min(float(np.abs(np.roll(b.returns, k, axis=0) - a.returns).max()) for k in shifts)
-    return off <= 5.0 * _RETURN
+    return off <= ONE

@@ -26,7 +26,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.studies.bifurcation import Bifurcation
+from mechanism_sim.studies.bifurcation import APART, ONE, Bifurcation, measure
 from mechanism_sim.studies.periodic import PoincareMap
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
@@ -54,6 +54,8 @@ _STEEP = 2e3
 """Multiplier of an impact that all but grazes; nearer, rounding is larger than its speed."""
 _HALVED = 0.1
 """Of the largest change in half a period along a branch: nearer to a flip, rounding decides."""
+_BENT = 0.1
+"""Of what changes between neighbours on a branch: how far it is from a parabola, at most."""
 _STABLE = 1e-7
 """Of a multiplier, by which its size must be below 1."""
 
@@ -68,12 +70,14 @@ class BranchPoint:
     points : (P, K) the section, as of a `Response`
     multipliers : Floquet multipliers, the largest first
     impacts : in a period
+    returns : (period, 2 f) positions and rates once a turn, over their scales, as of a `Response`
     """
 
     value: float
     points: Array
     multipliers: tuple[complex, ...]
     impacts: int
+    returns: Array
 
     @property
     def stable(self) -> bool:
@@ -294,7 +298,11 @@ class _Shooting:
             rows = [_sampled(orbit.pieces, t * machine.drive.period, plan.of) for t in turns]
         multipliers = tuple(complex(m) for m in sorted(orbit.multipliers, key=abs, reverse=True))
         points = np.array(rows, dtype=float).reshape(-1, len(plan.of))
-        return BranchPoint(orbit.value, points, multipliers, len(orbit.impacts))
+        names, scale, _ = measure(machine)
+        places = (np.arange(1, self.period + 1) - self.ahead - APART) % self.period
+        states = [_sampled(orbit.pieces, t * machine.drive.period, tuple(names)) for t in places]
+        returns = np.array(states) / scale
+        return BranchPoint(orbit.value, points, multipliers, len(orbit.impacts), returns)
 
     def halves(self, orbit: _Orbit) -> Array:
         """Change of the state (2 f,) in half of the period, over the scales; empty if it is odd.
@@ -531,25 +539,23 @@ def branches(
 
 
 def _followed(found: Bifurcation, period: int) -> Row:
-    """Branches of one period."""
+    """Branches of one period, each of them once."""
     made: list[ResponseBranch] = []
     for response in found.responses:
         if response.period != period or response.state is None:
             continue
-        if any(_holds(branch, response.value, response.points) for branch in made):
+        if _known(made, found, response.value, response.returns):
             continue
         shooting = _Shooting(found, period)
         shooting, state = shooting.centred(response.state, response.value)
         start = shooting.solved(state, response.value)
         left = [(shooting, start)] if start else []
         while left and len(made) < _MOST_BRANCHES:
-            branch, beyond = _branch(*left.pop())
-            made.append(branch)
-            left += [
-                (other, orbit)
-                for other, orbit in beyond
-                if not any(_holds(b, orbit.value, other.point(orbit).points) for b in made)
-            ]
+            other, orbit = left.pop()
+            if not _known(made, found, orbit.value, other.point(orbit).returns):
+                branch, beyond = _branch(other, orbit)
+                made.append(branch)
+                left += beyond
     return {'branches': made}
 
 
@@ -578,14 +584,50 @@ def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
     return shooting, start._replace(tangent=tangent, rows=rows, seat=start.seat / by)
 
 
-def _holds(branch: ResponseBranch, value: float, section: Array) -> bool:
-    """True if a branch passes through a section (P, K) at a value."""
-    for a, b in zip(branch.points, branch.points[1:], strict=False):
-        low, high = sorted((a.value, b.value))
-        if low <= value <= high and a.points.shape == b.points.shape == section.shape:
-            share = (value - a.value) / ((b.value - a.value) or 1.0)
-            seen = np.sort((1.0 - share) * a.points + share * b.points, axis=0)
-            near = 0.01 * (np.abs(seen).max(axis=0) + np.ptp(seen, axis=0))
-            if (np.abs(seen - np.sort(section, axis=0)) <= near).all():
-                return True
+def _known(made: list[ResponseBranch], found: Bifurcation, value: float, returns: Array) -> bool:
+    """True if one of the branches passes through states (P, 2 f) at a value."""
+    _, scale, turns = measure(found.machine)
+    return any(_holds(branch, value, returns, turns / scale) for branch in made)
+
+
+def _holds(branch: ResponseBranch, value: float, returns: Array, turns: Array) -> bool:
+    """True if a branch passes through states (P, 2 f) at a value, begun at any of their turns."""
+    for there, step in _places(branch, value, turns):
+        near = ONE + _BENT * step.max(axis=0)
+        if any((np.abs(way) <= near).all() for way in _ways(there, returns, turns)):
+            return True
     return False
+
+
+def _places(branch: ResponseBranch, value: float, turns: Array) -> Iterator[tuple[Array, Array]]:
+    """States (P, 2 f) of a branch at a value, and how they change between the neighbours.
+
+    It is a parabola through three points along its way: at a fold, values turn.
+    """
+    states = [branch.points[0].returns]
+    for point in branch.points[1:]:
+        ways = _ways(states[-1], point.returns, turns)
+        states.append(states[-1] + min(ways, key=lambda way: float(np.abs(way).max())))
+    values = np.array([point.value for point in branch.points])
+    x = np.column_stack([values, np.reshape(states, (len(values), -1))])
+    size = np.maximum(np.ptp(x, axis=0), np.append(1e-300, np.full(x.shape[1] - 1, ONE)))
+    steps = np.linalg.norm(np.diff(x, axis=0) / size, axis=1)
+    along = np.append(0.0, np.cumsum(np.maximum(steps, _LEAST)))
+    for k in range(len(values) - 1):
+        first = max(min(k, len(values) - 3), 0)
+        some = x[first : first + 3]
+        if np.abs(value - some[:, 0]).min() > np.ptp(some[:, 0]):
+            continue
+        t = (along[first : first + 3] - along[k]) / (along[k + 1] - along[k])
+        curve = np.linalg.solve(np.vander(t), some)
+        roots = np.roots(curve[:, 0] - np.append(np.zeros(len(t) - 1), value))
+        for root in roots[np.abs(roots - 0.5) <= 0.501].real:
+            there = np.vander([root], len(t))[0] @ curve[:, 1:]
+            yield there.reshape(states[0].shape), np.abs(states[k + 1] - states[k])
+
+
+def _ways(a: Array, b: Array, turns: Array) -> Iterator[Array]:
+    """From each state of one period to those of another, which begins at each of its turns."""
+    for k in range(len(b)):
+        way = np.roll(b, k, axis=0) - a
+        yield way - turns * np.round(way / np.where(turns, turns, 1.0))

@@ -14,7 +14,8 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.errors import InputError, RunError
-from mechanism_sim.report.bifurcation import basins_text
+from mechanism_sim.pages import families
+from mechanism_sim.report.bifurcation import basins_text, chart, render, to_json
 from mechanism_sim.studies import bifurcation as study
 from mechanism_sim.studies.periodic import PoincareMap
 
@@ -44,6 +45,47 @@ def test_a_ball_on_a_table_doubles_its_period_where_theory_says():
         else:
             assert np.ptp(strikes) > 0.01 * strikes.mean()
     assert not found.coexisting
+
+
+def aside(gamma: float, by: float = 0.02) -> str:
+    """The scene of a ball that begins by so much [m/s] beside what repeats."""
+    pace = re.compile(r'(?<=velocity: {ball: )[-+.e0-9]+')
+    return pace.sub(lambda found: repr(float(found[0]) + by), ball(gamma))
+
+
+def test_what_dies_out_slowly_is_no_period_doubling():
+    """Before the flip, a multiplier is nearly -1: turns alternate for long, and come together."""
+    low, high = FLIP - 0.024, FLIP - 0.008
+    found = ms.bifurcation(aside(low), {'drive.speed': (speed(low), speed(high), 3)})
+    assert {(r.period, r.settled) for r in found.responses} == {(1, True)}
+    assert not found.coexisting
+
+
+def test_what_is_left_of_two_turns_beyond_the_flip_is_told():
+    """There the period is two, however slowly it comes to that."""
+    low, high = FLIP + 0.01, FLIP + 0.014
+    found = ms.bifurcation(aside(low), {'drive.speed': (speed(low), speed(high), 2)})
+    assert {(r.period, r.settled) for r in found.responses} == {(2, True)}
+    assert not found.coexisting
+
+
+def test_what_does_not_settle_is_told_so(monkeypatch):
+    """At the flip it dies out as the root of the turns does: there is no end of it."""
+    vary = {'drive.speed': (speed(FLIP - 1e-4), speed(FLIP + 1e-4), 2)}
+    found = ms.bifurcation(aside(FLIP), vary)
+    assert {(r.period, r.settled) for r in found.responses} == {(0, False)}
+    assert not found.coexisting
+    assert set(found.table()['settled']) == {0}
+    shown, data = render((found, ())), to_json((found, ()))
+    assert 'not settled' in shown
+    assert 'several' not in shown
+    assert {(r['period'], r['settled']) for r in data['responses']} == {(None, False)}
+    lines = chart(found, 'ball').panels[0].curves
+    assert {line.label for line in lines} == {'not settled, up', 'not settled, down'}
+    members = []
+    monkeypatch.setattr(families, 'family_page', lambda _, given, *__: members.extend(given))
+    families.bifurcation_page(found)
+    assert [member[0].split(', ')[1] for member in members] == ['not settled'] * 2
 
 
 def test_two_responses_of_one_machine_are_kept_apart():

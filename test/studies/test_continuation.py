@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -131,6 +132,34 @@ def test_a_load_a_thousandth_of_a_turn_wide_is_in_each_section():
         assert response.period == 1
         assert np.abs(kicked).max() > 1e-3
         assert response.points == pytest.approx(np.add(kicked, [[X.imag, w * X.real]]), abs=1e-7)
+
+
+def test_a_branch_on_which_many_starts_lie_is_followed_once():
+    """A ball that comes to rest in each turn leaves the table where its acceleration is g.
+
+    Sections of it are zero but for rounding, there.
+    """
+    rest = ball(2.0)[: ball(2.0).index('initial:')] + 'initial: {position: {ball: 1 um}}\n'
+    found = ms.bifurcation(
+        rest, {'drive.speed': (speed(1.03), speed(1.1), 3)}, transient=20, keep=8
+    )
+    assert {r.period for r in found.responses} == {1}
+    assert len(ms.branches(found)) == 1
+
+
+@pytest.mark.slow
+def test_a_branch_is_followed_once_round_its_fold():
+    """Flights are of a period from the stroke on that just throws the ball so high: a fold."""
+    fold = math.pi * (1 - E) / (1 + E)
+    found = ms.bifurcation(
+        ball(1.01 * fold), {'drive.speed': (speed(0.995 * fold), speed(1.03 * fold), 3)},
+        transient=60, keep=20,
+    )  # fmt: skip
+    bouncing = tuple(r for r in found.responses if r.impacts == 1.0)
+    assert len(bouncing) == 2
+    (branch,) = ms.branches(replace(found, responses=bouncing))
+    assert [e.kind for e in branch.events] == ['fold']
+    assert branch.events[0].value == pytest.approx(speed(fold), rel=1e-7)
 
 
 @pytest.mark.slow
