@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array, ComplexArray
-from mechanism_sim.numerics.polynomials import Nodes, at_instants, chebyshev_nodes, fit_powers
+from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.numerics.rational import Modes
 
 NODES = Nodes(tuple(chebyshev_nodes(20)))
@@ -46,14 +46,13 @@ class ModalResponse(NamedTuple):
     def __call__(self, pieces: NDArray[np.intp], t: Array) -> Array:
         """Outputs (M, outputs) at times `t` (M,) [s] after the start of given pieces (M,)."""
         h = self.durations[pieces]
-        x = np.divide(t, h, out=np.zeros_like(t), where=h > 0.0)
-        y = at_instants(self.forced.transpose(1, 2, 0), pieces, x)
+        x = np.divide(t, h, out=np.zeros_like(t), where=h > 0.0)[:, None]
+        y = np.zeros((len(t), self.forced.shape[2]))
+        for row in self.forced[::-1]:
+            y *= x
+            y += row.take(pieces, axis=0)
         for pole, amplitude in zip(self.poles, self.free, strict=True):
-            # exponentials of complex numbers are computed one by one: four times as long
-            size, angle, free = np.exp(pole.real * t), pole.imag * t, amplitude[pieces]
-            y += (size * np.cos(angle))[:, None] * free.real
-            if pole.imag:
-                y -= (size * np.sin(angle))[:, None] * free.imag
+            y += (amplitude[pieces] * np.exp(pole * t)[:, None]).real
         return y
 
 

@@ -50,45 +50,6 @@ def evaluate(
     return 0
 
 
-def _evaluated(
-    coefficients: Array, segments: NDArray[np.intp], dt: Array, factors: Array
-) -> list[Array]:
-    """Values (n, N K) as of `evaluate`, of coefficients (m, n, d + 1), for each of r derivatives.
-
-    By machine code once kernels have it, else by operations on arrays: with the same bits.
-    """
-    n, count = coefficients.shape[1:]
-    if evaluate.is_compiled and dt.size:
-        out = np.empty((len(factors) * n, dt.size))
-        plain = np.ascontiguousarray(coefficients, float).reshape(-1, count)
-        instants = np.ascontiguousarray(dt, float).ravel()
-        evaluate(plain, np.asarray(segments, np.int64), instants, factors, out)
-        return [*out.reshape(len(factors), n, -1)]
-    began = perf_counter()
-    outs = [np.zeros((n, *dt.shape)) for _ in factors]
-    # coefficients are gathered for as many instants as fit in the cache: ten times as fast
-    block = max(1, _GATHERED * len(dt) // max(1, dt.size))
-    for first in range(0, len(dt), block):
-        some = slice(first, first + block)
-        rows = np.ascontiguousarray(coefficients[segments[some]].transpose(2, 1, 0))
-        if dt.ndim == 2:
-            rows = rows[..., None]
-        by = dt[some]
-        for out, factor in zip(outs, factors, strict=True):
-            values = out[:, some]
-            for j in range(count - 1, np.count_nonzero(factor == 0.0) - 1, -1):
-                values *= by
-                values += rows[j] if factor[j] == 1.0 else factor[j] * rows[j]
-    charge(perf_counter() - began)
-    return [out.reshape(n, -1) for out in outs]
-
-
-def at_instants(coefficients: Array, pieces: NDArray[np.intp], x: Array) -> Array:
-    """Values (N, n) of polynomials (m, n, d + 1) of some pieces (N,), each at one place (N,)."""
-    (values,) = _evaluated(coefficients, pieces, x, np.ones((1, coefficients.shape[2])))
-    return values.T
-
-
 @dataclass(frozen=True)
 class Nodes:
     """K places, equal in every segment: fractions of its duration."""
@@ -261,7 +222,29 @@ class PiecewisePolynomial:
                 found.append(values.transpose(1, 0, 2).reshape(n, -1).T)
             return found
         falling = np.array([[float(math.perm(j, d)) for j in range(count)] for d in derivatives])
-        return [values.T for values in _evaluated(self.coefficients, segment, dt, falling)]
+        if evaluate.is_compiled and dt.size:
+            out = np.empty((len(falling) * n, dt.size))
+            plain = np.ascontiguousarray(self.coefficients, float).reshape(-1, count)
+            instants = np.ascontiguousarray(dt, float).ravel()
+            evaluate(plain, np.asarray(segment, np.int64), instants, falling, out)
+            return [rows.T for rows in out.reshape(len(falling), n, -1)]
+        began = perf_counter()
+        outs = [np.zeros((n, *dt.shape)) for _ in derivatives]
+        # coefficients are gathered for as many instants as fit in the cache: ten times as fast
+        block = max(1, _GATHERED * len(dt) // max(1, dt.size))
+        for first in range(0, len(dt), block):
+            some = slice(first, first + block)
+            rows = np.ascontiguousarray(self.coefficients[segment[some]].transpose(2, 1, 0))
+            if dt.ndim == 2:
+                rows = rows[..., None]
+            by = dt[some]
+            for out, derivative, factors in zip(outs, derivatives, falling, strict=True):
+                values = out[:, some]
+                for j in range(count - 1, derivative - 1, -1):
+                    values *= by
+                    values += factors[j] * rows[j] if derivative else rows[j]
+        charge(perf_counter() - began)
+        return [out.reshape(n, -1).T for out in outs]
 
     def at_nodes(self, segment: NDArray[np.intp], nodes: Nodes) -> tuple[Array, Array]:
         """Values and rates (n, N K) as `local` gives them, by one matrix product for each of n.

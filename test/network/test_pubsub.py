@@ -560,7 +560,7 @@ def test_messages_and_bytes_are_published_together_and_never_written_out(either)
 
 
 SEND = """
-    import time
+    import sys, time
     from mechanism_sim.messages import Impact, serialize
     from mechanism_sim.nodes.middleware import *
     init()
@@ -570,10 +570,11 @@ SEND = """
     )
     while not publisher.get_subscription_count():
         time.sleep(0.001)
-    for index in range(300):
+    good, bad = map(int, sys.argv[1:])
+    for _ in range(bad):
+        publisher.publish(b'no message')
+    for index in range(good):
         publisher.publish(Impact(index=index))
-        if index % 100 == 50:
-            publisher.publish(b'no message')
     leave([node])
 """
 
@@ -592,7 +593,7 @@ def test_threads_of_the_network_keep_their_state_between_messages(joined, monkey
     monkeypatch.setattr(Subscription, '_receive', receive)
     node, got = Node('here'), []
     node.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), KEEP_ALL)
-    source = joined.start(SEND)
+    source = joined.start(SEND, 300, 3)
     spin_until(node, lambda: len(got) == 300)
     assert got == list(range(300))
     assert 1 <= len(made) < 30
@@ -604,7 +605,7 @@ def test_a_publisher_that_waits_goes_on_past_what_is_no_message(joined, capfd):
     """Bytes that are no message wait with the others, and are dropped when their turn comes."""
     node, got = Node('here'), []
     node.create_subscription(Impact, 'impacts', lambda m: got.append(m.index), KEEP_ALL)
-    source = joined.start(SEND)
+    source = joined.start(SEND, 300, 3)
     source.finish()
     assert not got
     said = ['']
@@ -614,27 +615,10 @@ def test_a_publisher_that_waits_goes_on_past_what_is_no_message(joined, capfd):
     node.destroy_node()
 
 
-FLOOD = """
-    import time
-    from mechanism_sim.messages import Impact
-    from mechanism_sim.nodes.middleware import *
-    init()
-    node = Node('source')
-    publisher = node.create_publisher(
-        Impact, 'impacts', QoSProfile(history=HistoryPolicy.KEEP_ALL)
-    )
-    while not publisher.get_subscription_count():
-        time.sleep(0.001)
-    for index in range(200):
-        publisher.publish(b'no message')
-    leave([node])
-"""
-
-
 def test_who_spins_gets_its_turn_amid_what_is_no_message(joined):
     node = Node('here')
     subscription = node.create_subscription(Impact, 'impacts', lambda _: None, KEEP_ALL)
-    source = joined.start(FLOOD)
+    source = joined.start(SEND, 0, 200)
     source.finish()
     assert eventually(lambda: len(subscription.inbox) == 200)
     for _ in range(3):
