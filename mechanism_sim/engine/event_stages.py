@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from time import perf_counter
 from typing import Any, cast
 
 import heyoka as hy
@@ -13,7 +11,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.events import ImpactLog, ModeLog
 from mechanism_sim.engine.present_state import PresentState
-from mechanism_sim.numerics.kernels import Kernel, charge, foreign_code
+from mechanism_sim.numerics.kernels import Call, Kernel, foreign_code
 
 
 class _Response:
@@ -21,8 +19,8 @@ class _Response:
 
     def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
         self._kernel, self._known = kernel, known
-        self._bound: tuple[object, object, object] = (None, None, None)
-        self._call: Callable[[], int]
+        self._logs: tuple[object, object] = (None, None)
+        self._call: Call
 
     @property
     def compiled(self) -> bool:
@@ -30,16 +28,11 @@ class _Response:
         return self._kernel.run is not self._kernel.function
 
     def __call__(self, impacts: Array, changes: Array) -> int:
-        way, rows, more = self._bound
-        if way is not self._kernel.run or rows is not impacts or more is not changes:
-            self._bound = self._kernel.run, impacts, changes
-            self._call = self._kernel.bind(*self._known, impacts, changes)
-        if self.compiled:
-            return self._call()
-        began = perf_counter()
-        after = self._call()
-        charge(perf_counter() - began)
-        return after
+        rows, more = self._logs
+        if rows is not impacts or more is not changes:
+            self._logs = impacts, changes
+            self._call = Call(self._kernel, *self._known, impacts, changes)
+        return self._call()
 
 
 class EventStages:
@@ -74,7 +67,9 @@ class EventStages:
         self._addresses = np.zeros(len(respond.NEEDS), dtype=np.int64)
         self._codes: list[Any] = []  # hold what the addresses are of
         state = present.integrator.state[: present.system.width]
-        self._all = _Response(respond.resolve, (state, present.now, self._addresses, *known))
+        there = state, present.now, self._addresses
+        self._all = _Response(respond.resolve, (*there, *known))
+        self._look_there = _Response(respond.look_there, (*there, *known))
 
     def see(self, stage: int) -> None:
         """Evaluate what a stage needs at the present state."""
@@ -107,8 +102,13 @@ class EventStages:
 
     def past_zero(self, fell: int | None) -> int | None:
         """A guard that is past zero at the present state, beside one that `fell`."""
-        self.see(respond.MISSED)
-        guard = self._called(self._look, respond.MISSED, -1 if fell is None else fell)
+        beside = -1 if fell is None else fell
+        if self._addresses[respond.MISSED]:
+            self._present.set_time()
+            guard = self._called(self._look_there, respond.MISSED, beside)
+        else:
+            self.see(respond.MISSED)
+            guard = self._called(self._look, respond.MISSED, beside)
         return guard if guard >= 0 else None
 
     def _called(self, call: _Response, stage: int, guard: int) -> int:

@@ -9,14 +9,28 @@ close that enclosures of the formulas leave nothing to be found between them.
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import heyoka as hy
 import numpy as np
-from numpy.polynomial import polynomial
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.system import System
-from mechanism_sim.numerics.enclosure import FEW, MotionSeries, Reach, reach_of
-from mechanism_sim.numerics.polynomials import chebyshev_nodes, shift_powers
+from mechanism_sim.numerics.complementarity import Indices
+from mechanism_sim.numerics.enclosure import (
+    FEW,
+    NONE,
+    WHOLE,
+    MotionSeries,
+    Reach,
+    about_middle,
+    doubt_of,
+    reach_of,
+)
+from mechanism_sim.numerics.kernel_code import call_code
+from mechanism_sim.numerics.kernels import Call, entry, foreign_code, kernel
+from mechanism_sim.numerics.polynomials import chebyshev_nodes
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -24,7 +38,95 @@ _GUARDS = TOLERANCES.guards
 _ROUNDING = TOLERANCES.rounding
 _STEPS = TOLERANCES.steps
 
-_NOTHING = np.zeros(0)
+
+class Course(NamedTuple):
+    """What loads see of a step, and whence that is known; the last two are overwritten."""
+
+    states: Indices  #: (v,) rows of the step's series, -1 of what is none
+    sizes: Array  #: (v,) of their units
+    laws: NDArray[np.int64]  #: (v, 3) first coefficient, derivative, coefficients; or the first -1
+    turns: Indices  #: (t,) parameters
+    symbols: Indices  #: (w,) those of the switches
+    held: NDArray[np.int64]  #: (q, 2) one of these, and the parameter that says that it holds
+    guards: int
+    series: Array  #: (v, n) what moves, over the step as 1
+    given: Array  #: what `Enclosure.judge` takes
+
+
+_NONE, _PAIRS = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
+_EMPTY = np.zeros(0)
+NOTHING = Course(
+    _NONE, _EMPTY, np.zeros((0, 3), np.int64), _NONE, _NONE, _PAIRS, 0, np.zeros((0, 0)), _EMPTY
+)
+"""The course of a machine without steep loads."""
+
+
+@kernel
+def see(jets: Array, parameters: Array, c: Course, time: float, tau: float, h: float) -> None:
+    """Write what loads see of a step from `tau` on, with `time` [s] at zero."""
+    count = c.series.shape[1]
+    for k in range(len(c.series)):
+        row, power = c.series[k], 1.0
+        row[:] = 0.0
+        if c.states[k] >= 0:
+            own, power = jets[c.states[k]], c.sizes[k]
+            for j in range(count):
+                row[j] = own[j] * power
+                power *= h
+        elif c.laws[k, 0] >= 0:
+            first, d, n = c.laws[k, 0], c.laws[k, 1], c.laws[k, 2]
+            for j in range(d, n):
+                row[j - d] = parameters[first + j] * (float(j) if d > 0 else 1.0)
+            for i in range(n - d - 1):  # in powers of the time since `tau`
+                for j in range(n - d - 2, i - 1, -1):
+                    row[j] += tau * row[j + 1]
+            for j in range(n - d):
+                row[j] *= power
+                power *= h
+        else:
+            row[0], row[1] = time + tau, h
+    about_middle(c.series, c.given)
+    fixed, last = c.given[2 * len(c.series) :], len(c.given) - 1
+    for k in range(len(c.turns)):
+        fixed[k] = parameters[c.turns[k]]
+    fixed = fixed[len(c.turns) :]
+    for k in range(len(c.symbols)):
+        fixed[k] = parameters[c.symbols[k]]
+    for k in range(len(c.held)):  # of a load that holds both branches count
+        if parameters[c.held[k, 1]] > 0.0:
+            fixed[c.held[k, 0]] = 0.5
+    for k in range(c.guards):  # of these what is nothing grows with the step
+        c.given[last - c.guards + k] = _STEPS.guard * h
+    c.given[last] = h
+
+
+@kernel
+def doubts(
+    address: int, jets: Array, parameters: Array, c: Course, time: float, tau: float, h: float,
+    doubted: Array,
+) -> int:  # fmt: skip
+    """`Enclosure.doubts` about a step, by the machine code of ``Enclosure.doubted``.
+
+    Parameters
+    ----------
+    time, tau, h : see `StepCheck.reach`
+    doubted : (2,) overwritten
+    """
+    see(jets, parameters, c, time, tau, h)
+    call_code(address, doubted, c.given, parameters, doubted)
+    return doubt_of(doubted)
+
+
+@entry
+def look(
+    addresses: Indices, jets: Array, parameters: Array, c: Course, now: Array, doubted: Array
+) -> int:
+    """`doubts` now; -1, once `see` has looked, if no machine code is known."""
+    time, tau, h = now[0], now[1], now[2]
+    if addresses[0]:
+        return doubts(addresses[0], jets, parameters, c, time, tau, h, doubted)
+    see(jets, parameters, c, time, tau, h)
+    return -1
 
 
 class StepCheck:
@@ -47,36 +149,34 @@ class StepCheck:
         size = np.where(system.angular, 1.0, system.mechanism.size)
         size = np.append(size, np.ones(len(system.states)))
         self._limit = (limit * size)[:, None]
-        loads, guards = _STEPS.unfelt * limit * steep.inertia, steep.enclosure.guards
-        self._scales = np.append(loads, np.zeros(guards))
-        self._count = len(loads)
         self._resolved = ResolvedLoads(steep, chebyshev_nodes(integrator.order + 1))
-        self._near = self._scales[len(loads) :]  # of guards: it grows with the step
         self._series, self._pars = integrator.tc, integrator.pars  # as they are at any time
         self._power = np.arange(integrator.order + 1)
         f, m, width = len(system.free), len(system.guards), system.width
         self._rates, self._watch = slice(f, width), slice(width + 1, width + 1 + m)
         self._guards = m
-        turns = [system.parameters.outside[name] for name in steep.outside]
-        self._turns = np.array(turns, int)
-        self._symbols = np.array([i for index in system.parameters.switches for i in index], int)
-        # rows of the series that loads depend on, and of those which laws give their coefficients
-        names = [system.variables[i] for _, i in steep.moving]
-        free = {c: k for k, c in enumerate(system.free)}
-        free |= {x.label: 2 * f + k for k, x in enumerate(system.states)}
-        scales = {x.label: x.scale for x in system.states}
-        orders = [d for d, _ in steep.moving]
-        known = list(zip(orders, names, strict=True))
-        self._own = [k for k, (_, c) in enumerate(known) if c in free]
-        self._states = np.array([free[c] + f * d for d, c in known if c in free], int)
-        sizes = [scales.get(c, 1.0) for c in names if c in free]
-        self._sizes = np.array(sizes).reshape(-1, 1)
-        self._laws = [
-            (k, d, system.parameters.laws[system.prescribed.index(c)])
-            for k, (d, c) in enumerate(known)
-            if c not in free
-        ]
         self._few = self._powers(FEW)
+        self.course = _course(system, steep, integrator.order + 1)
+        loads = _STEPS.unfelt * limit * steep.inertia
+        self._loads, ends = len(loads), len(self.course.given) - 1
+        self._scales = self.course.given[ends - len(loads) - steep.enclosure.guards : ends]
+        self._scales[: len(loads)] = loads
+        self._fixed = self.course.given[2 * len(steep.moving) + 2 * steep.timed : -1]
+        self._fixed = self._fixed[: len(self._fixed) - len(self._scales)]
+        self._now, doubted, self._addresses = np.zeros(3), np.zeros(2), np.zeros(1, np.int64)
+        self._code: Any = None
+        self._look = Call(
+            look, self._addresses, self._series, self._pars, self.course, self._now, doubted
+        )
+
+    @property
+    def address(self) -> int:
+        """Of the machine code of ``Enclosure.doubted``, 0 if it cannot be had."""
+        if self._code is None:
+            function = self._steep.enclosure.doubted
+            self._code = foreign_code(function.llvm_states[0].object_code, 'cfunc') or False
+            self._addresses[0] = self._code.addresses[0] if self._code else 0
+        return int(self._addresses[0])
 
     def reach(self, time: float, tau: float, h: float) -> Reach:
         """How far the last step is one of the equations' motion, as a share of it.
@@ -86,25 +186,28 @@ class StepCheck:
         time : [s] at the local time zero
         tau, h : [s] local time at the start of the step, and its length
         """
-        pars, steep = self._pars, self._steep
+        pars, enclosure = self._pars, self._steep.enclosure
+        self._now[0], self._now[1], self._now[2] = time, tau, h
+        doubts = self._look()
+        if doubts < 0:
+            doubts = enclosure.judge(self.course.given, pars)
+            if look.is_compiled:
+                _ = self.address
+        if doubts == NONE:
+            return WHOLE
+        course = MotionSeries(self.course.series, h, self._fixed, pars)
         grown = h**self._power
-        fixed = _NOTHING
-        if len(self._turns) or len(steep.symbols):
-            fixed = np.concatenate([pars[self._turns], steep.switched(pars[self._symbols])])
-        course = MotionSeries(self._moving(grown, time + tau, tau, h), h, fixed, pars)
-        self._near[:] = _STEPS.guard * h
-
         looked: list[Array] = []
 
         def defect(places: Array) -> Array:
             looked.append(places)
             return self._defect(self._series[: self._watch.stop] * grown, tau, h, places)
 
-        reach = reach_of(steep.enclosure, course, self._scales, defect)
+        reach = reach_of(enclosure, course, self._scales, defect, doubts)
         if not looked or looked[0] is FEW:
             return reach
         # of a load on what a drive moves the accelerations tell nothing
-        share = self._resolved.longest(course, looked, reach, self._scales[: self._count] / h)
+        share = self._resolved.longest(course, looked, reach, self._scales[: self._loads] / h)
         known = 1.0 if reach.fault is None else reach.sound
         return Reach(share, share) if share < known else reach
 
@@ -136,24 +239,30 @@ class StepCheck:
                 found[(low & (guards < foretold - _STEPS.fallen)).any(axis=0)] = np.inf
         return found
 
-    def _moving(self, grown: Array, time: float, tau: float, h: float) -> Array:
-        """Series (v, n) of what loads depend on: of laws those that the integrator has, too.
 
-        Parameters
-        ----------
-        grown : (n,) powers of `h`
-        """
-        own: Array = self._series.take(self._states, axis=0) * grown
-        if self._system.states:
-            own *= self._sizes
-        if not (self._laws or self._steep.timed):
-            return own
-        found = np.zeros((len(self._steep.moving) + self._steep.timed, len(grown)))
-        found[self._own] = own
-        for k, derivative, index in self._laws:
-            law = polynomial.polyder(self._pars[index], derivative)
-            local = shift_powers(law[None], np.array([tau]))[0]
-            found[k, : len(local)] = local * grown[: len(local)]
-        if self._steep.timed:
-            found[-1, :2] = time, h
-        return found
+def _course(system: System, steep: SteepLoads, count: int) -> Course:
+    """Where all that loads depend on is found; `count` are the coefficients of a series."""
+    f, parameters = len(system.free), system.parameters
+    rows = {c: (k, 1.0) for k, c in enumerate(system.free)}
+    rows |= {x.label: (2 * f + k, x.scale) for k, x in enumerate(system.states)}
+    moving = [(d, system.variables[i]) for d, i in steep.moving]
+    own = [rows.get(c, (-1, 1.0)) for _, c in moving]
+    states = [k + f * d if k >= 0 else -1 for (d, _), (k, _) in zip(moving, own, strict=True)]
+    laws = np.full((len(moving) + steep.timed, 3), -1)
+    for law, (d, c) in zip(laws, moving, strict=False):
+        if c not in rows:
+            index = parameters.laws[system.prescribed.index(c)]
+            law[:] = index[0], d, len(index)
+    time = [-1] * steep.timed
+    symbols = np.array([i for index in parameters.switches for i in index], int)
+    held = steep.held.copy()
+    held[:, 1] = symbols[held[:, 1]]
+    turns = np.array([parameters.outside[name] for name in steep.outside], int)
+    own_symbols = symbols[steep.symbols]
+    fixed = len(turns) + len(own_symbols) + len(steep.inertia) + steep.enclosure.guards
+    return Course(
+        np.array(states + time, int),
+        np.array([size for _, size in own] + [1.0] * steep.timed),
+        laws, turns, own_symbols, held, steep.enclosure.guards,
+        np.zeros((len(laws), count)), np.zeros(2 * len(laws) + fixed + 1),
+    )  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import BLOCK, DenseOutput, floats
+from mechanism_sim.engine.step_check import NOTHING, Course, StepCheck, doubts
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import Indices
@@ -27,15 +28,15 @@ _GUARDS = TOLERANCES.guards
 _SINGULAR = TOLERANCES.singular
 _STEPS = TOLERANCES.steps
 
-TAU, LIMIT, LONGEST, QUICKEST, STRIDE, LENGTH, LARGEST = range(7)
+TAU, LIMIT, LONGEST, QUICKEST, STRIDE, BASE, LENGTH, LARGEST = range(8)
 """Reals of a row: time of the present state and up to which steps may end [s]; longest step [s];
-fastest stabilisation [1/s]; stride before singular positions [s]; then what heyoka gives: length
-of the step [s], largest magnitude in the state."""
+fastest stabilisation [1/s]; stride before singular positions [s]; time at local zero [s]; then
+what heyoka gives: length of the step [s], largest magnitude in the state."""
 
-STEP, OUT, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(8)
-"""Whole numbers of a row: addresses of heyoka's functions; row of the first step; steps at most;
-states that are kept, and all of them; the state that watches singular positions, or -1; index of
-the stabilisation."""
+STEP, OUT, DOUBTS, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(9)
+"""Whole numbers of a row: addresses of heyoka's functions, the third 0 if nothing is steep; row of
+the first step; steps at most; states that are kept, and all of them; the state that watches
+singular positions, or -1; index of the stabilisation."""
 
 _SAVED = 2e-6
 """[s] of a step in Python: what a call of machine code saves."""
@@ -55,6 +56,8 @@ class RowArrays(NamedTuple):
     taus: Array  #: starts [s] of the steps, from the first on
     lengths: Array  #: [s] likewise
     rows: Array  #: (n, width (order + 1)) their coefficients
+    course: Course  #: what steep loads see of a step
+    doubted: Array  #: (2,) overwritten
 
 
 @kernel
@@ -117,7 +120,9 @@ def stays(
 @entry
 def take_row(row: RowArrays) -> int:
     """Take steps until something may happen in the next one; their number."""
-    state, parameters, time, reals, whole, jets, scaled, shut, taus, lengths, rows = row
+    state, parameters, time, reals, whole, jets, scaled, shut, taus, lengths, rows, seen, more = (
+        row
+    )
     near = whole[NEAR]
     for k in range(whole[MOST]):
         tau = reals[TAU]
@@ -129,6 +134,10 @@ def take_row(row: RowArrays) -> int:
         if not (tau < end <= reals[LIMIT] and reals[LARGEST] < math.inf):
             return k
         if not stays(jets, whole[SIZE], shut, parameters, h, scaled):
+            return k
+        if whole[DOUBTS] and doubts(
+            whole[DOUBTS], jets, parameters, seen, reals[BASE], tau, h, more
+        ):
             return k
         if near >= 0:
             ahead = _SINGULAR.ahead * max(h, reals[STRIDE])
@@ -152,6 +161,7 @@ class StepRows:
     output : into which steps are entered
     longest : [s] step
     quickest : [1/s] largest stabilisation
+    check : of steps, where loads may be steep: what it doubts is a step of heyoka's own
     """
 
     def __init__(
@@ -161,8 +171,10 @@ class StepRows:
         output: DenseOutput,
         longest: float,
         quickest: float,
+        check: StepCheck | None = None,
     ) -> None:
         self._system, self._integrator, self._output = system, integrator, output
+        self._check = check
         self._reals = np.zeros(LARGEST + 1)
         self._reals[LONGEST], self._reals[QUICKEST] = longest, quickest
         self._calls: dict[int, Callable[[], int]] = {}
@@ -172,8 +184,14 @@ class StepRows:
         self._code: Any = None
         self._taus, self._lengths = floats(np.zeros(_STEPS.row)), floats(np.zeros(_STEPS.row))
 
-    def take(self, tau: float, limit: float, most: int, stride: float) -> float:
-        """Take steps from `tau`, at most so many, that end not later than `limit`; where it is."""
+    def take(self, tau: float, limit: float, most: int, stride: float, base: float = 0.0) -> float:
+        """Take steps from `tau`, at most so many, that end not later than `limit`; where it is.
+
+        Parameters
+        ----------
+        stride : [s] before singular positions
+        base : [s] time at the local time zero
+        """
         if take_row.run is take_row.function or not self._served:
             return tau
         if self._known is None:
@@ -183,7 +201,7 @@ class StepRows:
         block, first = divmod(len(output.lengths), BLOCK)
         if block not in self._calls:
             self._calls[block] = take_row.bind(self._known._replace(rows=output.block(block)))
-        reals[TAU], reals[LIMIT], reals[STRIDE] = tau, limit, stride
+        reals[TAU], reals[LIMIT], reals[STRIDE], reals[BASE] = tau, limit, stride, base
         whole[FIRST], whole[MOST] = first, min(most, BLOCK - first)
         if count := self._calls[block]():
             output.taus += self._taus[:count].tolist()
@@ -201,13 +219,16 @@ class StepRows:
         """The arrays, with the addresses of what is called; None if there is nothing to be."""
         ta, system = self._integrator, self._system
         self._code = kernels.foreign_code(ta.llvm_state.object_code, 'step_e', 'd_out_f')
-        self._served = self._code is not None
+        check = self._check
+        address = check.address if check else 0
+        self._served = self._code is not None and (check is None or address > 0)
         if not self._served:
             return None
         width, order, guards = system.width, ta.order + 1, len(system.guards)
         near = width + 1 + guards if system.relations else -1
         whole = np.array([
-            *self._code.addresses, 0, 0, width, ta.dim, near, system.parameters.stabilisation,
+            *self._code.addresses, address, 0, 0, width, ta.dim, near,
+            system.parameters.stabilisation,
         ])  # fmt: skip
         closed = system.parameters.closed
         shut = np.array([
@@ -219,4 +240,5 @@ class StepRows:
         return RowArrays(
             ta.state, ta.pars, np.zeros(1), self._reals, whole, jets, scaled, shut,
             np.asarray(self._taus), np.asarray(self._lengths), np.zeros((0, 0)),
+            check.course if check else NOTHING, np.zeros(2),
         )  # fmt: skip

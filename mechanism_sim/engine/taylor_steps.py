@@ -82,14 +82,13 @@ class TaylorSteps:
         if system.steep:
             self._check = StepCheck(system, system.steep, self._ta, defect)
         self.short: ShortSteps | None = None
-        self._quick = self._check is None and not system.compliant
         width, series = self._ta.order + 1, floats(self._ta.tc)
         watch = system.width + 1  # after the state and the constant
         near = watch + len(system.guards)  # then the distance from singular positions
         self._coefficients = series[: system.width * width]
         self._guard_values = series[watch * width + 1 : near * width : width]
         self._nearness = series[near * width :] if system.relations else _UNWATCHED
-        self._rows = StepRows(system, self._ta, output, max_step, quickest)
+        self._rows = StepRows(system, self._ta, output, max_step, quickest, self._check)
         self._stabilisation = system.parameters.stabilisation
 
     def follow(
@@ -102,10 +101,10 @@ class TaylorSteps:
         gaps, output, ta, step = self._gaps, self._output, self._ta, self._ta.step
         if self._laws.since >= _STEPS.row:
             self._laws.turn(tau)
-        longest = self.longest
-        if not self._quick or self._goes_short():
+        longest, check = self.longest, self._check
+        if self._system.compliant or self._goes_short():
             h = self._taken(tau, min(longest, gaps.horizon))
-            return tau, h if self._check is None else self._checked(tau, h, self._check)
+            return tau, h if check is None else self._checked(tau, h, check)
         slots, lengths, since = output.slots, output.lengths, self._laws.since
         coefficients, pars, fired = self._coefficients, self._pars, self._system.parameters.fired
         lone = self._system.lone
@@ -118,12 +117,14 @@ class TaylorSteps:
         while (count := len(lengths)) < row and not self._goes_short():
             reach = min(longest, gaps.horizon)
             if reach == longest:  # else an event is near
-                tau = self._rows.take(tau, stop, row - count, stride)
+                tau = self._rows.take(tau, stop, row - count, stride, self._present.base.high)
                 count = len(lengths)
                 if count == row:
                     break
             ta.time = tau
             h = step(reach, True)[1]
+            if check is not None:
+                h = self._checked(tau, h, check)
             end, guard = tau + h, pars[fired]
             if (
                 not tau < end <= stop

@@ -105,7 +105,7 @@ class LoadsOnPieces:
             found.append(places)
             return np.zeros(len(places))
 
-        reach = reach_of(steep.enclosure, course, scales, look)
+        reach = reach_of(steep.enclosure, course, scales, look, MUCH)
         return self._resolved.longest(course, found, reach, floor)
 
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.expressions import ExpressionNode, numbers, tree_of
+from mechanism_sim.numerics.kernels import kernel
 from mechanism_sim.tolerances import TOLERANCES
 
 _ENCLOSURE = TOLERANCES.enclosure
@@ -386,6 +387,7 @@ class Enclosure:
     ----------
     count : of the functions
     guards : their number
+    doubted : compiled, `judge` in numbers, see `doubt_of`
     """
 
     def __init__(
@@ -415,7 +417,7 @@ class Enclosure:
         if chosen:
             length = hy.make_vars('length')
             self._function = compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
-            self._doubts = compiled.function(
+            self.doubted = compiled.function(
                 _doubts(program, balls, felt, chosen, length), [*inputs, length]
             )
 
@@ -427,12 +429,16 @@ class Enclosure:
         """
         if not self.count:
             return NONE
-        series, length, fixed, parameters = course
-        halves, rest = _halves(series.shape[1])
-        middle, radius = series.dot(halves), np.abs(series).dot(rest)
-        given = np.concatenate([middle, radius, fixed, scales, (length,)])
-        near, far = self._doubts(given, pars=parameters[: self._doubts.nparams]).tolist()
-        return MUCH if far else LITTLE if near else NONE
+        about = np.zeros(2 * len(course.series))
+        about_middle(course.series, about)
+        return self.judge(
+            np.concatenate([about, course.fixed, scales, (course.length,)]), course.parameters
+        )
+
+    def judge(self, given: Array, parameters: Array) -> int:
+        """`doubts` of a piece by what moves there, see `about_middle`, and all that does not."""
+        found = self.doubted(given, pars=parameters[: self.doubted.nparams])
+        return int(doubt_of(found))
 
     def __call__(
         self, course: MotionSeries, scales: Array, middle: Array, radius: Array
@@ -579,6 +585,25 @@ def _halves(count: int) -> tuple[Array, Array]:
     return halves, np.maximum(halves, 1.0 - halves) * (np.arange(count) > 0)
 
 
+@kernel
+def about_middle(series: Array, given: Array) -> None:
+    """Values (v,) of polynomials (v, n) at 1/2, then radii about them, all that x up to 1 adds."""
+    count = len(series)
+    for k in range(count):
+        half, middle, radius = 1.0, series[k, 0], 0.0
+        for j in range(1, series.shape[1]):
+            half *= 0.5
+            middle += series[k, j] * half
+            radius += abs(series[k, j]) * (1.0 - half)
+        given[k], given[count + k] = middle, radius
+
+
+@kernel
+def doubt_of(counts: Array) -> int:
+    """Doubts by how many functions bend more than a series knows, and than few samples tell."""
+    return MUCH if counts[1] > 0.0 else LITTLE if counts[0] > 0.0 else NONE
+
+
 def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]:
     """Polynomials (v, n) on parts: their values in the middles (v, N), and radii around them.
 
@@ -605,6 +630,7 @@ def reach_of(
     course: MotionSeries,
     scales: Array,
     defect: Callable[[Array], Array],
+    doubts: int | None = None,
 ) -> Reach:
     """How far the samples of a piece of motion tell all of its formulas and show no fault.
 
@@ -615,8 +641,9 @@ def reach_of(
     ----------
     scales : of loads, then guards: a change times the length [s] of its part that is nothing
     defect : (N,) how wrong something is at places (N,) from 0 to 1; more than 1 is a fault
+    doubts : see `Enclosure.doubts`, if they are known
     """
-    doubts = enclosure.doubts(course, scales)
+    doubts = enclosure.doubts(course, scales) if doubts is None else doubts
     if doubts == NONE:
         return WHOLE
     if doubts == LITTLE:

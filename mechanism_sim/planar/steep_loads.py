@@ -39,6 +39,7 @@ class SteepLoads:
     timed : whether they depend on the time, too
     outside : names of turns that they ask for
     symbols : (w,) indices of those of all switches that they depend on
+    held : (q, 2) of these, and that of the symbol that says that their load holds
     loads, variables : expressions; of what moves, of the time, of turns, and of switches
     parameters : values of ``par[]``
     inertia : of each load the least that it moves [kg m, kg m^2]
@@ -86,11 +87,12 @@ class SteepLoads:
         every = [(s, x) for s in frames.switches.values() for x in s.symbols]
         used = [(k, s, x) for k, (s, x) in enumerate(every) if str(x) in named]
         self.symbols = np.array([k for k, _, _ in used], int)
-        self._held = [
+        held = [
             (row, k + 1)
             for row, (k, s, x) in enumerate(used)
             if isinstance(s, Switch) and s.holds is not None and x == s.flag
         ]
+        self.held = np.array(held, int).reshape(-1, 2)
         moves = [x for *_, x in moving] + ([frames.outside['time']] if self.timed else [])
         self.inertia = np.array([s for _, s in known])
         fixed = [*turns.values(), *(x for *_, x in used)]
@@ -104,7 +106,7 @@ class SteepLoads:
         Of a load that holds both branches count.
         """
         chosen: Array = symbols[self.symbols]
-        for row, holds in self._held:
+        for row, holds in self.held:
             if symbols[holds] > 0.0:
                 chosen[row] = 0.5
         return chosen

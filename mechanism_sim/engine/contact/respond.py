@@ -472,6 +472,14 @@ def look(*arrays: Any) -> int:
 
 
 @entry
+def look_there(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
+    """As `look`, at the state itself; the first arguments are those of `resolve`."""
+    run = run_of(*arrays)
+    _evaluate(run, state, now, addresses, MISSED)
+    return _past_zero(run, run.counters[GUARD])
+
+
+@entry
 def respond(*arrays: Any) -> int:
     """Take the stage of the counters; the one that follows.
 
@@ -496,6 +504,18 @@ def respond(*arrays: Any) -> int:
     return projected(run)
 
 
+@kernel
+def _evaluate(run: EventArrays, state: Array, now: Array, addresses: Indices, stage: int) -> None:
+    """Call the machine code of what a stage needs."""
+    width = len(state)
+    now[:width] = state
+    now[width : width + len(run.parameters)] = run.parameters
+    if stage < PROJECTED:
+        call_code(addresses[stage], run.terms, now, now, now)
+    else:
+        call_code(addresses[stage], run.seen, now, now, now)
+
+
 _ENDLESS = 2**62
 
 
@@ -513,7 +533,7 @@ def resolve(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
     arrays : those of `run_of`
     """
     run = run_of(*arrays)
-    n, m, width = run.counters, run.gaps.shape[1], len(state)
+    n, m = run.counters, run.gaps.shape[1]
     for _ in range(_ENDLESS):
         stage = n[STAGE]
         if stage <= DONE or addresses[stage] == 0:
@@ -521,12 +541,7 @@ def resolve(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
         if n[IMPACTS] + m > len(run.impacts) or n[CHANGES] + 2 * m > len(run.changes):
             break
         if not (stage == STRIKES and n[TAKEN] == FELL):  # of the same state
-            now[:width] = state
-            now[width : width + len(run.parameters)] = run.parameters
-            if stage < PROJECTED:
-                call_code(addresses[stage], run.terms, now, now, now)
-            else:
-                call_code(addresses[stage], run.seen, now, now, now)
+            _evaluate(run, state, now, addresses, stage)
         after = respond(*arrays)
         n[STAGE], n[TAKEN] = after, stage
     return int(n[STAGE])
