@@ -160,9 +160,12 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
     for x in exceedances(plan, rows):
         (unit,) = (c.unit for c in measures if c.name == x.measure)
         unit, scale = for_people(unit, _largest(rows, x.measure))
+        ends = ('<', x.least), ('>', x.limit)
+        bounds = [f'{sign} {scale * end:.6g} {unit}' for sign, end in ends if end is not None]
+        fits = '' if x.capability is None else f', Cpk {x.capability:.2f}'
         lines.append(
-            f'{x.measure} > {scale * x.limit:.6g} {unit}: {x.beyond} of {x.runs} runs, '
-            f'{100.0 * x.share:.1f} % (95 %: {100.0 * x.low:.1f} to {100.0 * x.high:.1f} %)'
+            f'{x.measure} {" or ".join(bounds)}: {x.beyond} of {x.runs} runs, '
+            f'{100.0 * x.share:.1f} % (95 %: {100.0 * x.low:.1f} to {100.0 * x.high:.1f} %){fits}'
         )
     return lines
 

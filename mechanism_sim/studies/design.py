@@ -28,8 +28,13 @@ SIGMAS = 3.0
 """Standard deviations in T of `A +- T`, which is normal and cut off at A - T and A + T."""
 
 _TOLERANCE = re.compile(r'\s*(.+?)\s*(?:\+-|\+/-|±)\s*(.+?)\s*')
+_NUMBER = r'\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?'
+_SIDE = rf'(0(?![.\d])|[+-]\s*(?:{_NUMBER}))\s*([^\s\d/+-][^/+-]*?)?'
+_SIDES = re.compile(rf'\s*([+-]?(?:{_NUMBER}))\s*(.*?)\s*{_SIDE}\s*(?:/|\s)\s*{_SIDE}\s*')
+"""A nominal size and its two deviations, as on a drawing: ``50 +0.2/-0.1 mm``."""
 _FORMS = (
-    "[LOW, HIGH] (uniform), 'A +- T' (normal, T is three standard deviations), "
+    "[LOW, HIGH] (uniform), 'A +- T' (normal, T is three standard deviations), 'A +T/-S' (the "
+    'same about the middle of both ends), '
     '{normal: [MEAN, DEVIATION]}, {uniform: [LOW, HIGH]} or {triangular: [LOW, MODE, HIGH]}'
 )
 
@@ -54,13 +59,15 @@ def factor(path: str, given: Any) -> Factor:
     """A factor as a sweep file has it."""
     stats = scipy.stats
     kind, values = 'uniform', given
-    if isinstance(given, str) and (match := _TOLERANCE.fullmatch(given)):
+    if isinstance(given, str) and (match := _SIDES.fullmatch(given)):
+        kind, values = 'sides', _sides(match)
+    elif isinstance(given, str) and (match := _TOLERANCE.fullmatch(given)):
         kind, values = 'tolerance', [match[1], match[2]]
         if match[1].replace('.', '').lstrip('-+').isdigit():  # 220 +- 0.2 mm
             values = [f'{match[1]} {match[2].lstrip("0123456789.eE+-")}', match[2]]
     elif isinstance(given, Mapping) and len(given) == 1:
         ((kind, values),) = given.items()
-    count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'triangular': 3}.get(kind)
+    count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'sides': 3, 'triangular': 3}.get(kind)
     if not isinstance(values, list | tuple) or len(values) != count:
         raise InputError(f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}')
     numbers, units = [], []
@@ -74,6 +81,11 @@ def factor(path: str, given: Any) -> Factor:
     if not all(alike(units[0], unit) for unit in units):
         raise InputError(f'vary.{path}: {quoted(given)} mixes units: {", ".join(units)}')
     a, b = numbers[0], numbers[-1]
+    if kind == 'sides':
+        low, high = sorted((a + numbers[1], a + b))
+        if low == high:
+            raise InputError(f'vary.{path}: {quoted(given)}: the deviations must differ')
+        kind, a, b = 'tolerance', 0.5 * (low + high), 0.5 * (high - low)
     if kind in ('normal', 'tolerance'):
         if b <= 0.0:
             raise InputError(f'vary.{path}: {quoted(given)}: the deviation must be positive')
@@ -89,6 +101,16 @@ def factor(path: str, given: Any) -> Factor:
         found = stats.uniform(a, b - a) if kind == 'uniform' else stats.triang(shape, a, b - a)
     text = given if isinstance(given, str) else f'{kind} {", ".join(map(str, values))}'
     return Factor(path, text, product(units[0], ''), found)
+
+
+def _sides(match: re.Match[str]) -> list[str]:
+    """Nominal size and both deviations, each with the unit that the text has for it, if any."""
+    size, unit, one, own, two, last = (x.strip() if x else '' for x in match.groups())
+    known = last or own or unit
+    return [
+        f'{number.replace(" ", "")} {x or known}'.strip()
+        for number, x in ((size, unit), (one, own), (two, last))
+    ]
 
 
 def points(factors: list[Factor], kind: str, samples: int, seed: int) -> Array:

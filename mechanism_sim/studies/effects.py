@@ -13,7 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.studies.design import INDICES
+from mechanism_sim.studies.design import INDICES, SIGMAS
 from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row
 
@@ -56,15 +56,24 @@ class Effect:
 
 @dataclass(frozen=True)
 class Exceedance:
-    """Which share of runs exceeds a limit, with its 95 % interval (Clopper and Pearson)."""
+    """Which share of runs exceeds limits, with its 95 % interval (Clopper and Pearson).
+
+    Attributes
+    ----------
+    least, limit : the lower and the upper limit, None if there is none
+    capability : Cpk, how many times three standard deviations fit between the mean and the nearer
+        limit; None if runs do not differ
+    """
 
     measure: str
-    limit: float
+    least: float | None
+    limit: float | None
     runs: int
     beyond: int
     share: float
     low: float
     high: float
+    capability: float | None
 
 
 def measures_of(plan: SweepPlan) -> list[str]:
@@ -95,19 +104,21 @@ def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
 
 
 def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
-    """Which share of the runs exceeds each limit of the sweep."""
+    """Which share of the runs exceeds the limits of each measure of the sweep."""
     found = []
-    for name, limit in plan.limits.items():
+    for name, (least, limit) in plan.limits.items():
         y = np.array([number(row, name) for row in rows])
         y = y[np.isfinite(y)]
         if not len(y):
             continue
-        beyond = int((y > limit).sum())
+        beyond = int(((y < least) | (y > limit)).sum())
+        room, spread = min(limit - y.mean(), y.mean() - least), y.std(ddof=1) if len(y) > 1 else 0
         interval = scipy.stats.binomtest(beyond, len(y)).proportion_ci()
         found.append(
             Exceedance(
-                name, limit, len(y), beyond, beyond / len(y),
-                float(interval.low), float(interval.high),
+                name, *(float(x) if math.isfinite(x) else None for x in (least, limit)),
+                len(y), beyond, beyond / len(y), float(interval.low), float(interval.high),
+                float(room / (SIGMAS * spread)) if spread else None,
             )
         )  # fmt: skip
     return found

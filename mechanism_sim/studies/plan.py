@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,13 @@ class Run:
         return f'run_{self.index:05d}'
 
 
+class Limits(NamedTuple):
+    """The least and the largest value of a measure, in its SI unit; infinite where not given."""
+
+    low: float
+    high: float
+
+
 @dataclass(frozen=True)
 class SweepPlan:
     """A sweep to be made.
@@ -113,7 +120,7 @@ class SweepPlan:
     own : figures of a row that depend on the scene: of its joints and drives, and measures
     measures : as ``NAME = TEXT``
     factors, design : of `vary`
-    limits : by measure, in its SI unit
+    limits : by measure
     """
 
     name: str
@@ -128,7 +135,7 @@ class SweepPlan:
     measures: tuple[str, ...] = ()
     factors: tuple[Factor, ...] = ()
     design: DesignPart | None = None
-    limits: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, Limits] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -344,16 +351,34 @@ def _limits(
     sweep: SweepFile,
     own: Mapping[str, ResultColumn],
     names: Collection[str],
-) -> dict[str, float]:
+) -> dict[str, Limits]:
     """The limits in the units of their measures."""
     found = {}
     for name, text in sweep.limits.items():
         wrong = f'{file}: limits.{name}: there is no such measure'
         check_known(name, names, wrong, 'measures:')
         try:
-            found[name] = to_si_like(text, own[name].unit)
+            found[name] = _read_limits(text, own[name].unit)
         except ValueError as error:
             raise InputError(f'{file}: limits.{name} = {text!r} {error}') from error
+    return found
+
+
+def _read_limits(given: str | float | list[str | float | None], unit: str) -> Limits:
+    """Limits as a sweep file has them: ``HIGH``, ``< HIGH``, ``> LOW`` or ``[LOW, HIGH]``."""
+    if not isinstance(given, list):
+        text = given.strip() if isinstance(given, str) else ''
+        least = text.startswith('>')
+        bound = to_si_like(text.lstrip('<>= ') if text[:1] in ('<', '>') else given, unit)
+        return Limits(bound, math.inf) if least else Limits(-math.inf, bound)
+    if len(given) != 2 or given == [None, None]:
+        raise ValueError('is not a limit: write HIGH, > LOW or [LOW, HIGH]')
+    ends = (-math.inf, math.inf)
+    found = Limits(
+        *(end if x is None else to_si_like(x, unit) for x, end in zip(given, ends, strict=True))
+    )
+    if not found.low < found.high:
+        raise ValueError('must rise')
     return found
 
 

@@ -71,8 +71,9 @@ class SweepFile(Part):
     """Sampling of the distributions."""
     measures: dict[str, str] = Field({})
     """Measures of every run, by the name of their column."""
-    limits: dict[str, str | float] = Field({})
-    """Limits by measure; the share of runs beyond them is computed."""
+    limits: dict[str, str | float | list[str | float | None]] = Field({})
+    """Limits by measure: the highest, `> LOW`, or `[LOW, HIGH]`; the share of runs beyond them is
+    computed."""
     repeat: Count = 1
     """Runs of each; a chaotic machine makes them independent, a periodic one does not."""
     nudge: Angle = 1e-6

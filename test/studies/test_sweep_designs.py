@@ -26,7 +26,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.report.sweep import _index
 from mechanism_sim.studies.design import factor, points
 from mechanism_sim.studies.effects import effects, exceedances
-from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.plan import Limits, read_plan
 from mechanism_sim.studies.sweep import run_plan
 
 G, MASS = 9.81, 2.0
@@ -103,7 +103,7 @@ def test_measures_of_the_scene_are_columns(tmp_path):
     )
     plan = read_plan(str(tmp_path / 's.yaml'))
     assert {c.name: c.unit for c in plan.measured} == {'half': 'N m', 'top': 'N m'}
-    assert plan.limits == {'top': 15.0}
+    assert plan.limits == {'top': (-math.inf, 15.0)}
     for row in run_plan(plan, tmp_path / 't.parquet')[1]:
         assert row['top'] == pytest.approx(row['largest_torque.bar'], rel=1e-12)
         assert row['half'] == pytest.approx(2.0 * row['top'], rel=1e-12)
@@ -235,9 +235,55 @@ def test_levels_of_a_grid_are_its_values():
 def test_the_share_beyond_a_limit_is_that_of_the_distribution():
     """One machine in six is beyond one standard deviation."""
     normal = {'a': {'normal': [5.0, 2.0]}}
-    (found,) = exceedances(*study(normal, 'latin_hypercube', 400, lambda a: a, {'y': 7.0}))
+    (found,) = exceedances(
+        *study(normal, 'latin_hypercube', 400, lambda a: a, {'y': Limits(-math.inf, 7.0)})
+    )
     assert found.share == pytest.approx(scipy.stats.norm.sf(1.0), abs=0.003)  # in classes
     assert found.low < scipy.stats.norm.sf(1.0) < found.high
+    assert found.capability == pytest.approx(1.0 / 3.0, abs=0.005)
+    both = study(normal, 'latin_hypercube', 400, lambda a: a, {'y': Limits(1.0, 9.0)})
+    (found,) = exceedances(*both)
+    assert found.share == pytest.approx(2.0 * scipy.stats.norm.sf(2.0), abs=0.003)
+    assert (found.least, found.limit) == (1.0, 9.0)
+
+
+@pytest.mark.parametrize(
+    ('text', 'low', 'high', 'unit'),
+    [
+        ('50 mm +0.2/-0.1', 0.0499, 0.0502, 'm'),
+        ('50 +0.2/-0.1 mm', 0.0499, 0.0502, 'm'),
+        ('50 mm +0.2 mm/-0.1 mm', 0.0499, 0.0502, 'm'),
+        ('50 mm + 0.2 mm / - 100 um', 0.0499, 0.0502, 'm'),
+        ('50 mm -0.1/-0.2', 0.0498, 0.0499, 'm'),
+        ('50 mm 0/-0.05', 0.04995, 0.05, 'm'),
+        ('50 mm +0.05 0', 0.05, 0.05005, 'm'),
+        ('-3 N m +1/-2', -5.0, -2.0, 'N m'),
+        ('2e3 N/m +5e2/-1e2', 1900.0, 2500.0, 'N/m'),
+        ('0.5 +.1/-.2', 0.3, 0.6, ''),
+    ],
+)
+def test_deviations_are_written_as_on_drawings(text, low, high, unit):
+    """Normal about the middle of the two ends, which are three deviations away."""
+    found = factor('x', text)
+    assert found.distribution.support() == pytest.approx((low, high), rel=1e-12)
+    assert found.distribution.mean() == pytest.approx(0.5 * (low + high), rel=1e-12)
+    assert found.distribution.std() == pytest.approx((high - low) / 6.0, rel=0.02)
+    assert found.unit == unit
+
+
+@pytest.mark.parametrize(
+    ('text', 'low', 'high'),
+    [
+        ('3 N m', -math.inf, 3.0),
+        ("'< 3000 N mm'", -math.inf, 3.0),
+        ("'>= 2 N m'", 2.0, math.inf),
+        ('[2 N m, 3 N m]', 2.0, 3.0),
+        ('[2 N m, null]', 2.0, math.inf),
+    ],
+)
+def test_limits_are_upper_lower_or_both(tmp_path, text, low, high):
+    plan = plan_of(tmp_path, f'limits: {{peak: {text}}}')
+    assert plan.limits['peak'] == pytest.approx((low, high))
 
 
 def read(file):
@@ -306,6 +352,11 @@ def test_names_of_matlab_are_unique_and_short():
         ('design: {samples: 9}', "needs 'vary'"),
         ('limits: {peek: 3 N m}', "did you mean 'peak'"),
         ('limits: {peak: 3 N}', "not a unit of 'N m'"),
+        ('limits: {peak: [3 N m, 2 N m]}', 'must rise'),
+        ('limits: {peak: [3 N m]}', 'write HIGH, > LOW'),
+        ("limits: {peak: '> x'}", 'is not a number'),
+        ('vary: {links.bar.cog: 3 mm +1 N/-1 mm}', 'mixes units'),
+        ('vary: {links.bar.cog: 3 mm +1/+1}', 'must differ'),
     ],
 )
 def test_bad_designs_are_refused_in_one_sentence(tmp_path, text, said):
