@@ -7,7 +7,7 @@ instants, and recommended spectra under a good window: both are here, and alpha 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ class Deviation:
 
     def modified(self, alpha: float) -> TurnSegments:
         """The ideal response and the deviation over alpha: the modified response of [SB] 8.1."""
-        return TurnSegments(self.ideal.values + self.values / alpha, self.own.first)
+        return replace(self.own, values=self.ideal.values + self.values / alpha)
 
     def order_power(self, segment: int) -> Array:
         """Mean square (n / 4,) of the difference in bands of one order about 1, 2, ...
@@ -122,9 +122,8 @@ def deviation(
     n = samples or (None if quantity in record.sensors else _SAMPLES)
     own = record.over_turns(quantity, n, skip)
     beside = ideal_record(record).over_turns(quantity, own.values.shape[1])
-    return Deviation(
-        quantity, own, TurnSegments(beside.values[own.first - beside.first[0]], own.first)
-    )
+    ideal = replace(own, values=beside.values[own.first - beside.first[0]])
+    return Deviation(quantity, own, ideal)
 
 
 def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha:

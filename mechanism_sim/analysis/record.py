@@ -112,7 +112,7 @@ class Revolutions(Rich):
         return self.machine.physics.coordinates.index(self.machine.plan.main)
 
     @cached_property
-    def _sense(self) -> float:
+    def sense(self) -> float:
         """1 if the main drive turns counterclockwise, -1 if clockwise."""
         first, last = self._angle(np.array([self.start, self.end]))
         return -1.0 if last < first else 1.0
@@ -128,8 +128,12 @@ class Revolutions(Rich):
         inside = (t >= self.start) & (t <= self.end) & (not self.slides)
         turned = np.full(len(t), np.nan)
         curve = self.piece.motion.curve
-        turned[inside] = self._sense * turns_at(curve, self._drive, *curve.find(t[inside]))
+        turned[inside] = self.sense * turns_at(curve, self._drive, *curve.find(t[inside]))
         return turned
+
+    def degrees(self, t: Array) -> Array:
+        """Angle of the main drive at times (N,) [s] with its turns [deg], as `turned` knows it."""
+        return 360.0 * self.sense * self.turned(t)
 
     def angle(self, t: Array) -> Array:
         """Angle of the main drive at times (N,) [s] in [0, 2 pi); nan of a drive that slides."""
@@ -188,7 +192,7 @@ class Revolutions(Rich):
         marks, passed = self._marks
         if np.any(np.diff(passed) < 0.0):
             raise InputError(f'{self.machine.name}: {self.machine.plan.main} turns back')
-        curve, per_turn = self.piece.motion.curve, self._sense / TWO_PI
+        curve, per_turn = self.piece.motion.curve, self.sense / TWO_PI
         t = np.interp(turns, passed, marks)
         for _ in range(_NEWTON):
             k, dt = curve.find(t)
@@ -302,12 +306,12 @@ class Record(Revolutions):
             found = self.signal(quantity).over_turns(self.turned, samples)
             if found is None or not (kept := found.first >= first).any():
                 raise InputError(f'the signal of {quantity} covers no whole turn')
-            return TurnSegments(found.values[kept], found.first[kept])
+            return TurnSegments(found.values[kept], found.first[kept], self.sense < 0.0)
         n, turns, name = samples or 360, np.arange(first, end), self._found(quantity).name
         t = self.times_at((turns[:, None] + np.arange(n) / n).ravel())
         blocks = (t[k : k + _BLOCK] for k in range(0, len(t), _BLOCK))
         values = np.concatenate([self.piece.sample(block, name)[name] for block in blocks])
-        return TurnSegments(values.reshape(-1, n), turns)
+        return TurnSegments(values.reshape(-1, n), turns, self.sense < 0.0)
 
     def unit(self, quantity: str) -> str:
         """SI unit of a quantity of `Piece.sample` or of a sensor; empty for a number."""

@@ -266,7 +266,7 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
     rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
     title = (
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
-        f'Hz, RMS {math.sqrt(whole * s.step):.6g} about the mean'
+        f'Hz, RMS {math.sqrt(whole * s.step):.6g} of all lines'
     )
     return Section(title, table=[('peak at [Hz]', line.unit, 'share of the total'), *rows])
 

@@ -9,11 +9,13 @@ import numpy as np
 
 from mechanism_sim.analysis.details import Average, Beside, Details, Struck
 from mechanism_sim.analysis.roses import Rose, WearMap
+from mechanism_sim.arrays import Array
 from mechanism_sim.export.palette import GROUND
 from mechanism_sim.report.charts.chart import SMALL, Axis, Chart, ChartCurve, Panel, joined, whole
 from mechanism_sim.report.charts.impacts import rose_chart, wear_chart
 from mechanism_sim.report.charts.lines import turn_of
 from mechanism_sim.report.charts.subjects import density, envelope, orders
+from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.units import for_people
 
 _SUMS = {
@@ -111,9 +113,13 @@ def _deviation(name: str, beside: Beside, drive: str) -> Chart:
     own, ideal = beside.deviation.own, beside.deviation.ideal
     unit, scale = for_people(beside.unit)
     angle = np.degrees(own.angle)
+
+    def last(turns: TurnSegments) -> Array:
+        return scale * turns.by_angle(turns.values[-1])
+
     curves = (
-        ChartCurve(angle, scale * own.values[-1], 'the last turn', name),
-        ChartCurve(angle, scale * ideal.values[-1], 'ideal machine', name, GROUND, look='ideal'),
+        ChartCurve(angle, last(own), 'the last turn', name),
+        ChartCurve(angle, last(ideal), 'ideal machine', name, GROUND, look='ideal'),
     )
     panel = Panel(turn_of(drive), Axis(name.replace('_', ' '), unit), curves[::-1])
     return Chart('deviation', f'{name} beside the ideal machine', (panel,), 'angle', name)

@@ -175,36 +175,43 @@ class TurnSegments:
 
     Attributes
     ----------
-    values : (K, n); row k holds the angles ``2 pi j / n`` of turn ``first[k]``
+    values : (K, n) in the order of time; row k holds the angles ``2 pi j / n`` of turn
+        ``first[k]``, or ``-2 pi j / n`` of a shaft that turns backwards
     first : (K,) whole turns before each row; rows that follow each other are neighbours in time
         where they rise by one
+    backwards : whether the shaft turns clockwise
     """
 
     values: Array
     first: NDArray[np.int64]
+    backwards: bool = False
 
     @property
     def angle(self) -> Array:
-        """The angles (n,) [rad]."""
+        """The angles (n,) [rad], rising."""
         n = self.values.shape[1]
         return np.asarray(2.0 * np.pi * np.arange(n) / n)
 
+    def by_angle(self, turn: Array) -> Array:
+        """Values of a turn (n,), which are in the order of time, in that of `angle`."""
+        return np.roll(turn[::-1], 1) if self.backwards else turn
+
     @property
     def mean(self) -> Array:
-        """Synchronous average (n,): what repeats every turn."""
-        return np.asarray(self.values.mean(axis=0))
+        """Synchronous average (n,) over `angle`: what repeats every turn."""
+        return self.by_angle(self.values.mean(axis=0))
 
     @property
     def spread(self) -> Array:
         """Standard deviation (n,) of the turns about their average; nan of a single turn."""
         if len(self.values) < 2:
             return np.full(self.values.shape[1], np.nan)
-        return np.asarray(self.values.std(axis=0, ddof=1))
+        return self.by_angle(self.values.std(axis=0, ddof=1))
 
     @property
     def residual(self) -> Array:
         """Residue (K, n) without the average: what does not repeat."""
-        return np.asarray(self.values - self.mean)
+        return np.asarray(self.values - self.values.mean(axis=0))
 
     def series(self) -> list[Array]:
         """Turns that follow each other, joined: (k n,) each."""

@@ -201,6 +201,10 @@ def test_average_of_a_crank_that_turns_backwards_and_speeds_up():
     _, rocker = record.machine.nominal.linkage.positions(-turns.angle)
     off = np.exp(1j * (turns.values - rocker))
     assert off == pytest.approx(1.0, abs=1e-10)
+    # what is said of an angle is of that angle, though it was passed the other way
+    _, rocker = record.machine.nominal.linkage.positions(turns.angle)
+    assert np.exp(1j * (turns.mean - rocker)) == pytest.approx(1.0, abs=1e-10)
+    assert turns.by_angle(turns.values[2]) == pytest.approx(turns.mean, abs=1e-10)
 
 
 def test_orders_of_a_ramp_stay_lines():

@@ -112,7 +112,7 @@ class ChartWindow:
             view = View(self.record.machine, self.record.piece.motion, k, dt, t=t)
             values = np.array([q.evaluate(view) for q in self.quantities.values()], np.float64)
             if self._reach:
-                self._reach.add(360.0 * self.record.turned(t), values)
+                self._reach.add(self.record.degrees(t), values)
             self._levels.add_steps(values[loads], share, ((high - low)[chosen] / (n - 1))[of])
             yield t, values
 
@@ -180,7 +180,7 @@ class ChartedRun:
         """The angle of the main drive, or time where it makes no turns."""
         if self.turns is None:
             return OVER_TIME
-        return over_turns(self.record.machine.plan.main, lambda t: 360.0 * self.record.turned(t))
+        return over_turns(self.record.machine.plan.main, self.record.degrees)
 
     @cached_property
     def struck(self) -> Array:
