@@ -105,12 +105,14 @@ _KNOWN = {
     'lb': (Decimal('0.45359237'), 'kg'),
     'lbf': (Decimal('4.4482216152605'), 'N'),
     'kgf': (Decimal('9.80665'), 'N'),
+    'g_0': (Decimal('9.80665'), 'm/s^2'),
 }
 """Common units: factors to SI as pint has them, and the SI units that these lead to."""
 
 _POWERS = {
     'm': (1, 0, 0), 'kg': (0, 1, 0), 's': (0, 0, 1), 'rad': (0, 0, 0), 'rad/s': (0, 0, -1),
     'Hz': (0, 0, -1), 'N': (1, 1, -2), 'Pa': (-1, 1, -2), 'J': (2, 1, -2), 'W': (2, 1, -3),
+    'm/s^2': (1, 0, -2),
 }  # fmt: skip
 """Of metre, kilogram and second."""
 
@@ -154,7 +156,7 @@ _COMMA = re.compile(r'\s*[-+]?[\d.]*\d?,\d[\d.,]*')
 _ROTATION = 'rad/s', 'rad/s^2', 'rad/s^3'
 """Wanted units whose angle has to be written: ``1/s`` may be a radian or a revolution a second."""
 
-_FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)([A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')
+_FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)(g_0|[A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')
 
 
 class _UnitFactor(NamedTuple):

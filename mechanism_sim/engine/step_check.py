@@ -50,7 +50,7 @@ class Course(NamedTuple):
     held: NDArray[np.int64]  #: (q, 2) one of these, and the parameter that says that it holds
     guards: int
     series: Array  #: (v, n) what moves, over the step as 1
-    given: Array  #: what `Enclosure.judge` takes
+    given: Array  #: what `Enclosure.doubts_at` takes
 
 
 _NONE, _PAIRS = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
@@ -190,7 +190,7 @@ class StepCheck:
         self._now[0], self._now[1], self._now[2] = time, tau, h
         doubts = self._look()
         if doubts < 0:
-            doubts = enclosure.judge(self.course.given, pars)
+            doubts = enclosure.doubts_at(self.course.given, pars)
             if look.is_compiled:
                 _ = self.address
         if doubts == NONE:

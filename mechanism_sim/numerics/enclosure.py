@@ -387,7 +387,7 @@ class Enclosure:
     ----------
     count : of the functions
     guards : their number
-    doubted : compiled, `judge` in numbers, see `doubt_of`
+    doubted : compiled, `doubts_at` in numbers, see `doubt_of`
     """
 
     def __init__(
@@ -431,11 +431,11 @@ class Enclosure:
             return NONE
         about = np.zeros(2 * len(course.series))
         about_middle(course.series, about)
-        return self.judge(
+        return self.doubts_at(
             np.concatenate([about, course.fixed, scales, (course.length,)]), course.parameters
         )
 
-    def judge(self, given: Array, parameters: Array) -> int:
+    def doubts_at(self, given: Array, parameters: Array) -> int:
         """`doubts` of a piece by what moves there, see `about_middle`, and all that does not."""
         found = self.doubted(given, pars=parameters[: self.doubted.nparams])
         return int(doubt_of(found))

@@ -417,7 +417,10 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
             if not alike(given[0], other):
                 a, b = (u or 'a plain number' for u in (given[0], other))
                 done = f'{a} and {b} are {_ALIKE[name]} in {quoted(text)}'
-                raise InputError(f'{done}: the units differ in kind')
+                pair = (given[0], other), (other, given[0])
+                weighed = any(x == 'kg' and alike(y, 'm/s^2') for x, y in pair)
+                hint = '; g is gram here, standard gravity is g_0' if weighed else ''
+                raise InputError(f'{done}: the units differ in kind{hint}')
         return '' if name == 'compare' else given[0] if given else None
     if name in ('*', '/'):
         power = 1 if name == '*' else -1

@@ -32,13 +32,16 @@ OVER_TIME = (
 )  # fmt: skip
 DISTANCES = 'distance', 'largest_distance'
 """Of a path from points of a file: root mean square, and largest."""
-OF_EVENTS = 'count', 'sum'
+INDICATORS = 'crest', 'kurtosis', 'skewness'
+"""As `sensing.indicators` has them."""
+OF_EVENTS = 'count', 'sum', *INDICATORS
 FUNCTIONS = *OVER_TIME, *OF_EVENTS
 """Functions that make a figure."""
 
 ALIASES = {
     **dict.fromkeys(('max', 'maximum', 'greatest'), 'highest'),
     **dict.fromkeys(('min', 'minimum', 'least'), 'lowest'), 'average': 'mean',
+    'crest_factor': 'crest',
 }  # fmt: skip
 """Other names of them that are understood; max and min of one expression only."""
 
@@ -229,7 +232,8 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
         )
     if not of_events and function in OF_EVENTS:
         raise InputError(
-            f"{function} in {quoted(text)} must be of events, as in 'count(impacts.JOINT)'"
+            f'{function} in {quoted(text)} must be of events or samples, as in '
+            "'count(impacts.JOINT)' or 'kurtosis(sensors.NAME)'"
         )
     if not names:
         raise InputError(f'{function} in {quoted(text)} names no quantity')

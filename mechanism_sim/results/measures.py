@@ -27,11 +27,19 @@ from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.measure_tally import EXACT, FigureTally, speed_of
-from mechanism_sim.results.measure_text import Bound, Figure, Measure, as_row, read_all
+from mechanism_sim.results.measure_text import (
+    INDICATORS,
+    Bound,
+    Figure,
+    Measure,
+    as_row,
+    read_all,
+)
 from mechanism_sim.results.run import IMPACT_UNITS, Piece, Solution
 from mechanism_sim.results.turns import DriveTurns
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.sensing.channel import Channel
+from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.units import argument, product
 
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
@@ -116,7 +124,8 @@ class Measurement:
         unit = self._series.unit(f) if f.of_events else f.unit(units)
         if f.function == 'integral':
             return product(unit, 's')
-        return {'count': '', 'share': '', 'work': 'J'}.get(f.function, unit)
+        plain = dict.fromkeys(('count', 'share', *INDICATORS), '')
+        return {**plain, 'work': 'J'}.get(f.function, unit)
 
     def add(self, piece: Piece, history: Motion | None = None) -> None:
         """Enter the piece that follows.
@@ -327,6 +336,11 @@ class Window:
             return math.nan, 'there are none'
         if f.function == 'percentile':
             return float(np.percentile(x, f.percent or 0.0)), note
+        if f.function in INDICATORS:
+            moments = Moments()
+            moments.add(x)
+            value = getattr(moments.indicators(), f.function)
+            return (math.nan, 'all are alike') if value is None else (value, note)
         simple = {
             'highest': x.max(), 'lowest': x.min(), 'largest': np.abs(x).max(),
             'range': np.ptp(x), 'mean': x.mean(), 'rms': math.sqrt((x**2).mean()),
@@ -398,11 +412,7 @@ class EventSeries:
             self._take(name, final=True)
 
     def _take(self, name: str, final: bool = False) -> None:
-        channel = self._channels[name]
-        rate = channel.instrument.sample_rate
-        for block in channel.blocks(final):
-            t = block.time + np.arange(len(block.samples)) / rate
-            self._samples[name].append((t, block.samples))
+        self._samples[name] += self._channels[name].samples(final)
 
     def values(self, f: Figure, since: float, until: float, last: bool) -> tuple[Array, Array]:
         """Instants (n,) and what the figure's expression is at each, within a window [s]."""

@@ -26,13 +26,16 @@ from mechanism_sim.engine.events import Impact, ModeChange, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot
-from mechanism_sim.errors import InputError
-from mechanism_sim.results.catalogue import Catalogue, catalogue
+from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.results.catalogue import Catalogue, catalogue, flat
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.machine import Run
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
+
+_SENSORS = 'sensors.'
+"""Before the name of a sensor, as in measures."""
 
 IMPACT_UNITS = {
     't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
@@ -153,13 +156,35 @@ class Piece(Rich):
         one = known.table(chosen, self.view(float(self.motion.curve.start[0])))
         return Table({name: x[:0] for name, x in one.items()}, one.units)
 
+    def signal(self, sensor: str) -> Table:
+        """Samples (N,) of a sensor of the scene as the node `sensors` gives them, and when due.
+
+        The instrument rests where the piece begins.
+
+        Raises
+        ------
+        InputError
+            If there is no such sensor, or it takes no sample.
+        """
+        known = self.machine.scene.sensors
+        check_known(
+            sensor, known, f'{self.machine.name} has no sensor {quoted(sensor)}', 'it has:'
+        )
+        channel = self.machine.channel(sensor)
+        channel.take(self.motion)
+        parts = list(channel.samples(final=True))
+        if not parts:
+            raise InputError(f'sensor {sensor} takes no sample in this run')
+        t, samples = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return Table({'t': t, sensor: samples}, {'t': 's', sensor: known[sensor].unit})
+
     def to_frame(
         self,
         *names: str | Sequence[str],
         rate: float | str | None = None,
         library: str | None = None,
     ) -> Any:
-        """A data frame of `sample`, evenly over the motion.
+        """A data frame of `sample`, evenly over the motion, or where a sensor takes samples.
 
         >>> import mechanism_sim as ms
         >>> solution = ms.simulate('slider_crank', duration='0.1 s')
@@ -169,10 +194,15 @@ class Piece(Rich):
 
         Parameters
         ----------
-        names : as for `sample`
-        rate : samples a second; 1000 in all if not given
+        names : as for `sample`; or sensors as well, ``acc`` or ``sensors.acc``, whose samples all
+            are due at the same instants, at which the others are taken
+        rate : samples a second; 1000 in all if not given; that of the sensors where there are some
         library : as `Table.to_frame` has it
         """
+        asked = list(flat(names))
+        sensors = {n: n.removeprefix(_SENSORS) for n in asked if self._is_sensor(n)}
+        if sensors:
+            return self._beside_signals(sensors, asked, rate).to_frame(library)
         first, last = float(self.motion.curve.start[0]), self.motion.curve.end
         rate, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
         if rate is not None:
@@ -182,6 +212,35 @@ class Piece(Rich):
             t = np.minimum(first + np.arange(count) / rate, last)
         found = self.sample(t, *names)
         return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame(library)
+
+    def _is_sensor(self, name: str) -> bool:
+        """True of ``sensors.NAME``, and of a sensor whose name is no quantity's."""
+        known = self.catalogue
+        own = name in self.machine.scene.sensors and not known.below(name)
+        return own or name.startswith(_SENSORS)
+
+    def _beside_signals(
+        self, sensors: Mapping[str, str], names: Sequence[str], rate: object
+    ) -> Table:
+        """Samples of sensors, and quantities when they are due."""
+        if rate is not None:
+            raise InputError(
+                f'rate: {next(iter(sensors.values()))} is sampled at a rate of its own'
+            )
+        signals = [self.signal(name) for name in sensors.values()]
+        t, *others = (x['t'] for x in signals)
+        for name, due in zip([*sensors.values()][1:], others, strict=True):
+            if not np.array_equal(t, due):
+                raise InputError(
+                    f'{name} is not sampled when {next(iter(sensors.values()))} is: make a frame '
+                    'of each'
+                )
+        quantities = [n for n in names if n not in sensors]
+        rest = self.sample(t, *quantities) if quantities else Table({}, {})
+        columns, units = {'t': t}, {'t': 's'}
+        for table in (*signals, rest):
+            columns, units = columns | dict(table), units | dict(table.units)
+        return Table(columns, units)
 
     def plot(self, *names: str | Sequence[str], **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -189,6 +189,12 @@ class Channel:
             self._cut(complete=True)
         blocks, self._blocks = self._blocks, []
         return blocks
+
+    def samples(self, final: bool = False) -> Iterator[tuple[Array, Array]]:
+        """When the samples of `blocks` are due [s], and they: (N,) each, block by block."""
+        for block in self.blocks(final):
+            since = np.arange(len(block.samples)) / self.instrument.sample_rate
+            yield block.time + since, block.samples
 
     def _cut(self, complete: bool) -> None:
         """Make blocks of the samples of the present record."""

@@ -116,8 +116,9 @@ def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
         interval = scipy.stats.binomtest(beyond, len(y)).proportion_ci()
         found.append(
             Exceedance(
-                name, *(float(x) if math.isfinite(x) else None for x in (least, limit)),
-                len(y), beyond, beyond / len(y), float(interval.low), float(interval.high),
+                name, least if math.isfinite(least) else None,
+                limit if math.isfinite(limit) else None, len(y), beyond, beyond / len(y),
+                float(interval.low), float(interval.high),
                 float(room / (SIGMAS * spread)) if spread else None,
             )
         )  # fmt: skip

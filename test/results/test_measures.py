@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+import scipy
 from four_bars import loose
 
 import mechanism_sim as ms
@@ -188,6 +189,38 @@ def test_sensors_are_measured_by_their_samples():
     assert found.value == pytest.approx(math.sqrt((samples**2).mean()))
     assert found.unit == 'm/s^2'
     assert found.resolution == f'of {len(samples)} samples at 10000 Hz'
+    for text, value in (
+        ('kurtosis', scipy.stats.kurtosis(samples, fisher=False)),
+        ('skewness', scipy.stats.skew(samples)),
+        ('crest', np.abs(samples).max() / math.sqrt((samples**2).mean())),
+        ('crest_factor', np.abs(samples).max() / math.sqrt((samples**2).mean())),
+    ):
+        found = one((machine, solution), f'{text}(sensors.{name})')
+        assert found.value == pytest.approx(value, rel=1e-12)
+        assert found.unit == ''
+
+
+def test_a_frame_has_the_samples_of_sensors_beside_quantities_at_their_instants():
+    machine = loose(0.5, 'seated')
+    solution = ms.simulate(machine, revolutions=1)
+    (name,) = machine.scene.sensors
+    channel = machine.channel(name)
+    channel.take(solution.motion)
+    blocks = channel.blocks(final=True)
+    frame = solution.to_frame(name, 'position.crank')
+    assert list(frame.columns) == ['t', name, 'position.crank']
+    assert np.array_equal(frame[name], np.concatenate([b.samples for b in blocks]))
+    assert np.allclose(frame['t'], np.arange(len(frame)) / 1e4, rtol=0.0, atol=1e-12)
+    crank = solution.sample(frame['t'], 'position.crank')['position.crank']
+    assert np.array_equal(frame['position.crank'], crank)
+    assert frame.attrs['units'][name] == 'm/s^2'
+    assert np.array_equal(solution.to_frame([f'sensors.{name}'])[name], frame[name])
+    for names, how, said in (
+        ([name], {'rate': '1 kHz'}, 'rate of its own'),
+        (['sensors.nobody'], {}, f'it has: {name}'),
+    ):
+        with pytest.raises(InputError, match=said):
+            solution.to_frame(*names, **how)
 
 
 @pytest.mark.parametrize(
@@ -198,6 +231,7 @@ def test_sensors_are_measured_by_their_samples():
         ('drive_torque', "write for example 'largest"),
         ('largest(drive_torque + position.rocker)', 'the units differ in kind'),
         ('largest(drive_torque) + largest(position.rocker)', 'the units differ in kind'),
+        ('share(velocity.crank * 1 m/s > 10 g)', 'standard gravity is g_0'),
         ('rms(drive_torque, from 2)', 'needs a unit'),
         ('rms(drive_torque, from 2 m)', "not a unit of 's'"),
         ('rms(drive_torque, from 2 s to 300 ms)', 'ends before it begins'),
