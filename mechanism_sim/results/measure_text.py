@@ -9,7 +9,6 @@ sample (`OF_EVENTS`). After the expression there may stand ``from TIME``, ``to T
 from __future__ import annotations
 
 import re
-from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -167,8 +166,6 @@ def read(text: str, name: str = '') -> Measure:
             raise InputError(f"'{node.name}' in {quoted(text)} is not a measure{hint}; {known}")
     if not figures:
         raise InputError(f'{quoted(text)} has no measure; functions: {", ".join(FUNCTIONS)}')
-    for part in (tree, *(x for figure in figures for x in figure.args)):
-        expressions.unit_of(part, defaultdict(lambda: None), text)  # what cannot be evaluated
     short = ' '.join(text.split())
     return Measure(name or short, short, tree, tuple(_figure(n, text) for n in figures))
 

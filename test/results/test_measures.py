@@ -162,6 +162,8 @@ def test_units_follow_from_the_expression(nominal):
         ('largest(velocity.crank)', 'rad/s'),
         ('largest(drive_torque) / mean(drive_torque)', ''),
         ('share(drive_torque > 0 N m)', ''),
+        ('share(velocity.crank * 1 m > 2 m/s)', ''),
+        ('largest(1 m/s * velocity.crank + 2 m/s^2)', 'm/s^2'),
     ):
         assert one(nominal, text).unit == unit, text
     assert product('J', 's', -1) == 'W'
