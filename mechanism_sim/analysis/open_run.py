@@ -237,6 +237,20 @@ class Asked:
             )
         return kept
 
+    def in_rows(self, series: Sequence[Series]) -> list[Series]:
+        """Series for a table: quantities of the motion where the samples beside them are taken."""
+        if self.messages or any(s.ideal for s in series):
+            return list(series)
+        piece = self.record.piece
+        known = {s.name for s in series} & {*piece.catalogue}
+        taken = [s.t for s in series if s.name not in known]
+        if not (known and taken):
+            return list(series)
+        t = np.unique(np.concatenate(taken))
+        t = t[(t >= self.record.start) & (t <= self.record.end)]
+        values = piece.sample(t, sorted(known))
+        return [replace(s, t=t, values=values[s.name]) if s.name in known else s for s in series]
+
     def recorded(self, name: str) -> Series | None:
         """Values that are recorded under a name, all of them; None of a quantity of the motion."""
         if self.messages or self._path(name) or name in self.record.sensors:

@@ -209,7 +209,8 @@ def _plot(options: argparse.Namespace) -> int:
     if not options.what:
         return _list(options, asked, bag)
     title = Path(options.scene).name if bag else asked.record.machine.scene.title
-    return _write(options, series, (title, _over(options, asked, series)), asked.marks(start, end))
+    titled = title, _over(options, asked, series)
+    return _write(options, series, titled, asked.marks(start, end), asked.in_rows(series))
 
 
 def _over(
@@ -299,8 +300,6 @@ def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], lis
     pictures = [
         figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
     ]
-    if not pictures:
-        refuse_options(options, ['against'], 'applies to a picture: give one to --output, too')
     return files, numbers, pictures
 
 
@@ -309,15 +308,28 @@ def _write(
     series: list[Series],
     titled: tuple[str, Abscissa],
     marks: tuple[Mechanism | None, list[float]],
+    in_rows: list[Series] | None = None,
 ) -> int:
-    """Write series as numbers and pictures, with a title, over an abscissa, impacts marked."""
+    """Write series as numbers and pictures, with a title, over an abscissa, impacts marked.
+
+    Numbers are of other instants where `in_rows` has them.
+    """
     from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.tables import Table  # noqa: PLC0415
+    from mechanism_sim.units import to_si_text  # noqa: PLC0415
 
     files, numbers, pictures = _check_files(options)
     if numbers:
         from mechanism_sim.analysis.series import joined  # noqa: PLC0415
 
-        columns = joined(series)
+        columns, over = joined(series if in_rows is None else in_rows), titled[1]
+        if options.against != 'time':
+            t, name = columns['t'], over.of or options.against
+            size = to_si_text(f'1 {over.axis.unit}')  # charts have degrees, tables radians
+            columns = Table(
+                {'t': t, name: size.value * over.at(t), **columns},
+                {**columns.units, name: size.unit},
+            )
         for file in numbers:
             tables.write(file, columns, columns.units)
     if pictures:

@@ -11,7 +11,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact import respond
 from mechanism_sim.engine.events import ImpactLog, ModeLog
 from mechanism_sim.engine.present_state import PresentState
-from mechanism_sim.numerics.kernels import Call, Kernel, foreign_code
+from mechanism_sim.numerics.kernels import BoundCall, Kernel, foreign_code
 
 
 class _Response:
@@ -20,7 +20,7 @@ class _Response:
     def __init__(self, kernel: Kernel, known: tuple[Any, ...]) -> None:
         self._kernel, self._known = kernel, known
         self._logs: tuple[object, object] = (None, None)
-        self._call: Call
+        self._call: BoundCall
 
     @property
     def compiled(self) -> bool:
@@ -31,7 +31,7 @@ class _Response:
         rows, more = self._logs
         if rows is not impacts or more is not changes:
             self._logs = impacts, changes
-            self._call = Call(self._kernel, *self._known, impacts, changes)
+            self._call = BoundCall(self._kernel, *self._known, impacts, changes)
         return self._call()
 
 

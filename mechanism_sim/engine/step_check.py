@@ -29,7 +29,7 @@ from mechanism_sim.numerics.enclosure import (
     reach_of,
 )
 from mechanism_sim.numerics.kernel_code import call_code
-from mechanism_sim.numerics.kernels import Call, entry, foreign_code, kernel
+from mechanism_sim.numerics.kernels import BoundCall, entry, foreign_code, kernel
 from mechanism_sim.numerics.polynomials import chebyshev_nodes
 from mechanism_sim.planar.steep_loads import ResolvedLoads, SteepLoads
 from mechanism_sim.tolerances import TOLERANCES
@@ -39,8 +39,8 @@ _ROUNDING = TOLERANCES.rounding
 _STEPS = TOLERANCES.steps
 
 
-class Course(NamedTuple):
-    """What loads see of a step, and whence that is known; the last two are overwritten."""
+class StepCourse(NamedTuple):
+    """Sources of what loads see of a step, and places for it, the last two."""
 
     states: Indices  #: (v,) rows of the step's series, -1 of what is none
     sizes: Array  #: (v,) of their units
@@ -55,14 +55,14 @@ class Course(NamedTuple):
 
 _NONE, _PAIRS = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
 _EMPTY = np.zeros(0)
-NOTHING = Course(
+NOTHING = StepCourse(
     _NONE, _EMPTY, np.zeros((0, 3), np.int64), _NONE, _NONE, _PAIRS, 0, np.zeros((0, 0)), _EMPTY
 )
 """The course of a machine without steep loads."""
 
 
 @kernel
-def see(jets: Array, parameters: Array, c: Course, time: float, tau: float, h: float) -> None:
+def see(jets: Array, parameters: Array, c: StepCourse, time: float, tau: float, h: float) -> None:
     """Write what loads see of a step from `tau` on, with `time` [s] at zero."""
     count = c.series.shape[1]
     for k in range(len(c.series)):
@@ -102,7 +102,7 @@ def see(jets: Array, parameters: Array, c: Course, time: float, tau: float, h: f
 
 @kernel
 def doubts(
-    address: int, jets: Array, parameters: Array, c: Course, time: float, tau: float, h: float,
+    address: int, jets: Array, parameters: Array, c: StepCourse, time: float, tau: float, h: float,
     doubted: Array,
 ) -> int:  # fmt: skip
     """`Enclosure.doubts` about a step, by the machine code of ``Enclosure.doubted``.
@@ -119,7 +119,7 @@ def doubts(
 
 @entry
 def look(
-    addresses: Indices, jets: Array, parameters: Array, c: Course, now: Array, doubted: Array
+    addresses: Indices, jets: Array, parameters: Array, c: StepCourse, now: Array, doubted: Array
 ) -> int:
     """`doubts` now; -1, once `see` has looked, if no machine code is known."""
     time, tau, h = now[0], now[1], now[2]
@@ -165,7 +165,7 @@ class StepCheck:
         self._fixed = self._fixed[: len(self._fixed) - len(self._scales)]
         self._now, doubted, self._addresses = np.zeros(3), np.zeros(2), np.zeros(1, np.int64)
         self._code: Any = None
-        self._look = Call(
+        self._look = BoundCall(
             look, self._addresses, self._series, self._pars, self.course, self._now, doubted
         )
 
@@ -240,7 +240,7 @@ class StepCheck:
         return found
 
 
-def _course(system: System, steep: SteepLoads, count: int) -> Course:
+def _course(system: System, steep: SteepLoads, count: int) -> StepCourse:
     """Where all that loads depend on is found; `count` are the coefficients of a series."""
     f, parameters = len(system.free), system.parameters
     rows = {c: (k, 1.0) for k, c in enumerate(system.free)}
@@ -260,7 +260,7 @@ def _course(system: System, steep: SteepLoads, count: int) -> Course:
     turns = np.array([parameters.outside[name] for name in steep.outside], int)
     own_symbols = symbols[steep.symbols]
     fixed = len(turns) + len(own_symbols) + len(steep.inertia) + steep.enclosure.guards
-    return Course(
+    return StepCourse(
         np.array(states + time, int),
         np.array([size for _, size in own] + [1.0] * steep.timed),
         laws, turns, own_symbols, held, steep.enclosure.guards,

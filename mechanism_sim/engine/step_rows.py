@@ -16,7 +16,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import BLOCK, DenseOutput, floats
-from mechanism_sim.engine.step_check import NOTHING, Course, StepCheck, doubts
+from mechanism_sim.engine.step_check import NOTHING, StepCheck, StepCourse, doubts
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import Indices
@@ -56,7 +56,7 @@ class RowArrays(NamedTuple):
     taus: Array  #: starts [s] of the steps, from the first on
     lengths: Array  #: [s] likewise
     rows: Array  #: (n, width (order + 1)) their coefficients
-    course: Course  #: what steep loads see of a step
+    course: StepCourse  #: what steep loads see of a step
     doubted: Array  #: (2,) overwritten
 
 

@@ -88,7 +88,7 @@ class Kernel:
         return bound
 
 
-class Call:
+class BoundCall:
     """Calls of an entry with some arrays, which stay where they are, as it is or compiled.
 
     Parameters

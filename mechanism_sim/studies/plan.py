@@ -102,7 +102,7 @@ class Run:
         return f'run_{self.index:05d}'
 
 
-class Limits(NamedTuple):
+class MeasureLimits(NamedTuple):
     """The least and the largest value of a measure, in its SI unit; infinite where not given."""
 
     low: float
@@ -135,7 +135,7 @@ class SweepPlan:
     measures: tuple[str, ...] = ()
     factors: tuple[Factor, ...] = ()
     design: DesignPart | None = None
-    limits: Mapping[str, Limits] = field(default_factory=dict)
+    limits: Mapping[str, MeasureLimits] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -351,7 +351,7 @@ def _limits(
     sweep: SweepFile,
     own: Mapping[str, ResultColumn],
     names: Collection[str],
-) -> dict[str, Limits]:
+) -> dict[str, MeasureLimits]:
     """The limits in the units of their measures."""
     found = {}
     for name, text in sweep.limits.items():
@@ -364,17 +364,17 @@ def _limits(
     return found
 
 
-def _read_limits(given: str | float | list[str | float | None], unit: str) -> Limits:
+def _read_limits(given: str | float | list[str | float | None], unit: str) -> MeasureLimits:
     """Limits as a sweep file has them: ``HIGH``, ``< HIGH``, ``> LOW`` or ``[LOW, HIGH]``."""
     if not isinstance(given, list):
         text = given.strip() if isinstance(given, str) else ''
         least = text.startswith('>')
         bound = to_si_like(text.lstrip('<>= ') if text[:1] in ('<', '>') else given, unit)
-        return Limits(bound, math.inf) if least else Limits(-math.inf, bound)
+        return MeasureLimits(bound, math.inf) if least else MeasureLimits(-math.inf, bound)
     if len(given) != 2 or given == [None, None]:
         raise ValueError('is not a limit: write HIGH, > LOW or [LOW, HIGH]')
     ends = (-math.inf, math.inf)
-    found = Limits(
+    found = MeasureLimits(
         *(end if x is None else to_si_like(x, unit) for x, end in zip(given, ends, strict=True))
     )
     if not found.low < found.high:

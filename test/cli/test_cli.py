@@ -142,8 +142,6 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
          '--measure does not apply to a comparison'),
         ('view --realtime-factor 2', '--realtime-factor needs a run of its own'),
         ('plot slider_crank --ideal', '--ideal needs the name of a quantity'),
-        ('plot slider_crank velocity.crank --against angle -o x.csv',
-         '--against applies to a picture'),
         # before anything is run: a run of this length would not end
         ('plot slider_crank velocity.crank --against velocity.crnk --revolutions 1e12',
          "no quantity 'velocity.crnk'; did you mean 'velocity.crank'?"),

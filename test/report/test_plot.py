@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 
@@ -215,6 +216,24 @@ def test_the_command_plots_against_a_quantity_alike_for_a_bag_and_a_scene(bag, t
     done = run('plot', str(bag), 'gap', '--against', 'gap', '--ideal')
     assert (done.returncode, done.stderr.count('\n')) == (2, 1)
     assert '--against angle' in done.stderr
+
+
+@pytest.mark.network
+def test_tables_have_quantities_where_sensors_are_sampled_and_what_they_are_against(bag, tmp_path):
+    file = tmp_path / 'signal.csv'
+    names = 'rocker_accelerometer', 'position.rocker'
+    done = run('plot', str(bag), *names, '--against', 'angle', '-o', str(file))
+    assert done.returncode == 0, done.stderr
+    heads, *rows = csv.reader(file.open(encoding='utf-8'))
+    assert heads == [
+        't [s]', 'angle [rad]', 'rocker_accelerometer [m/s^2]', 'position.rocker [rad]'
+    ]  # fmt: skip
+    t, angle, signal, rocker = np.array(rows, float).T
+    record = ms.open_run(bag)
+    np.testing.assert_array_equal(signal, np.concatenate(record.signal(names[0]).runs))
+    told = record.piece.sample(t, names[1], 'position.crank')
+    np.testing.assert_array_equal(rocker, told[names[1]])
+    np.testing.assert_allclose(angle, told['position.crank'], rtol=1e-12)
 
 
 @pytest.mark.slow

@@ -26,7 +26,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.report.sweep import _index
 from mechanism_sim.studies.design import factor, points
 from mechanism_sim.studies.effects import effects, exceedances
-from mechanism_sim.studies.plan import Limits, read_plan
+from mechanism_sim.studies.plan import MeasureLimits, read_plan
 from mechanism_sim.studies.sweep import run_plan
 
 G, MASS = 9.81, 2.0
@@ -236,12 +236,12 @@ def test_the_share_beyond_a_limit_is_that_of_the_distribution():
     """One machine in six is beyond one standard deviation."""
     normal = {'a': {'normal': [5.0, 2.0]}}
     (found,) = exceedances(
-        *study(normal, 'latin_hypercube', 400, lambda a: a, {'y': Limits(-math.inf, 7.0)})
+        *study(normal, 'latin_hypercube', 400, lambda a: a, {'y': MeasureLimits(-math.inf, 7.0)})
     )
     assert found.share == pytest.approx(scipy.stats.norm.sf(1.0), abs=0.003)  # in classes
     assert found.low < scipy.stats.norm.sf(1.0) < found.high
     assert found.capability == pytest.approx(1.0 / 3.0, abs=0.005)
-    both = study(normal, 'latin_hypercube', 400, lambda a: a, {'y': Limits(1.0, 9.0)})
+    both = study(normal, 'latin_hypercube', 400, lambda a: a, {'y': MeasureLimits(1.0, 9.0)})
     (found,) = exceedances(*both)
     assert found.share == pytest.approx(2.0 * scipy.stats.norm.sf(2.0), abs=0.003)
     assert (found.least, found.limit) == (1.0, 9.0)
