@@ -30,6 +30,9 @@ _LONGEST = 60
 LARGEST, SMALLEST = 1e30, 1e-30
 """Magnitudes in SI units: beyond them products leave the range of floating-point numbers."""
 
+_FINEST = 1e-9
+"""[rad] by which an angle may be rounded: some 1.3 million turns are."""
+
 _BEYOND = (
     f'is out of bounds: in SI units its size must be between {SMALLEST:g} and {LARGEST:g}, or 0'
 )
@@ -130,6 +133,8 @@ _TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
     (re.compile('[⁻¹²³⁴]+'), lambda found: '^' + found[0].translate(_RAISED)),
     (re.compile(r'(?<=[A-Za-z])-(?=[A-Za-z])'), ' '),  # ft-lb, N-m
     (re.compile(r'(?<=[A-Za-z])([234])(?![\w^*])'), r'^\1'),  # kgm2
+    # min-1; not of angles: 90 deg-1 in a formula is a difference of two angles
+    (re.compile(r'(?<![A-Za-z])(min|[mu]?s|[cmu]?m|k?g|k?N|K|A|V)(-[1-4])(?![\w^*.])'), r'\1^\2'),
     (re.compile(r'(?<![A-Za-z])([mkM]?N|kg)(mm|cm|m)(s?)(?![A-Za-z])'), r'\1 \2 \3'),  # Nm, Nms
     (re.compile(r'(?<![A-Za-z])(g)(mm|cm)(?![A-Za-z])'), r'\1 \2'),  # gmm, of unbalance
     (re.compile(r'(?<![A-Za-z])([mk]?N|m?Pa)(s)(?![A-Za-z])'), r'\1 \2'),  # Ns, Pas
@@ -303,6 +308,12 @@ def product(a: str, b: str, power: int = 1) -> str:
     return '/'.join([' '.join(above) or '1' * bool(below), *below])
 
 
+def power_hint(text: str) -> str:
+    """A clause on ``600 s-1``, which as a formula is a difference; else nothing."""
+    unit = re.fullmatch(r'[-+.\deE]+ *([A-Za-z][A-Za-z /]*)(-[1-4])', text.strip())
+    return f"; a power of a unit is written with ^, as '{unit[1]}^{unit[2]}'" if unit else ''
+
+
 def root(unit: str) -> str | None:
     """The unit whose square this is; none of an odd power."""
     found = ''
@@ -449,6 +460,21 @@ def to_si(value: object, unit: str) -> float:
     return number
 
 
+def resolved(angle: float) -> float:
+    """An angle [rad], refused if it counts so many turns that floating point loses its place.
+
+    Raises
+    ------
+    ValueError
+        One clause that says what is wrong and what would do.
+    """
+    if _FINEST < (rounding := 0.5 * math.ulp(angle)) < math.inf:
+        raise ValueError(
+            f'is so many turns that it is rounded by {rounding:.1g} rad: take off whole turns'
+        )
+    return angle
+
+
 _PER_LENGTH = re.compile(r'(.+?)/\s*(\w+?)\s*(?:(?:\^|\*\*)\s*\(?(3/2|\d*\.?\d+)\)?)?')
 
 
@@ -495,7 +521,8 @@ def argument(name: str, value: float | str | None, unit: str) -> float | None:
     if value is None:
         return None
     try:
-        return to_si(value, unit)
+        number = to_si(value, unit)
+        return resolved(number) if unit == 'rad' else number
     except ValueError as error:
         raise InputError(f'{name} = {quoted(value)} {error}') from error
 
@@ -532,7 +559,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
         bare = unit != units[-1] and not (isinstance(value, str) and _NUMBER.sub(r'\2', value))
         return QuantityValue(found, '' if bare else unit)
     examples = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
-    others = ''.join(f" or '{unit}'" for unit in units[1:]) if said[0] != said[-1] else ''
+    others = ''.join(f" or '{unit}'" for unit in units[1:]) if ' not a unit of ' in said[0] else ''
     raise ValueError(f'{said[0]}{others}: write for example {examples}')
 
 

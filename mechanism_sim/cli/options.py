@@ -317,7 +317,7 @@ def print_result(
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
     """A quantity given to an option, and which of these SI units it is a quantity of."""
-    from mechanism_sim.units import EXAMPLES, to_si  # noqa: PLC0415
+    from mechanism_sim.units import EXAMPLES, argument, to_si  # noqa: PLC0415
 
     example = ' or '.join(f"'{EXAMPLES[unit]}'" for unit in units)
     for unit in units:
@@ -325,9 +325,9 @@ def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
             value = to_si(text, unit)
         except ValueError:
             continue
-        if value and text.strip()[-1] in '0123456789.':
+        if value and not text.strip(' +-.0123456789eE'):
             break  # a bare number: in degrees, radians, seconds?
-        return value, unit
+        return argument(option, text, unit), unit
     of = ' or '.join(repr(unit) for unit in units)
     raise InputError(
         f"{option} '{text}' is not a quantity with a unit of {of}: write for example {example}"

@@ -9,7 +9,7 @@ from typing import Any
 
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, resolved
 
 RESERVED = ('t', 'x', 'y', 'vx', 'vy', 'pi')
 """Names in formulas of loads beside those of links."""
@@ -144,7 +144,10 @@ class Names:
             )
         if not math.isfinite(measure.value):
             raise InputError(f'{where} = {measure.value} must be finite')
-        return measure.value
+        try:
+            return resolved(measure.value) if wanted == 'rad' else measure.value
+        except ValueError as error:
+            raise InputError(f'{where} {error}') from error
 
 
 def kind_of(straight: bool) -> str:

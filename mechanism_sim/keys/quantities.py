@@ -24,7 +24,7 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, core_schema
 
-from mechanism_sim.units import EXAMPLES, QuantityValue, plain, to_si, to_si_of
+from mechanism_sim.units import EXAMPLES, QuantityValue, plain, resolved, to_si, to_si_of
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ AnyPosition = Annotated[QuantityValue, si_of('rad', 'm')]
 Mass = Annotated[float, si('kg'), POSITIVE]
 LinkMass = Annotated[float, si('kg'), NOT_NEGATIVE]
 Inertia = Annotated[float, si('kg m^2'), POSITIVE]
-Angle = Annotated[float, si('rad'), _FINITE]
+Angle = Annotated[float, UnitValue(lambda value: resolved(to_si(value, 'rad')), ('rad',)), _FINITE]
 Speed = Annotated[float, si('rad/s'), _FINITE]
 Acceleration = Annotated[float, si('m/s^2'), _FINITE]
 AngularAcceleration = Annotated[float, si('rad/s^2'), POSITIVE]

@@ -54,7 +54,7 @@ def position(machine: Machine, value: float, found: Mapping[str, float]) -> Sect
     rows = []
     for name, x in found.items():
         unit, factor = for_people(known[name].unit)
-        rows.append((name, unit, f'{factor * x:.9g}' if math.isfinite(x) else 'not determined'))
+        rows.append((name, unit, f'{factor * x:z.9g}' if math.isfinite(x) else 'not determined'))
     head = ('', 'unit', 'value')
     return Section(f'at {main} = {scale * value:.9g} {shown}', table=[head, *rows], left=2)
 

@@ -347,18 +347,18 @@ def _end(run: Stream) -> Iterator[Section]:
     rows: list[tuple[str, ...]] = [('coordinate', 'position', 'speed', 'acceleration')]
     for c in physics.coordinates:
         unit = 'm' if c in physics.displacements else 'rad'
-        rows.append((c, *(f'{data[kind][c]:.10g} {unit}{per}' for kind, per in RATES.items())))
+        rows.append((c, *(f'{data[kind][c]:z.10g} {unit}{per}' for kind, per in RATES.items())))
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
     if states := data.get('states'):
         units = {x.label: x.unit for x in run.machine.plan.states}
-        known_states = [(name, f'{z:.10g} {units[name]}') for name, z in states.items()]
+        known_states = [(name, f'{z:z.10g} {units[name]}') for name, z in states.items()]
         yield Section(table=[('state', 'value'), *known_states])
     if reactions := data.get('reactions'):
         moments = data['reaction_moments']
         carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]
         for joint, force in reactions.items():
-            cells = ['no limit' if z is None else f'{z:.9g} N' for z in force]
-            moment = f'{moments[joint]:.9g} N m' if joint in moments else ''
+            cells = ['no limit' if z is None else f'{z:z.9g} N' for z in force]
+            moment = f'{moments[joint]:z.9g} N m' if joint in moments else ''
             carried.append((joint, *cells, *([moment] if moments else [])))
         yield Section(table=carried)
     known = catalogue(run.machine)
@@ -373,7 +373,7 @@ def _end(run: Stream) -> Iterator[Section]:
     loads = data.get('loads', {}).items()
     sizes += [(f'load {name}', load, physics.unknowns[name]) for name, load in loads]
     yield Section(rows=[
-        SummaryRow(name, 'not determined' if size is None else f'{size:.9g}', unit)
+        SummaryRow(name, 'not determined' if size is None else f'{size:z.9g}', unit)
         for name, size, unit in sizes
     ])  # fmt: skip
 

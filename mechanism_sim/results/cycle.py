@@ -92,7 +92,7 @@ class Cycle(plotting.Rich):
     @property
     def drive_torques(self) -> list[str]:
         """The columns of the drives' torques, or forces of those that slide."""
-        names = [name for name in self.table() if name.startswith('drive_torque')]
+        names = [name for name in self.names if name.startswith('drive_torque')]
         return names if len(names) < 2 else [name for name in names if '.' in name]
 
     @property
@@ -124,12 +124,12 @@ class Cycle(plotting.Rich):
 
     def units(self) -> dict[str, str]:
         """SI units of the columns by name, empty for numbers."""
-        return self.table().units
+        known = catalogue(self.machine)
+        return {name: known[name].unit for name in self.names}
 
     @cached_property
     def _table(self) -> Table:
-        known, columns = catalogue(self.machine), self.at(self.t, self.names)
-        return Table(columns, {name: known[name].unit for name in columns})
+        return Table(self.at(self.t, self.names), self.units())
 
     def at(self, t: Array, names: str | Sequence[str] | None = None) -> dict[str, Array]:
         """Columns at any instants (K,) of the cycle.
@@ -308,7 +308,7 @@ class Cycle(plotting.Rich):
 
         None where nothing rubs, or the drives do no work on the whole.
         """
-        losses = [name for name in self.table() if name.startswith('friction_loss.')]
+        losses = [name for name in self.names if name.startswith('friction_loss.')]
         power = self.mean_power if losses else 0.0
         if power <= 0.0:
             return None
@@ -319,8 +319,9 @@ class Cycle(plotting.Rich):
         """Work of the drives over time [W], that of impacts included."""
         if self.static:
             return self.mean('drive_power')
-        work = self['energy.drive_work']
-        return float(work[-1] - work[0]) / self.duration
+        # both ends alone: a column takes a quadrature up to each of its samples
+        begin, end = self.at(self.t[[0, -1]], 'energy.drive_work')['energy.drive_work'].tolist()
+        return float(end - begin) / self.duration
 
 
 def cycle(

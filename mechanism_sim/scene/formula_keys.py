@@ -15,7 +15,14 @@ from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import ExpressionNode, parse, unit_hint, unit_of
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.units import QuantityValue, alike, has_decimal_comma, to_si, to_si_of
+from mechanism_sim.units import (
+    QuantityValue,
+    alike,
+    has_decimal_comma,
+    power_hint,
+    to_si,
+    to_si_of,
+)
 
 OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
 """Names in formulas of loads for the point at which they act, with units."""
@@ -152,4 +159,5 @@ def _check_units(
     except InputError as error:
         raise InputError(f'{error}{said}') from error
     if unit is not None and found is not None and not alike(found, unit):
+        said = f'{power_hint(text)}{said}'
         raise InputError(f'{quoted(text)} is in {found or "no unit"}, not in {unit}{said}')

@@ -26,7 +26,7 @@ from mechanism_sim.numerics.expressions import (
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import FormulaLaws, curve_laws
 from mechanism_sim.scene.formula_keys import or_formula
-from mechanism_sim.units import QuantityValue, alike, to_si_of
+from mechanism_sim.units import QuantityValue, alike, power_hint, to_si_of
 
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 AnyAcceleration = Annotated[QuantityValue, si_of('rad/s^2', 'm/s^2')]
@@ -183,6 +183,7 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
             return found
         said = InputError(
             f'{quoted(text)} is in {found or "no unit"}, not in {" or ".join(units)}'
+            f'{power_hint(text)}'
         )
     if all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
         return None

@@ -179,7 +179,13 @@ def _transmission(least: float, greatest: float) -> str:
 def between(low: float, high: float) -> str:
     """Limits [deg] of an angle whose absolute value is limited."""
     if high == 180.0:
-        return f'{low:.6g} and {360.0 - low:.6g}'
+        return f'{_limit(low)} and {_limit(360.0 - low)}'
     if low == 0.0:
-        return f'{-high:.6g} and {high:.6g}'
-    return f'{low:.6g} and {high:.6g}, or {-high:.6g} and {-low:.6g}'
+        return f'{_limit(-high)} and {_limit(high)}'
+    return f'{_limit(low)} and {_limit(high)}, or {_limit(-high)} and {_limit(-low)}'
+
+
+def _limit(angle: float) -> str:
+    """A limit [deg] in six digits, or as many as tell it from the half turn that it forbids."""
+    texts = (f'{angle:.{digits}g}' for digits in range(6, 18))
+    return next(text for text in texts if float(text) % 180.0 or not angle % 180.0)

@@ -67,8 +67,8 @@ def test_angles_are_right_to_the_last_digit(text, unit, factor):
 
 
 @pytest.mark.parametrize(
-    'text', ['3000 1/min', '3000/min', '3000 min^-1', '3000 min**-1', '3000 min⁻¹', '3000 r/min',
-             '3000 RPM', '3000 U/min', '3000 rev/min', '50 rev/s'],
+    'text', ['3000 1/min', '3000/min', '3000 min^-1', '3000 min**-1', '3000 min⁻¹', '3000 min-1',
+             '3000 r/min', '3000 RPM', '3000 U/min', '3000 rev/min', '50 rev/s'],
 )  # fmt: skip
 def test_what_catalogues_write_for_a_speed_means_revolutions(text):
     """Not 50 rad/s, as the dimension of 1/min alone would have it; of a frequency it is 50 Hz."""
@@ -83,7 +83,8 @@ TRADE = (
     ('2645 kgmm^2', 'kg m^2', Fraction('0.002645')), ('3 kgm^2', 'kg m^2', 3),
     ('3 kgm2', 'kg m^2', 3), ('3 kg-m^2', 'kg m^2', 3), ('3 Ns/m', 'N s/m', 3),
     ('3 Nm/rad', 'N m/rad', 3), ('3 Nms/rad', 'N m s/rad', 3), ('3 Pas', 'Pa s', 3),
-    ('3 m/s2', 'm/s^2', 3), ('2 g', 'm/s^2', Fraction('19.6133')),
+    ('3 m/s2', 'm/s^2', 3), ('3 m s-2', 'm/s^2', 3), ('3 N m-1', 'N/m', 3), ('3 s-1', 'Hz', 3),
+    ('2 g', 'm/s^2', Fraction('19.6133')),
     ('3 lbm', 'kg', 3 * POUND), ('3 lb', 'kg', 3 * POUND), ('3 lb', 'N', 3 * WEIGHT),
     ('3 lbf', 'N', 3 * WEIGHT), ('3 ft-lb', 'N m', 36 * INCH * WEIGHT),
     ('3 lb-ft', 'N m', 36 * INCH * WEIGHT), ('3 in-lb', 'N m', 3 * INCH * WEIGHT),
@@ -196,6 +197,7 @@ def test_the_example_of_every_refusal_is_accepted(unit):
         ('5 mm', '', "has the unit 'mm' where a plain number belongs"),
         ('5 furlnog', 'm', "has the unknown unit 'furlnog': write for example '64 mm'"),
         ('5 mm)', 'm', "has the unknown unit 'mm)'"),
+        ('90 deg-1', 'rad', "has the unknown unit 'deg-1'"),  # in formulas a difference
         ('30 Grad', 'rad', "degrees are 'deg': write for example '30 deg'"),
         ('60 Grad/s', 'rad/s', "has the unit 'Grad/s', in which Grad is"),
         ('1,5 mm', 'm', 'has a decimal comma, 1,5, where a point belongs, as in 1.5'),

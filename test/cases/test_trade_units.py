@@ -8,6 +8,7 @@ import pytest
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.cli.options import quantity
 from mechanism_sim.errors import InputError
 from mechanism_sim.scene.check import check
 
@@ -16,12 +17,14 @@ STEEL = {'young': '207 GPa', 'poisson': 0.3}
 
 
 @pytest.mark.parametrize(
-    'text', ['3000 1/min', '3000/min', '3000 min^-1', '3000 r/min', '3000 RPM', '3000 U/min']
-)
+    'text', ['3000 1/min', '3000/min', '3000 min^-1', '3000 min-1', '3000 r/min', '3000 RPM',
+             '3000 U/min'],
+)  # fmt: skip
 def test_a_speed_per_minute_is_of_revolutions(text):
     """100 pi rad/s (the drive at 3000 1/min of the list of cases)."""
     machine = ms.load_scene('slider_crank', {'drive.speed': text})
     assert machine.drive.fastest == pytest.approx(100.0 * math.pi, rel=1e-15)
+    assert quantity('--speed', text, 'rad/s') == (machine.drive.fastest, 'rad/s')
     coordinates = run_json('check', 'slider_crank', '--set', f'drive.speed={text}')['coordinates']
     assert coordinates['crank'] == 'prescribed, 314.159 rad/s'
 

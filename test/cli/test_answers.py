@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import socket
 
 import pytest
@@ -31,6 +32,12 @@ def test_durations_have_units(command, tmp_path, monkeypatch):
 def test_a_time_with_a_unit_is_that_number_of_seconds():
     one, two = (run_json('solve', 'slider_crank', '--duration', x) for x in ('0.05', '50 ms'))
     assert one['digest'] == two['digest']
+
+
+def test_a_force_that_is_nothing_has_no_sign():
+    told = run('solve', 'gear_rattle', '--revolutions', '3').stdout
+    assert re.search(r'^  wheel_shaft +0 N +0 N$', told, re.MULTILINE)
+    assert ' -0 ' not in told
 
 
 def test_all_endings_are_told(tmp_path):

@@ -192,6 +192,16 @@ def test_a_loose_machine_has_a_cycle_too():
     )
 
 
+def test_what_is_printed_needs_no_table():
+    """Its columns of work take a quadrature up to each sample, a quarter of many turns' time."""
+    found = ms.cycle('four_bar_clearance', samples=90)
+    assert 'mean power' in report.render(found)
+    assert '_table' not in vars(found)
+    assert found.units() == found.table().units
+    work = found['energy.drive_work']
+    assert found.mean_power == (work[-1] - work[0]) / found.duration
+
+
 def test_without_masses_there_is_motion_alone():
     found = ms.cycle(ms.load_scene('four_bar_nominal', {'outputs.forces': False}), samples=12)
     assert not any(name.startswith(('reaction', 'drive', 'energy')) for name in found.table())
@@ -219,6 +229,10 @@ def test_a_torque_driven_machine_needs_a_duration():
         (('--points', 'coupler.ned'), "did you mean 'coupler.end'"),
         (('--at', '30'), "write for example '30 deg'"),
         (('--at', '30 mm'), "'30 mm' is not a quantity with a unit"),
+        (
+            ('--at', '3.6e15 deg'),
+            "--at = '3.6e15 deg' is so many turns that it is rounded",
+        ),
         (('--samples', '1'), 'at least 2 samples'),
         (('--revolutions', '2', '--duration', '1'), 'periods or a duration, not both'),
         (('--output', 'table.txt'), 'the ending must be .parquet, .csv, .xlsx, .mat or .npz'),

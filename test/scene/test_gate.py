@@ -103,6 +103,13 @@ def test_the_template_may_swing_within_its_limits() -> None:
         ms.load_scene('four_bar_nominal', scene | drive)
 
 
+def test_limits_are_told_from_the_turn_that_they_forbid() -> None:
+    lengths = {'ground': 0.3, 'crank': 0.1, 'coupler': 0.299999999999, 'rocker': 0.1}
+    scene = {f'links.{k}.length': x for k, x in lengths.items()}
+    with pytest.raises(InputError, match=r'keep it between -179\.9997 and 179\.9997 deg'):
+        ms.load_scene('four_bar_nominal', scene)
+
+
 def test_the_way_of_a_profile_is_that_of_its_integral() -> None:
     points = {'points': [['0 s', 2], ['1 s', -4], ['3 s', 1]], 'ramp': 'smooth'}
     laws = ms.load_scene(
