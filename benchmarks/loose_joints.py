@@ -82,7 +82,7 @@ PERIODS = {
 RUNS = (
     *(('four_bar_clearance', count, 10.0) for count in (1, 2, 3, 4)),
     ('slider_crank_engine', 3, 2.0),
-    *(('ten_links', count, 0.2) for count in (4, 8, 13)),
+    *(('ten_links', count, 1.0) for count in (4, 8, 13)),
 )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.points import Vector2
+from mechanism_sim.sensing.point import angle_of
 from mechanism_sim.vibration.frame import Frame
 from mechanism_sim.vibration.residues import through
 from mechanism_sim.vibration.shaken_frame import Forces, Shaking
@@ -26,7 +26,7 @@ class PointOnFrame:
     frame : with n degrees of freedom
     forces : of the machine on it
     at : [m] in the world, like its centre of gravity and its mounts
-    axis : 'along' the world's x axis or 'across' it
+    axis : 'along' the world's x axis or 'across' it, or its angle from there [rad]
     gravity : [m/s^2] what is read is the acceleration less this
     transverse : part of the acceleration 90 degrees on from the axis that is read, too
 
@@ -40,12 +40,12 @@ class PointOnFrame:
         frame: Frame,
         forces: Forces,
         at: Vector2,
-        axis: Literal['along', 'across'],
+        axis: float | str,
         gravity: Vector2 = (0.0, 0.0),
         transverse: float = 0.0,
     ) -> None:
         self._frame, self._shaking = frame, Shaking(frame, forces)
-        turn = (0.0 if axis == 'along' else 0.5 * math.pi) + math.atan(transverse)
+        turn = angle_of(axis) + math.atan(transverse)
         way = math.hypot(1.0, transverse) * np.array([math.cos(turn), math.sin(turn)])
         self._outputs = way @ frame.motion_of(at)
         self._weight = -float(way @ gravity)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,11 @@ _ROUNDING = 1e-13
 """Of the speed of a point: steps of it that are smaller are none."""
 
 
+def angle_of(axis: float | str) -> float:
+    """Angle [rad] of an axis from that of x, of which 'along' and 'across' are names."""
+    return {'along': 0.0, 'across': 0.5 * math.pi}[axis] if isinstance(axis, str) else axis
+
+
 class PointOnLink(DirectSource):
     """Reads the acceleration of a point from the motion of the links, exactly.
 
@@ -34,7 +39,8 @@ class PointOnLink(DirectSource):
     mechanism : the machine
     link : its link that carries the sensor
     at : [m] in the link's frame; one number: along its x axis
-    axis : 'along' the link's x axis or 'across' it (counterclockwise)
+    axis : 'along' the link's x axis or 'across' it (counterclockwise), or its angle from there
+        [rad]
     gravity : whether what is read is the acceleration less that of gravity, as instruments do
     transverse : part of the acceleration 90 degrees on from the axis that is read, too
     """
@@ -44,7 +50,7 @@ class PointOnLink(DirectSource):
         mechanism: Mechanism,
         link: str,
         at: float | Vector2,
-        axis: Literal['along', 'across'],
+        axis: float | str,
         gravity: bool = False,
         transverse: float = 0.0,
     ) -> None:
@@ -66,7 +72,7 @@ class PointOnLink(DirectSource):
             for (frame, slide), d in arms.items()
         ]
         self._turns = [(index(name), slope) for name, slope in turns.items()]
-        turn = offset + (0.0 if axis == 'along' else 0.5 * np.pi)
+        turn = offset + angle_of(axis)
         self._turn, self._size = turn + math.atan(transverse), math.hypot(1.0, transverse)
         self._gravity = mechanism.gravity if gravity else (0.0, 0.0)
         self._before: Array | None = None
@@ -174,7 +180,7 @@ class InertialUnit:
         mechanism: Mechanism,
         link: str,
         at: float | Vector2,
-        axis: str,
+        axis: float | str,
         instrument: Instrument,
         name: str,
         transverse: float = 0.0,

@@ -37,6 +37,29 @@ def test_the_chain_of_the_thesis_loses_3_db_at_its_corners():
     assert decibels[3] - decibels[4] == pytest.approx(12.0, abs=2.0)  # nearing the resonance
 
 
+@pytest.mark.parametrize(
+    ('scene', 'sensor'),
+    [
+        ('four_bar_clearance', {'link': 'rocker', 'at': '150 mm', 'impact_pulse': '0.1 ms'}),
+        ('four_bar_clearance', {'link': 'rocker', 'at': '150 mm', 'gravity': True}),
+        ('gear_housing', {'link': 'housing', 'at': ['20 mm', '-10 mm'], 'gravity': True}),
+    ],
+)
+def test_an_axis_at_an_angle_reads_its_parts_along_and_across(scene, sensor):
+    axes = {'x': 'along', 'y': 'across', 'w': '30 deg', 'back': '-90 deg'}
+    rate = {'sample_rate': '5 kHz'}
+    machine = ms.load_scene(
+        scene, {f'sensors.{name}': {**sensor, **rate, 'axis': axis} for name, axis in axes.items()}
+    )
+    solution = ms.simulate(machine, duration=0.1)
+    read = {name: solution.signal(name)[name] for name in axes}
+    turned = np.sqrt(0.75) * read['x'] + 0.5 * read['y']
+    size = np.abs(turned).max()
+    assert size > 0.1
+    assert read['w'] == pytest.approx(turned, abs=1e-12 * size)
+    assert read['back'] == pytest.approx(-read['y'], abs=1e-12 * size)
+
+
 @pytest.fixture(scope='module')
 def bags(tmp_path_factory):
     """The same run in one process and in one for each node."""

@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.quantities import Offset
+from mechanism_sim.keys.quantities import Offset, UnitValue
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.sensor_keys import SENSORS, OnLinkKeys, ShockKeys, check_link
 from mechanism_sim.sensing.chain import Integrator, Transducer
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.frame_point import PointOnFrame
 from mechanism_sim.sensing.point import PointOnLink
+from mechanism_sim.units import to_si
+
+_WORDS = 'along or across'
+
+
+def _axis(value: Any) -> float | str:
+    """An axis as scenes have it, ``along``, ``across`` or an angle; it in words, or in radians."""
+    if value in _WORDS.split(' or '):
+        return str(value)
+    if isinstance(value, str) and not any(map(str.isdigit, value)):
+        raise ValueError("is no axis; allowed: 'along' or 'across', or an angle, as '30 deg'")
+    return to_si(value, 'rad')
 
 
 @SENSORS.add('accelerometer')
@@ -21,8 +33,11 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
 
     at: Offset = 0.0
     """From the link's origin: along the link, as [x, y] in its frame, or a point of it by name."""
-    axis: Literal['along', 'across'] = 'across'
-    """Direction of its reading: along the link, or 90 degrees counterclockwise from that."""
+    axis: Annotated[float | Literal['along', 'across'], UnitValue(_axis, ('rad',), _WORDS)] = (
+        'across'
+    )
+    """Direction of its reading: along the link, 90 degrees counterclockwise from that, or another
+    angle from the link's x axis."""
     instrument: str | None = None
     """A preset; keys given here replace its parts."""
     gravity: bool = False
@@ -52,10 +67,12 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
         """On a link or a frame, and along which axis."""
         x, y = self._at()
         at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
+        turned = '' if isinstance(self.axis, str) else f'{math.degrees(self.axis):g} deg to '
         if self.link in machine.plan.links:
-            return f'on the {self.link}, {at} from its origin, {self.axis} the link'
-        way = 'x' if self.axis == 'along' else 'y'
-        return f'on the oscillator {self.link}, at {at}, along {way}'
+            way = f'{turned or self.axis} the link'.replace('  ', ' ')
+            return f'on the {self.link}, {at} from its origin, {way}'
+        way = f'{turned}x' if turned else f'along {"x" if self.axis == "along" else "y"}'
+        return f'on the oscillator {self.link}, at {at}, {way}'
 
     def check(self, machine: Any, where: str) -> None:
         """Refuse one far off its link, and a frame as what an inertial unit is on."""
