@@ -136,7 +136,7 @@ class MessageRun:
 
 
 def open_run(
-    source: Bag | Path | str | Piece | Cycle, namespace: str | None = None
+    source: Bag | Path | str | Piece | Cycle | Record, namespace: str | None = None
 ) -> Record | MessageRun:
     """A run whose quantities can be asked for: ``open_run('run.mcap').columns(names, t)``.
 
@@ -151,6 +151,8 @@ def open_run(
     source : a bag, of other programs too, or its path; a solution, one of its pieces; a cycle
     namespace : of the machine, where a bag holds several
     """
+    if isinstance(source, Record):
+        return source
     if isinstance(source, Cycle):
         return Record(source.machine, source.solution, {})
     if isinstance(source, Piece):
@@ -173,7 +175,7 @@ def open_run(
 def is_run(source: object) -> bool:
     """True if it is a run, or the path of one, and not a scene, which is still to be run."""
     file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)
-    return file or isinstance(source, Piece | Cycle | Bag)
+    return file or isinstance(source, Piece | Cycle | Bag | Record)
 
 
 class Name(NamedTuple):

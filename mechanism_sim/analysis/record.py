@@ -280,6 +280,29 @@ class Record(Revolutions):
         assert t is not None  # noqa: S101 - one of both is given
         return self.piece.sample(t, 't', *flat(names))
 
+    def sample(self, t: Array | float, *names: str | Sequence[str]) -> Table:
+        """Quantities at times (N,) [s], see `Piece.sample`."""
+        return self.piece.sample(t, *names)
+
+    def to_frame(
+        self,
+        *names: str | Sequence[str],
+        rate: float | str | None = None,
+        library: str | None = None,
+    ) -> Any:
+        """A data frame, see `Piece.to_frame`; samples of sensors are those that were recorded."""
+
+        def recorded(sensor: str) -> Table:
+            signal = self.signal(sensor)
+            t, samples = np.concatenate(signal.times), np.concatenate(signal.runs)
+            return Table({'t': t, sensor: samples}, {'t': 's', sensor: signal.unit})
+
+        return self.piece.framed(names, rate, recorded).to_frame(library)
+
+    def plot(self, *names: str | Sequence[str], **how: Any) -> Any:
+        """Plot quantities, see `Piece.plot`."""
+        return self.piece.plot(*names, **how)
+
     @cached_property
     def audited(self) -> Audit:
         """The audit of its motion and impacts."""

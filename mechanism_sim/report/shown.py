@@ -44,7 +44,7 @@ def draw(
 
 
 def plot(
-    source: Source | Piece | Cycle | Bag,
+    source: Source | Piece | Cycle | Bag | Record,
     *names: str | Sequence[str],
     revolutions: float | None = None,
     duration: float | str | None = None,
@@ -57,8 +57,8 @@ def plot(
 
     Parameters
     ----------
-    source : all that `load_scene` takes, or a solution, a cycle, a bag, or the path of one
-        or of a file of signals
+    source : all that `load_scene` takes, or a solution, a cycle, a run that `open_run` opened, a
+        bag, or the path of one or of a file of signals
     names : of quantities, one by one or in lists; without any an overview
     revolutions, duration : length of the run of a scene
     how : ``against``, ``start``, ``end`` as `mechanism_sim.report.lines.plot` has them
@@ -67,6 +67,8 @@ def plot(
         return lines.plot_recorded(AskedSignals(source), *names, **how)
     if not is_run(source):
         return lines.plot(simulate(source, revolutions, duration), *names, **how)  # type: ignore[arg-type]
+    if isinstance(source, Record):
+        source = source.piece
     if isinstance(source, Piece | Cycle):
         return lines.plot(source, *names, **how)
     asked = Asked(source if isinstance(source, Bag) else read_bag(source))  # type: ignore[arg-type]

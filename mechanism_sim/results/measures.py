@@ -14,14 +14,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact, Mode
-from mechanism_sim.errors import InputError, check_known, nearest
+from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
@@ -200,8 +200,8 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
 
 
 def measure(
-    scene: Source,
-    pieces: Iterable[Piece] | Piece,
+    scene: Source | Piece,
+    pieces: Iterable[Piece] | Piece | str = (),
     *texts: str,
     since: float | str = 0.0,
     until: float | str = math.inf,
@@ -210,18 +210,24 @@ def measure(
 
     >>> import mechanism_sim as ms
     >>> run = ms.simulate('slider_crank', revolutions=1)
-    >>> (found,) = ms.measure('slider_crank', run, 'range(position.piston)')
+    >>> (found,) = ms.measure(run, 'range(position.piston)')
     >>> round(found.value, 9), found.unit
     (0.1, 'm')
 
     Parameters
     ----------
-    scene : all that `load_scene` takes
-    pieces : a `Solution`, or a `stream`
+    scene : a run, a solution say, and the texts follow; or all that `load_scene` takes
+    pieces : of the scene a `Solution`, or a `stream`
     texts : the measures; those of the scene without any
     since, until : the window [s] of figures that name none
     """
-    machine = load_scene(scene)
+    own: Any = getattr(scene, 'piece', scene)  # of a recorded run
+    if isinstance(own, Piece):
+        first = (pieces,) if isinstance(pieces, str) else ()
+        return measure(own.machine, own, *first, *texts, since=since, until=until)
+    if isinstance(pieces, str):
+        raise InputError(f'measure: {quoted(pieces)} is of a run: give a solution before it')
+    machine = load_scene(own)
     window = argument('since', since, 's'), argument('until', until, 's')
     taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:

@@ -199,19 +199,28 @@ class Piece(Rich):
         rate : samples a second; 1000 in all if not given; that of the sensors where there are some
         library : as `Table.to_frame` has it
         """
+        return self.framed(names, rate, self.signal).to_frame(library)
+
+    def framed(
+        self,
+        names: Iterable[str | Sequence[str]],
+        rate: float | str | None,
+        signal: Callable[[str], Table],
+    ) -> Table:
+        """The columns of `to_frame`; `signal` gives those of a sensor."""
         asked = list(flat(names))
         sensors = {n: n.removeprefix(_SENSORS) for n in asked if self._is_sensor(n)}
         if sensors:
-            return self._beside_signals(sensors, asked, rate).to_frame(library)
+            return self._beside_signals(sensors, asked, rate, signal)
         first, last = float(self.motion.curve.start[0]), self.motion.curve.end
-        rate, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
-        if rate is not None:
-            if not 0.0 < rate < math.inf:
-                raise InputError(f'rate = {rate:g} Hz: samples need a positive rate')
-            count = int((last - first) * rate * (1.0 + 1e-12)) + 1
-            t = np.minimum(first + np.arange(count) / rate, last)
-        found = self.sample(t, *names)
-        return Table({'t': t, **found}, {'t': 's', **found.units}).to_frame(library)
+        own, t = argument('rate', rate, 'Hz'), np.linspace(first, last, 1000)
+        if own is not None:
+            if not 0.0 < own < math.inf:
+                raise InputError(f'rate = {own:g} Hz: samples need a positive rate')
+            count = int((last - first) * own * (1.0 + 1e-12)) + 1
+            t = np.minimum(first + np.arange(count) / own, last)
+        found = self.sample(t, *asked)
+        return Table({'t': t, **found}, {'t': 's', **found.units})
 
     def _is_sensor(self, name: str) -> bool:
         """True of ``sensors.NAME``, and of a sensor whose name is no quantity's."""
@@ -220,14 +229,18 @@ class Piece(Rich):
         return own or name.startswith(_SENSORS)
 
     def _beside_signals(
-        self, sensors: Mapping[str, str], names: Sequence[str], rate: object
+        self,
+        sensors: Mapping[str, str],
+        names: Sequence[str],
+        rate: float | str | None,
+        signal: Callable[[str], Table],
     ) -> Table:
         """Samples of sensors, and quantities when they are due."""
         if rate is not None:
             raise InputError(
                 f'rate: {next(iter(sensors.values()))} is sampled at a rate of its own'
             )
-        signals = [self.signal(name) for name in sensors.values()]
+        signals = [signal(name) for name in sensors.values()]
         t, *others = (x['t'] for x in signals)
         for name, due in zip([*sensors.values()][1:], others, strict=True):
             if not np.array_equal(t, due):

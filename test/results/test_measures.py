@@ -217,6 +217,24 @@ def test_a_frame_has_the_samples_of_sensors_beside_quantities_at_their_instants(
     assert np.array_equal(frame['position.crank'], crank)
     assert frame.attrs['units'][name] == 'm/s^2'
     assert np.array_equal(solution.to_frame([f'sensors.{name}'])[name], frame[name])
+    # a run that was opened has all that a solution has, and a part of it the samples of the whole
+    record = ms.open_run(solution)
+    assert ms.open_run(record) is record
+    again = record.to_frame(name, 'position.crank')
+    assert np.array_equal(again[name], frame[name])
+    assert np.allclose(again, frame, rtol=1e-12, atol=1e-12)
+    part = record.between(0.1 * record.end, 0.2 * record.end).to_frame(name)
+    inside = (frame['t'] >= 0.1 * record.end) & (frame['t'] <= 0.2 * record.end)
+    assert np.array_equal(part[name], frame[name][inside])
+    assert np.array_equal(
+        record.sample([0.1], 'gap').popitem()[1], solution.sample(0.1, 'gap').popitem()[1]
+    )
+    text = 'rms(drive_torque)'
+    assert (
+        ms.measure(record, text) == ms.measure(solution, text) == [one((machine, solution), text)]
+    )
+    with pytest.raises(InputError, match='give a solution before it'):
+        ms.measure(machine, text)
     for names, how, said in (
         ([name], {'rate': '1 kHz'}, 'rate of its own'),
         (['sensors.nobody'], {}, f'it has: {name}'),
