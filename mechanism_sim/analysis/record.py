@@ -34,7 +34,7 @@ from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import flat
 from mechanism_sim.results.quantity import Quantity
-from mechanism_sim.results.run import Piece
+from mechanism_sim.results.run import Piece, signal_table
 from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.spectra import TurnSegments
@@ -295,7 +295,7 @@ class Record(Revolutions):
         def recorded(sensor: str) -> Table:
             signal = self.signal(sensor)
             t, samples = np.concatenate(signal.times), np.concatenate(signal.runs)
-            return Table({'t': t, sensor: samples}, {'t': 's', sensor: signal.unit})
+            return signal_table(t, sensor, samples, signal.unit)
 
         return self.piece.framed(names, rate, recorded).to_frame(library)
 

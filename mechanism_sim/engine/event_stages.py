@@ -25,7 +25,7 @@ class _Response:
     @property
     def compiled(self) -> bool:
         """True once it is machine code."""
-        return self._kernel.run is not self._kernel.function
+        return self._kernel.is_compiled
 
     def __call__(self, impacts: Array, changes: Array) -> int:
         rows, more = self._logs

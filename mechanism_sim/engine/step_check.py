@@ -241,7 +241,10 @@ class StepCheck:
 
 
 def _course(system: System, steep: SteepLoads, count: int) -> StepCourse:
-    """Where all that loads depend on is found; `count` are the coefficients of a series."""
+    """Where all that loads depend on is found; `count` are the coefficients of a series.
+
+    It has no fewer than any law.
+    """
     f, parameters = len(system.free), system.parameters
     rows = {c: (k, 1.0) for k, c in enumerate(system.free)}
     rows |= {x.label: (2 * f + k, x.scale) for k, x in enumerate(system.states)}

@@ -83,7 +83,10 @@ class Switching:
         since, rows = self._turns.get(switch, (math.nan, 0))[0], self.rows
         self._count_turns(switch)
         after = self._row_after(switch)
-        if after == HOLDS and since == self._now.time and self._turned[switch][1] == HOLDS:
+        again = since == self._now.time and self._turned[switch][1] == HOLDS
+        if (
+            again and after == HOLDS and switch in self._holding
+        ):  # others have a row of that number
             self._stop([switch])
             return
         self._turned[switch] = self.places()[switch], rows[switch]

@@ -196,7 +196,8 @@ class System:
         order : of its series, if not that which `rtol` asks for
         """
         # four orders more: 300 instead of 390 steps in a revolution of the thesis scene
-        order = order or math.ceil(5.0 - 0.5 * math.log(rtol))
+        # and not fewer than laws have: their polynomials stand beside its series
+        order = order or max(math.ceil(5.0 - 0.5 * math.log(rtol)), self.degree)
         tolerance = math.exp(-2.0 * (order - 1.5))
         integrator = compiled.integrator(
             self._taylor, tolerance, compact, self.parameters.fired, owner or self

@@ -106,7 +106,7 @@ class BoundCall:
         kernel = self._kernel
         if self._way is not kernel.run:
             self._way, self._call = kernel.run, kernel.bind(*self._known)
-        if kernel.run is not kernel.function:
+        if kernel.is_compiled:
             return self._call()
         began = perf_counter()
         found = self._call()

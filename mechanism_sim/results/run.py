@@ -76,6 +76,12 @@ def seconds_of(t: Any) -> Array:
     return given.astype(float)
 
 
+def signal_table(t: Array, sensor: str, samples: Array, unit: str) -> Table:
+    """Samples (N,) of a sensor and when they are due [s]."""
+    name = _SENSORS + sensor if sensor == 't' else sensor
+    return Table({'t': t, name: samples}, {'t': 's', name: unit})
+
+
 @dataclass(frozen=True)
 class Piece(Rich):
     """A part of a run.
@@ -176,7 +182,7 @@ class Piece(Rich):
         if not parts:
             raise InputError(f'sensor {sensor} takes no sample in this run')
         t, samples = (np.concatenate(x) for x in zip(*parts, strict=True))
-        return Table({'t': t, sensor: samples}, {'t': 's', sensor: known[sensor].unit})
+        return signal_table(t, sensor, samples, known[sensor].unit)
 
     def to_frame(
         self,
@@ -251,9 +257,11 @@ class Piece(Rich):
         quantities = [n for n in names if n not in sensors]
         rest = self.sample(t, *quantities) if quantities else Table({}, {})
         columns, units = {'t': t}, {'t': 's'}
-        for table in (*signals, rest):
-            columns, units = columns | dict(table), units | dict(table.units)
-        return Table(columns, units)
+        for table in signals:
+            name, unit = [*table.units.items()][1]
+            own = _SENSORS + name if name in rest else name
+            columns[own], units[own] = table[name], unit
+        return Table(columns | dict(rest), units | dict(rest.units))
 
     def plot(self, *names: str | Sequence[str], **how: Any) -> Any:
         """Plot quantities by the names of `sample`, or an overview; a Matplotlib figure.

@@ -28,10 +28,10 @@ SIGMAS = 3.0
 """Standard deviations in T of `A +- T`, which is normal and cut off at A - T and A + T."""
 
 _TOLERANCE = re.compile(r'\s*(.+?)\s*(?:\+-|\+/-|±)\s*(.+?)\s*')
-_NUMBER = r'\d+\.?\d*(?:[eE][+-]?\d+)?|\.\d+(?:[eE][+-]?\d+)?'
-_SIDE = rf'(0(?![.\d])|[+-]\s*(?:{_NUMBER}))\s*([^\s\d/+-][^/+-]*?)?'
-_SIDES = re.compile(rf'\s*([+-]?(?:{_NUMBER}))\s*(.*?)\s*{_SIDE}\s*(?:/|\s)\s*{_SIDE}\s*')
-"""A nominal size and its two deviations, as on a drawing: ``50 +0.2/-0.1 mm``."""
+_NUMBER = r'(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?'
+_SIDE = re.compile(rf'(?<!\d[eE])(?<!\^)[+-]\s*{_NUMBER}|(?<=[\s/])0(?:\.0*)?(?=[\s/]|$)')
+"""A deviation as on a drawing, of which 0 has no sign: in ``50 mm +0.2/-0.1`` there are two."""
+_PART = re.compile(rf'([+-]?\s*{_NUMBER})\s*(.*)')
 _FORMS = (
     "[LOW, HIGH] (uniform), 'A +- T' (normal, T is three standard deviations), 'A +T/-S' (the "
     'same about the middle of both ends), '
@@ -59,12 +59,10 @@ def factor(path: str, given: Any) -> Factor:
     """A factor as a sweep file has it."""
     stats = scipy.stats
     kind, values = 'uniform', given
-    if isinstance(given, str) and (match := _SIDES.fullmatch(given)):
-        kind, values = 'sides', _sides(match)
+    if isinstance(given, str) and (found := _deviations(given)):
+        kind, values = 'sides', found
     elif isinstance(given, str) and (match := _TOLERANCE.fullmatch(given)):
-        kind, values = 'tolerance', [match[1], match[2]]
-        if match[1].replace('.', '').lstrip('-+').isdigit():  # 220 +- 0.2 mm
-            values = [f'{match[1]} {match[2].lstrip("0123456789.eE+-")}', match[2]]
+        kind, values = 'tolerance', _parts(match[1], match[2]) or [match[1], match[2]]
     elif isinstance(given, Mapping) and len(given) == 1:
         ((kind, values),) = given.items()
     count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'sides': 3, 'triangular': 3}.get(kind)
@@ -103,14 +101,25 @@ def factor(path: str, given: Any) -> Factor:
     return Factor(path, text, product(units[0], ''), found)
 
 
-def _sides(match: re.Match[str]) -> list[str]:
-    """Nominal size and both deviations, each with the unit that the text has for it, if any."""
-    size, unit, one, own, two, last = (x.strip() if x else '' for x in match.groups())
-    known = last or own or unit
-    return [
-        f'{number.replace(" ", "")} {x or known}'.strip()
-        for number, x in ((size, unit), (one, own), (two, last))
-    ]
+def _parts(*texts: str) -> list[str] | None:
+    """A size and its deviations: of those without a unit that of the size, else of another."""
+    found = [_PART.fullmatch(text.strip(' /')) for text in texts]
+    if None in found:
+        return None
+    numbers, units = zip(*(x.groups() for x in found if x), strict=True)
+    known = next(filter(None, units), '')
+    pairs = zip(numbers, units, strict=True)
+    return [f'{n.replace(" ", "")} {unit or known}'.strip() for n, unit in pairs]
+
+
+def _deviations(text: str) -> list[str] | None:
+    """Size and both deviations of ``50 mm +0.2/-0.1``; None of another text."""
+    text = text.strip()
+    sides = [x.start() for x in _SIDE.finditer(text) if x.start()]  # the first is of the size
+    if len(sides) != 2:
+        return None
+    one, two = sides
+    return _parts(text[:one], text[one:two], text[two:])
 
 
 def points(factors: list[Factor], kind: str, samples: int, seed: int) -> Array:

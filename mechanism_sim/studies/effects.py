@@ -103,6 +103,10 @@ def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
     return found
 
 
+_ALIKE = 1e-12
+"""Times the largest value: runs that differ by less do not differ."""
+
+
 def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
     """Which share of the runs exceeds the limits of each measure of the sweep."""
     found = []
@@ -119,7 +123,7 @@ def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
                 name, least if math.isfinite(least) else None,
                 limit if math.isfinite(limit) else None, len(y), beyond, beyond / len(y),
                 float(interval.low), float(interval.high),
-                float(room / (SIGMAS * spread)) if spread else None,
+                float(room / (SIGMAS * spread)) if spread > _ALIKE * np.abs(y).max() else None,
             )
         )  # fmt: skip
     return found

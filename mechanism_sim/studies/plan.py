@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, product
@@ -367,18 +368,15 @@ def _limits(
 def _read_limits(given: str | float | list[str | float | None], unit: str) -> MeasureLimits:
     """Limits as a sweep file has them: ``HIGH``, ``< HIGH``, ``> LOW`` or ``[LOW, HIGH]``."""
     if not isinstance(given, list):
-        text = given.strip() if isinstance(given, str) else ''
-        least = text.startswith('>')
-        bound = to_si_like(text.lstrip('<>= ') if text[:1] in ('<', '>') else given, unit)
-        return MeasureLimits(bound, math.inf) if least else MeasureLimits(-math.inf, bound)
+        sign, text = re.fullmatch(r'\s*([<>]?)=?(.*)', str(given), re.DOTALL).groups()
+        pair = [text, None] if sign == '>' else [None, text if sign else given]
+        return _read_limits(pair, unit)
     if len(given) != 2 or given == [None, None]:
-        raise ValueError('is not a limit: write HIGH, > LOW or [LOW, HIGH]')
-    ends = (-math.inf, math.inf)
-    found = MeasureLimits(
-        *(end if x is None else to_si_like(x, unit) for x, end in zip(given, ends, strict=True))
-    )
+        raise ValueError("is not a limit: write HIGH, '> LOW' or [LOW, HIGH]")
+    low, high = (None if x is None else to_si_like(x, unit) for x in given)
+    found = MeasureLimits(-math.inf if low is None else low, math.inf if high is None else high)
     if not found.low < found.high:
-        raise ValueError('must rise')
+        raise ValueError('must be numbers that rise')
     return found
 
 

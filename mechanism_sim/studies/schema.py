@@ -72,7 +72,7 @@ class SweepFile(Part):
     measures: dict[str, str] = Field({})
     """Measures of every run, by the name of their column."""
     limits: dict[str, str | float | list[str | float | None]] = Field({})
-    """Limits by measure: the highest, `> LOW`, or `[LOW, HIGH]`; the share of runs beyond them is
+    """Limits by measure: the highest, `'> LOW'`, or `[LOW, HIGH]`; the share of runs beyond is
     computed."""
     repeat: Count = 1
     """Runs of each; a chaotic machine makes them independent, a periodic one does not."""

@@ -444,3 +444,54 @@ def test_overestimation_shortens_no_step():
 
     assert reach_of(enclosure, course, np.full(1, 1e-12), defect).fault is None
     assert sum(looks) < 1000
+
+
+@pytest.mark.parametrize('load', ['3 N', '-500*exp(-((crank - 1.7)/0.001)^2)'])
+def test_laws_have_more_powers_than_few_digits_ask_for(load):
+    """A formula of position is of degree 12, more than the order of steps at such tolerances."""
+    scene = {
+        'drive': {'position': '90 deg + 60 deg*sin(6*t)^7*exp(-t)'},
+        'loads': {'p': {'at': 'piston', 'force': [load, '0 N']}},
+        'joints.rod_piston.clearance': {'radial': '0.1 mm', 'restitution': 0.5},
+        'start': 'seated',
+    }
+    found = [
+        ms.simulate(
+            ms.load_scene('slider_crank', scene | {'solver.rtol': rtol}), duration='0.3 s'
+        ).sample(0.3, 'position.piston', 'velocity.crank')
+        for rtol in (1e-4, 1e-5, 1e-11)
+    ]
+    for name, exact in found[-1].items():
+        assert found[0][name] == pytest.approx(exact, rel=0.02, abs=3e-4)
+        assert found[1][name] == pytest.approx(exact, rel=0.02, abs=3e-4)
+
+
+def test_a_table_whose_row_has_the_number_of_what_holds():
+    """Rows 2 of tables turned to and fro at one instant were taken for switches that hold."""
+    tables = {
+        'press': {'points': [['90 mm', '300 N'], ['97 mm', '100 N'], ['97.01 mm', '0 N'],
+                             ['97.02 mm', '100 N'], ['110 mm', '0 N']]},
+        'gas': {'points': [[0, 0], [1, 30], [2, 5], [4, 9], [math.tau, 0]],
+                'interpolation': 'cubic', 'periodic': True},
+    }  # fmt: skip
+    drive = {
+        'coordinate': 'crank', 'start_angle': '90 deg', 'speed': '300 rpm',
+        'torque': {'per_speed': '-0.002 N m s/rad'}, 'flywheel': '0.01 kg m^2',
+    }  # fmt: skip
+    machine = ms.load_scene({
+        'title': 'x', 'mechanism': 'linkage', 'gravity': [0, -9.81],
+        'links': {
+            'crank': {'length': '25 mm', 'cog': '-5 mm', 'mass': '0.6 kg', 'inertia': 2.5e-4},
+            'rod': {'length': '100 mm', 'cog': '30 mm', 'mass': '0.15 kg', 'inertia': 2.3e-4},
+            'piston': {'mass': '0.2 kg'},
+        },
+        'joints': {
+            'a': {'revolute': ['ground', 'crank']}, 'b': {'revolute': ['crank.end', 'rod']},
+            'c': {'revolute': ['rod.end', 'piston']},
+            'd': {'prismatic': ['ground', 'piston'], 'axis': '90 deg'},
+        },
+        'guess': {'rod': '90 deg', 'piston': '125 mm'}, 'drive': drive, 'tables': tables,
+        'loads': {'p': {'at': 'piston', 'force': ['0 N', '-press(piston) - gas(crank)']}},
+    })  # fmt: skip
+    energy = ms.simulate(machine, duration=0.8).energy
+    assert abs(energy.residual) < 1e-9 * energy.exchanged

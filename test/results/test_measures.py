@@ -229,6 +229,13 @@ def test_a_frame_has_the_samples_of_sensors_beside_quantities_at_their_instants(
     assert np.array_equal(
         record.sample([0.1], 'gap').popitem()[1], solution.sample(0.1, 'gap').popitem()[1]
     )
+    sensor = machine.scene.to_document()['sensors'][name]
+    named = loose(0.5, 'seated', sensors__drive_torque=sensor, sensors__t=sensor)
+    both = ms.simulate(named, duration=0.01).to_frame(
+        'sensors.drive_torque', 'drive_torque', 'sensors.t'
+    )
+    assert list(both.columns) == ['t', 'sensors.drive_torque', 'sensors.t', 'drive_torque']
+    assert not np.allclose(both['sensors.drive_torque'], both['drive_torque'])
     text = 'rms(drive_torque)'
     assert (
         ms.measure(record, text) == ms.measure(solution, text) == [one((machine, solution), text)]

@@ -241,6 +241,8 @@ def test_the_share_beyond_a_limit_is_that_of_the_distribution():
     assert found.share == pytest.approx(scipy.stats.norm.sf(1.0), abs=0.003)  # in classes
     assert found.low < scipy.stats.norm.sf(1.0) < found.high
     assert found.capability == pytest.approx(1.0 / 3.0, abs=0.005)
+    (alike,) = exceedances(*study(normal, 'random', 7, lambda _: 0.1, {'y': MeasureLimits(0, 1)}))
+    assert alike.capability is None
     both = study(normal, 'latin_hypercube', 400, lambda a: a, {'y': MeasureLimits(1.0, 9.0)})
     (found,) = exceedances(*both)
     assert found.share == pytest.approx(2.0 * scipy.stats.norm.sf(2.0), abs=0.003)
@@ -260,6 +262,12 @@ def test_the_share_beyond_a_limit_is_that_of_the_distribution():
         ('-3 N m +1/-2', -5.0, -2.0, 'N m'),
         ('2e3 N/m +5e2/-1e2', 1900.0, 2500.0, 'N/m'),
         ('0.5 +.1/-.2', 0.3, 0.6, ''),
+        ('20 N/mm +1 N/mm/-2 N/mm', 18e3, 21e3, 'N/m'),
+        ('50 mm 0.00/-0.10', 0.0499, 0.05, 'm'),
+        ('50 mm +0.2/-100 um', 0.0499, 0.0502, 'm'),
+        ('1e-10 m +1e-12/-1e-12', 0.99e-10, 1.01e-10, 'm'),
+        ('50 mm ±0.2', 0.0498, 0.0502, 'm'),
+        ('220 +- 0.2 mm', 0.2198, 0.2202, 'm'),
     ],
 )
 def test_deviations_are_written_as_on_drawings(text, low, high, unit):
@@ -352,11 +360,17 @@ def test_names_of_matlab_are_unique_and_short():
         ('design: {samples: 9}', "needs 'vary'"),
         ('limits: {peek: 3 N m}', "did you mean 'peak'"),
         ('limits: {peak: 3 N}', "not a unit of 'N m'"),
-        ('limits: {peak: [3 N m, 2 N m]}', 'must rise'),
-        ('limits: {peak: [3 N m]}', 'write HIGH, > LOW'),
+        ('limits: {peak: [3 N m, 2 N m]}', 'numbers that rise'),
+        ('limits: {peak: [3 N m]}', "write HIGH, '> LOW'"),
         ("limits: {peak: '> x'}", 'is not a number'),
         ('vary: {links.bar.cog: 3 mm +1 N/-1 mm}', 'mixes units'),
         ('vary: {links.bar.cog: 3 mm +1/+1}', 'must differ'),
+        ('vary: {links.bar.cog: 50 mm +0.2}', 'is not a distribution'),
+        ('vary: {links.bar.cog: 50 mm -0.1 mm}', 'is not a distribution'),
+        ('vary: {links.bar.cog: 50 mm/-0.1}', 'is not a distribution'),
+        ('vary: {links.bar.cog: 1e-1 m +1e-3}', 'is not a distribution'),
+        ('limits: {peak: .nan}', 'must be'),
+        ("limits: {peak: '>< 3 N m'}", 'is not a number'),
     ],
 )
 def test_bad_designs_are_refused_in_one_sentence(tmp_path, text, said):
