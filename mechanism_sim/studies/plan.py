@@ -368,7 +368,7 @@ def _limits(
 def _read_limits(given: str | float | list[str | float | None], unit: str) -> MeasureLimits:
     """Limits as a sweep file has them: ``HIGH``, ``< HIGH``, ``> LOW`` or ``[LOW, HIGH]``."""
     if not isinstance(given, list):
-        sign, text = re.fullmatch(r'\s*([<>]?)=?(.*)', str(given), re.DOTALL).groups()
+        sign, text = re.findall(r'\A\s*([<>]?)=?(.*)', str(given), re.DOTALL)[0]
         pair = [text, None] if sign == '>' else [None, text if sign else given]
         return _read_limits(pair, unit)
     if len(given) != 2 or given == [None, None]:
