@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from rosbags.interfaces import Nodetype
-from scipy.interpolate import CubicHermiteSpline
 
 from mechanism_sim.analysis.record import Record, read_record, refuse_empty
 from mechanism_sim.analysis.series import (
@@ -132,7 +132,9 @@ class MessageRun:
         k = own.rising
         if rate is None or not np.array_equal(rate.t, own.t) or len(k) < 2:
             return own.at(t)
-        return np.asarray(CubicHermiteSpline(own.t[k], own.values[k], rate.values[k])(t))
+        return np.asarray(
+            scipy.interpolate.CubicHermiteSpline(own.t[k], own.values[k], rate.values[k])(t)
+        )
 
 
 def open_run(
