@@ -122,7 +122,8 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
         notes.append(
             Limit(
                 f'change point: all links lie in one line at {angles} deg between {crank} and '
-                'ground'
+                'ground, from where they may go on folded, or jam with a loose joint: a drive '
+                'that holds its speed takes them along at any force'
             )
         )
     elif not crank_turns(linkage):

@@ -335,6 +335,7 @@ def test_check_says_how_a_four_bar_moves():
     parallel = notes(400, 100, 400, 100)
     assert 'Grashof: change point, the sum of shortest and longest link is equal' in parallel
     assert 'all links lie in one line at 0 and 180 deg between crank' in parallel
+    assert 'or jam with a loose joint' in parallel
     assert 'mobility: 1, as Kutzbach counts\n' in parallel
 
 
