@@ -46,6 +46,12 @@ class DriveLaws:
         self.since = 0
         self.next_base, self.next_change = 0.0, math.inf
 
+    def begin(self, laws: Sequence[Law]) -> None:
+        """Let laws hold from now on, and no others follow."""
+        self.laws = list(laws)
+        self.coming.clear()
+        self._sources = {}
+
     def announce(self, law: Law, known: float) -> None:
         """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
 

@@ -327,8 +327,10 @@ class EventLoop:
             tuple(now[2 * f :]),
         )
 
-    def restart(self, state: State) -> None:
-        """Begin anew from another state, under the present laws, without compiling anything."""
+    def restart(self, state: State, laws: Sequence[Law] | None = None) -> None:
+        """Begin anew from another state, under the present laws or others; nothing is compiled."""
+        if laws is not None:
+            self._laws.begin(laws)
         self._output.restart()
         self._state[:] = [*state.q, *state.v, *state.states]
         self._ta.time = 0.0

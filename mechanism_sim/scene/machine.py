@@ -17,6 +17,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice, takewhile
@@ -209,9 +210,8 @@ class Machine(Rich):
 
         A free motion begins at the scene's start, or at another state.
         """
-        laws = {**self.plan.laws, **({} if law is None else {self.plan.main: (law,)})}
-        system_order = [*self.plan.prescribed, *self.plan.powered]
-        first = [laws[c][0] for c in system_order]
+        laws = self._laws | ({} if law is None else {self.plan.main: (law,)})
+        first = [each[0] for each in laws.values()]
         run: Run
         if self.level.dynamic:
             solver = self.scene.solver
@@ -227,8 +227,18 @@ class Machine(Rich):
             )
         else:
             run = self.nominal.run(first, loads=True)
-        announce(self.plan, run, {c: laws[c] for c in system_order})
+        announce(self.plan, run, laws)
         return run
+
+    @property
+    def _laws(self) -> dict[str, Sequence[Law]]:
+        """The laws of the scene, in the order of the equations."""
+        return {c: self.plan.laws[c] for c in (*self.plan.prescribed, *self.plan.powered)}
+
+    def restart(self, run: EventLoop, state: State) -> None:
+        """Begin a run of the machine anew from another state, at time zero of all its drives."""
+        run.restart(state, [each[0] for each in self._laws.values()])
+        announce(self.plan, run, self._laws)
 
     def snapshot(self, run: Run) -> Snapshot:
         """State from which another run of this machine goes on where this one stands."""

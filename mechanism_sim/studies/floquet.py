@@ -94,7 +94,7 @@ class FloquetMap:
         begun = replace(
             self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())
         )
-        self._run.restart(begun)
+        self._machine.restart(self._run, begun)
         pieces = list(Runner(self._machine, self._run, audited=audited).to(period))
         end = self._run.state
         moved = np.array(end.q)[self._own] + 2.0 * np.pi * np.array(end.turns)[self._own]

@@ -107,6 +107,10 @@ def lyapunov(
     growth: Array = np.empty((revolutions, count))
     for k in range(-_ALIGNING, revolutions):
         J, state = section.growth(state, 1)
+        if any(state.closed) or machine.equations.system.relations:
+            # what leaves closed contacts and loops is drawn back by the equations, not the machine
+            free = section.directions(state)
+            J = free @ (free.T @ J)
         directions, R = np.linalg.qr(J @ directions)
         if k >= 0:
             grown, lost = np.abs(np.diag(R)), _LOST * max(1.0, float(np.linalg.norm(J, 2)))

@@ -83,6 +83,10 @@ class PoincareMap:
             raise InputError(f'{machine.name}: a compliant machine has no section of states')
         self._machine, self._run, self._keys = machine, run, numeric_keys(machine, paths)
         self._period = machine.drive.period
+        # loads over time may repeat after several turns; laws of other drives begin at zero
+        first = all(len(laws) == 1 for laws in machine.plan.laws.values())
+        timed = 'time' in machine.equations.system.outside
+        self._keeps_time = timed and first and not machine.plan.sources
         mechanism, speed = machine.mechanism, abs(law.coefficients[1])
         slides = np.array([c in mechanism.displacements for c in machine.equations.system.free])
         size = np.where(slides, mechanism.size, 1.0)  # [m] or [rad]
@@ -91,7 +95,7 @@ class PoincareMap:
 
     def start(self, state: State) -> State:
         """The state itself, brought into contact where it is meant to be."""
-        self._run.restart(state)
+        self._machine.restart(self._run, state)
         return self._run.state
 
     def map(
@@ -108,13 +112,15 @@ class PoincareMap:
 
     def pieces(self, state: State, turns: float, audited: bool = False) -> Iterator[Piece]:
         """The motion from a state at the start angle on; then `state` is where it ends."""
-        self._run.restart(replace(state, turns=(0,) * len(state.turns)))
-        return Runner(self._machine, self._run, audited=audited).to(turns * self._period)
+        self._machine.restart(self._run, replace(state, turns=(0,) * len(state.turns)))
+        until = float(state.time) + turns * self._period
+        return Runner(self._machine, self._run, audited=audited).to(until)
 
     @property
     def state(self) -> State:
         """The present state, as one from which turns begin."""
-        return replace(self._run.state, time=Fraction(0))
+        state = self._run.state
+        return state if self._keeps_time else replace(state, time=Fraction(0))
 
     def growth(self, state: State, revolutions: int) -> tuple[Array, State]:
         """The matrix of `sensitivity` (2f, 2f), and the state later."""
@@ -188,7 +194,8 @@ class PoincareMap:
             ends = [self.start(self.displace(state, x * direction)) for x in (h, -h)]
             columns.append(self.difference(ends[1], ends[0]))
         u, s, _ = np.linalg.svd(np.array(columns).T)
-        return np.asarray(u[:, : int((s > 1e-3 * s[0]).sum())])
+        # where nothing is free, all that is left is rounding
+        return np.asarray(u[:, : int((s > 1e-3 * max(s[0], h)).sum())])
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""

@@ -14,6 +14,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.report.studies import exponents_text
 from mechanism_sim.studies.lyapunov import LyapunovExponents, horizon
+from mechanism_sim.studies.periodic import PoincareMap, find_periodic
 
 
 def test_exponents_of_a_ball_that_bounces_once_a_turn():
@@ -106,3 +107,70 @@ def test_what_a_closed_contact_ends_is_no_rounding_of_a_multiplier(rpm):
     """A loose follower that rides on its cam for part of every turn: its start is forgotten."""
     found = ms.lyapunov(valve(rpm), revolutions=20, skip=5, count=2)
     assert found.values == (-math.inf, -math.inf)
+
+
+def shaken(table, ball):
+    """A ball over a table that has a drive of its own beside the crank."""
+    return ms.load_scene({
+        'title': 'x', 'mechanism': 'linkage', 'gravity': [0, -9.81],
+        'links': {
+            'crank': {'length': '1 mm', 'mass': '1 kg', 'inertia': '1 kg mm^2'},
+            'table': {'mass': '1 kg'}, 'ball': {'mass': '0.1 kg'},
+        },
+        'joints': {
+            'gc': {'revolute': ['ground', 'crank']},
+            'gt': {'prismatic': ['ground', 'table'], 'axis': '90 deg'},
+            'gb': {'prismatic': ['ground', 'ball'], 'axis': '90 deg'},
+            'hit': {'contact': ['table', 'ball'], 'radii': ['5 mm', '10 mm'], 'restitution': 0.8},
+        },
+        'drive': {'coordinate': 'crank', 'speed': '1200 rpm'}, 'drives': {'table': table},
+        'initial': {'position': {'ball': ball}},
+    })  # fmt: skip
+
+
+def test_laws_of_other_drives_begin_again_with_every_turn_that_begins_anew():
+    """One impact a turn: both multipliers have the size e; a ball that rests forgets all."""
+    move = {'position': '0.6 mm * sin(40*pi*t + 4.34260464886179)'}
+    machine = shaken(move, '18.62506818778339 mm')
+    section, state = PoincareMap(machine), machine.initial_state()
+    ends = [section.map(state, turns)[0] for turns in (1, 2, 1, 3, 1)]
+    assert ends[0] == ends[2] == ends[4]
+    response = find_periodic(machine, transient=5)
+    assert (response.period, response.impacts) == (1, 1)
+    assert np.abs(response.multipliers) == pytest.approx(0.8, rel=1e-9)
+    found = ms.lyapunov(machine, revolutions=20, skip=5, count=2)
+    assert sum(found.values) == pytest.approx(2.0 * math.log(0.8) / 0.05, rel=1e-6)
+    for table in ({'position': '0.3 mm * sin(40*pi*t)'}, {'speed': '0 m/s'}):
+        resting = shaken(table, '18 mm')
+        assert ms.lyapunov(resting, revolutions=20, skip=20, count=2).values == (-math.inf,) * 2
+        assert find_periodic(resting, transient=20).multipliers == ()
+
+
+@pytest.mark.parametrize('crank', [2.8, 1.9])
+def test_loads_over_time_know_nothing_of_the_turns_of_a_crank(crank):
+    """``x'' = -2 x - 0.3 x' + cos(1.4 t)`` beside a crank that is no more than a clock."""
+    machine = ms.load_scene({
+        'title': 'x', 'mechanism': 'linkage', 'gravity': [0, 0],
+        'links': {
+            'mass': {'mass': '1 kg'}, 'crank': {'length': '1 m', 'mass': '1 kg', 'inertia': 1},
+        },
+        'joints': {
+            'gc': {'revolute': ['ground', 'crank']}, 'gm': {'prismatic': ['ground', 'mass']},
+        },
+        'loads': {'f': {'at': 'mass', 'force': ['-2*x - 0.3*vx + cos(1.4*t)', 0]}},
+        'drive': {'coordinate': 'crank', 'speed': crank},
+    })  # fmt: skip
+    section, state = PoincareMap(machine), machine.initial_state()
+    for _ in range(3):
+        state, _, _ = section.map(state, 1)
+    end = ms.simulate(machine, duration=3.0 * machine.drive.period).to_frame('position')
+    assert state.q[0] == pytest.approx(end['position.mass'].iloc[-1], rel=1e-9)
+    found = ms.lyapunov(machine, revolutions=20, skip=0, count=2)
+    assert sum(found.values) == pytest.approx(-0.3, rel=1e-9)
+    response = find_periodic(machine)
+    if crank == 2.8:  # twice the frequency of the force
+        assert response.period == 2
+        size = math.exp(-0.15 * 2.0 * machine.drive.period)
+        assert np.abs(response.multipliers) == pytest.approx(size, rel=1e-9)
+    else:
+        assert response is None
