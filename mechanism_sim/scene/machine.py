@@ -17,7 +17,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice, takewhile
@@ -49,7 +48,7 @@ from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.nominal import Nominal
-from mechanism_sim.scene.plan import ScenePlan, announce
+from mechanism_sim.scene.plan import ScenePlan, announce, ordered_laws
 from mechanism_sim.scene.schema import Commands, JointPart, Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
@@ -210,7 +209,7 @@ class Machine(Rich):
 
         A free motion begins at the scene's start, or at another state.
         """
-        laws = self._laws | ({} if law is None else {self.plan.main: (law,)})
+        laws = ordered_laws(self.plan) | ({} if law is None else {self.plan.main: (law,)})
         first = [each[0] for each in laws.values()]
         run: Run
         if self.level.dynamic:
@@ -229,16 +228,6 @@ class Machine(Rich):
             run = self.nominal.run(first, loads=True)
         announce(self.plan, run, laws)
         return run
-
-    @property
-    def _laws(self) -> dict[str, Sequence[Law]]:
-        """The laws of the scene, in the order of the equations."""
-        return {c: self.plan.laws[c] for c in (*self.plan.prescribed, *self.plan.powered)}
-
-    def restart(self, run: EventLoop, state: State) -> None:
-        """Begin a run of the machine anew from another state, at time zero of all its drives."""
-        run.restart(state, [each[0] for each in self._laws.values()])
-        announce(self.plan, run, self._laws)
 
     def snapshot(self, run: Run) -> Snapshot:
         """State from which another run of this machine goes on where this one stands."""

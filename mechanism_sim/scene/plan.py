@@ -17,6 +17,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.clock import take_off_turns
 from mechanism_sim.engine.event_loop import EventLoop
+from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Play
 from mechanism_sim.joints.kinds import KINDS
@@ -380,6 +381,18 @@ def _read_floating(plan: ScenePlan, tree: Mechanism) -> tuple[Values, Values]:
 
 
 # --- the mechanism --------------------------------------------------------------------------
+
+
+def ordered_laws(plan: ScenePlan) -> dict[str, Sequence[Law]]:
+    """The laws of a scene in the order of its equations."""
+    return {c: plan.laws[c] for c in (*plan.prescribed, *plan.powered)}
+
+
+def restart(plan: ScenePlan, run: EventLoop, state: State) -> None:
+    """Begin a run anew from another state, where the laws of all drives begin."""
+    laws = ordered_laws(plan)
+    run.restart(state, [each[0] for each in laws.values()])
+    announce(plan, run, laws)
 
 
 def announce(

@@ -25,6 +25,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.plan import restart
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 
 _TURNS = 400  # after which a machine that has not settled is given up
@@ -94,7 +95,7 @@ class FloquetMap:
         begun = replace(
             self._state, q=tuple(q[self._free].tolist()), v=tuple(v[self._free].tolist())
         )
-        self._machine.restart(self._run, begun)
+        restart(self._machine.plan, self._run, begun)
         pieces = list(Runner(self._machine, self._run, audited=audited).to(period))
         end = self._run.state
         moved = np.array(end.q)[self._own] + 2.0 * np.pi * np.array(end.turns)[self._own]

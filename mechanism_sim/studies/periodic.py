@@ -25,6 +25,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.planar.drive import TWO_PI, DriveLaw
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.plan import restart
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class PoincareMap:
 
     def start(self, state: State) -> State:
         """The state itself, brought into contact where it is meant to be."""
-        self._machine.restart(self._run, state)
+        restart(self._machine.plan, self._run, state)
         return self._run.state
 
     def map(
@@ -112,7 +113,7 @@ class PoincareMap:
 
     def pieces(self, state: State, turns: float, audited: bool = False) -> Iterator[Piece]:
         """The motion from a state at the start angle on; then `state` is where it ends."""
-        self._machine.restart(self._run, replace(state, turns=(0,) * len(state.turns)))
+        restart(self._machine.plan, self._run, replace(state, turns=(0,) * len(state.turns)))
         until = float(state.time) + turns * self._period
         return Runner(self._machine, self._run, audited=audited).to(until)
 
