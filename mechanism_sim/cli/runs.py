@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import reduce
+from itertools import pairwise
 from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -29,8 +30,8 @@ from mechanism_sim.cli.options import (
     ros_args,
     scene_options,
 )
-from mechanism_sim.errors import InputError
-from mechanism_sim.terminal import echo
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.terminal import echo, print_notice
 
 if TYPE_CHECKING:
     from mechanism_sim.engine.snapshot import Snapshot
@@ -177,7 +178,7 @@ def _horizon(options: argparse.Namespace, machine: Machine) -> Iterator[Telling]
 
 
 def _run(options: argparse.Namespace) -> int:
-    from mechanism_sim.nodes.run import NodePlan, run  # noqa: PLC0415
+    from mechanism_sim.nodes.run import MONITOR, NodePlan, run  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
@@ -199,6 +200,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.plan:
         print_json(plan.to_json())
         return 0
+    _name_strangers(options.ros_args, [*plan.nodes, MONITOR])
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
     if outcome.code == ending.INTERRUPTED:
@@ -210,6 +212,15 @@ def _run(options: argparse.Namespace) -> int:
     return ending.interrupted() if outcome.code == ending.INTERRUPTED else outcome.code
 
 
+def _name_strangers(args: Sequence[str], nodes: Sequence[str]) -> None:
+    """Warn of parameters for nodes that a run has not: ROS passes over them."""
+    for key, rule in pairwise(args):
+        node, colon, _ = rule.partition(':=')[0].partition(':')
+        name = node.rpartition('/')[2]
+        if key in {'-p', '--param'} and colon and '*' not in name and name not in nodes:
+            print_notice(f"{rule}: the run has no node '{name}'{nearest(name, nodes)}")
+
+
 def _node(options: argparse.Namespace) -> int:
     from pkgutil import resolve_name  # noqa: PLC0415
 
@@ -219,8 +230,6 @@ def _node(options: argparse.Namespace) -> int:
         options.parser.print_help()
         return 0
     if options.name not in NODE_CLASSES:
-        from mechanism_sim.errors import nearest  # noqa: PLC0415
-
         raise InputError(
             f"there is no node '{options.name}'{nearest(options.name, NODE_CLASSES)}; known are: "
             f'{", ".join(NODE_CLASSES)}'

@@ -28,6 +28,7 @@ class Partners:
     names : of the partners
     run : number of the run of this node
     reports : the last report of each partner, of this run or the next
+    alone : whether a run that was there before would have been seen, and none was
     """
 
     def __init__(self, node: DescribedNode) -> None:
@@ -43,6 +44,7 @@ class Partners:
         self.reports: dict[str, Any] = {}
         self._seen: set[str] = set()
         self._different = ''
+        self.alone = False
         self._missing_since: dict[str, float] = {}
         self._said: dict[str, float] = {}  # [s] when it was last said for whom this node waits
 
@@ -103,12 +105,7 @@ class Partners:
 
     def gathered(self) -> bool:
         """True when all are there; RunError if one never comes, or is of another version."""
-        name, now, present = self._node.get_name(), time.monotonic(), self._present()
-        if present.count(name) > 1:
-            raise RunError(
-                f"another '{name}' is running in this domain: end it, or give this run a "
-                'domain of its own (ROS_DOMAIN_ID=1), or a namespace (--namespace left)'
-            )
+        name, now, present = self._node.get_name(), time.monotonic(), self._refuse_others(1)
         # One that was there may have done its part and left before this node is ready, or before
         # the graph had it.
         self._seen.update(present)
@@ -133,6 +130,24 @@ class Partners:
             )
         listener, topic = unheard or ('', '')
         raise RunError(f"{said} '{listener}' to subscribe to {topic}; start it, or leave it out")
+
+    def came_first(self) -> bool:
+        """True when it is sure that no partner was there before this node; RunError if one was."""
+        self._refuse_others(0)
+        return self.alone
+
+    def _refuse_others(self, ours: int) -> list[str]:
+        """Names of the nodes in the graph; RunError if more than so many are of one partner."""
+        now, present = time.monotonic(), self._present()
+        self.alone = False
+        for name, most in ((self._node.get_name(), 1), *((p, ours) for p in self.names)):
+            if present.count(name) > most:
+                raise RunError(
+                    f"another '{name}' is running in this domain: end it, or give this run a "
+                    'domain of its own (ROS_DOMAIN_ID=1), or a namespace (--namespace left)'
+                )
+        self.alone = now > self._settled
+        return present
 
     def check_presence(self) -> None:
         """Raise RunError if one has left before it had finished."""

@@ -46,7 +46,8 @@ class Recorder(SimulationNode):
         if not self.value('file'):
             raise InputError('recorder: give the bag to write, for example --file run.mcap')
         self.machine  # noqa: B018 - a bad scene is refused before a file is made
-        self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'))
+        # Until all are there the run may be refused, and what comes may be another run's.
+        self.writer = BagWriter(self.value('file'), overwrite=self.value('overwrite'), wait=True)
         self._now, self._clock_time = 0, -1  # [ns] of the last message, of the last of the clock
         self._reports: dict[str, Any] = {}  # reports by node whose messages may still be under way
         self._complete: dict[str, float] = {}  # [s] up to which all of a node is in the bag
@@ -60,7 +61,6 @@ class Recorder(SimulationNode):
             deep = CLOCK_HEARD if delivery == 'clock' else PROFILES[delivery]
             self._record(topic, kind, PROFILES[delivery], deep)
         self._topics[self.resolve_topic_name('progress')] = Progress, RESULTS
-        self._add_topics()
         self.create_timer(FLUSH_PERIOD, self._flush)
         self.join()
 
@@ -72,8 +72,7 @@ class Recorder(SimulationNode):
         path = next_bag(
             Path(self.value('file')), number, lambda name: not overwrite and name.exists()
         )
-        self.writer = BagWriter(path, overwrite=overwrite)
-        self._add_topics()
+        self.writer = BagWriter(path, overwrite=overwrite, wait=True)
         self.on_ready()
         self._now, self._clock_time = 0, -1
         for topic, data, t in self._ahead:
@@ -89,11 +88,14 @@ class Recorder(SimulationNode):
 
     def on_ready(self) -> None:
         """Messages that came early are written now, but the recording began with them."""
+        self.writer.begin()
+        self._add_topics()
         if self.first_heard is not None:
             self.writer.count_from(self.first_heard)
 
     def _flush(self) -> None:
-        self.writer.flush()
+        if self.ready:
+            self.writer.flush()
 
     def _add_topics(self) -> None:
         for topic, (kind, qos) in self._topics.items():
@@ -233,8 +235,9 @@ class Recorder(SimulationNode):
 
     def destroy_node(self) -> None:
         """Finish the bag, whatever ended the run, with what came before all were there."""
-        for handle, message in self._early if not self.ready else ():
-            handle(message)
+        if not self.ready and self._early and self.partners.alone:
+            self.on_ready()
+            self._take_early()
         self.writer.close()
         super().destroy_node()
 

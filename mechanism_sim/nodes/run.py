@@ -302,6 +302,9 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
     def make() -> list[Monitor]:
         # First the network, with its router, then those who join it.
         monitors.append(watch())
+        # Nodes of another run would be taken for these until these are there.
+        while not monitors[0].partners.came_first():
+            time.sleep(LOOK)
         children.append(_Children(plan))
         return monitors
 

@@ -94,6 +94,7 @@ class BagWriter:
     Args:
         path: File to write; its directory must exist.
         overwrite: Replace a file that is there already.
+        wait: Claim the path only: until `begin` what is there stays, and `close` adds no file.
 
     Raises:
         InputError: The path exists already, or nothing can be written there.
@@ -102,9 +103,11 @@ class BagWriter:
 
     """
 
-    def __init__(self, path: Path | str, *, overwrite: bool = False) -> None:
+    def __init__(self, path: Path | str, *, overwrite: bool = False, wait: bool = False) -> None:
         self.path = Path(path)
-        self._stream: BufferedWriter | None = _create(self.path, overwrite=overwrite)
+        self._stream: BufferedWriter | None
+        self._stream, self._new = _claim(self.path, overwrite=overwrite)
+        self._begun = False
         self._lock = threading.RLock()
         self._topics: dict[str, TopicRecord] = {}
         self._schemas: dict[str, int] = {}
@@ -113,8 +116,16 @@ class BagWriter:
         self._start, self._end = 2**63 - 1, 0
         self._flushed = time.monotonic()
         self._written: tuple[float, float] | None = None  # [s] when the first and last message was
-        with self._guard_writes():
-            self._mcap = McapFile(self._stream, Profile.ROS2, LIBRARY)
+        if not wait:
+            self.begin()
+
+    def begin(self) -> None:
+        """Begin the bag, in place of what the file held."""
+        with self._guard_writes() as stream:
+            if self.path.is_file():
+                stream.truncate(0)
+            self._begun = True
+            self._mcap = McapFile(stream, Profile.ROS2, LIBRARY)
             # Here already, and again at the end: without the version that it states, the quality
             # of service of a bag that was cut would be misread.
             self._add_metadata()
@@ -222,6 +233,12 @@ class BagWriter:
             if self._stream is None:
                 return
             with self._guard_writes():
+                if not self._begun:
+                    if self._new:
+                        self.path.unlink(missing_ok=True)
+                    self._stream.close()
+                    self._stream = None
+                    return
                 took = self._written[1] - self._written[0] if self._written else 0.0
                 self._add_metadata({'wall_time': f'{took:.6f}'})
                 self._mcap.finish()
@@ -247,12 +264,12 @@ class BagWriter:
         self._mcap.add_metadata(RECORDING, own | dict(more))
 
     @contextmanager
-    def _guard_writes(self) -> Iterator[None]:
+    def _guard_writes(self) -> Iterator[BufferedWriter]:
         with self._lock:
             if self._stream is None:
                 raise RunError(f'{self.path} is closed already.')
             try:
-                yield
+                yield self._stream
             except OSError as error:
                 raise self._abandon(error) from error
 
@@ -268,15 +285,20 @@ class BagWriter:
         )
 
 
-def _create(path: Path, *, overwrite: bool) -> BufferedWriter:
-    """Open `path` for writing; InputError if that is impossible."""
+def _claim(path: Path, *, overwrite: bool) -> tuple[BufferedWriter, bool]:
+    """Open `path` for writing, and tell if it is new; InputError if that is impossible."""
     try:
-        # 'x' creates or fails in one step, so that nothing can slip in between a look and an open.
-        stream = open(path, 'wb' if overwrite else 'xb', opener=_open_without_truncating)  # noqa: SIM115
+        new = True
+        try:
+            # It creates or fails in one step: nothing can slip in between a look and an open.
+            stream = open(path, 'xb')  # noqa: SIM115
+        except FileExistsError:
+            if not overwrite:
+                raise
+            new = False
+            stream = open(path, 'wb', opener=_open_without_truncating)  # noqa: SIM115
         if lock(stream):
-            if path.is_file():
-                stream.truncate(0)
-            return stream
+            return stream, new
         stream.close()
         reason = 'is still being recorded; choose another name or end its recorder first'
     except FileExistsError:

@@ -437,13 +437,15 @@ def test_a_paced_run_is_not_faster_than_its_clock():
 @pytest.mark.usefixtures('backend')
 def test_parameters_that_are_nearly_right_are_named():
     """ROS passes over what a node does not know; those meant for other nodes are not named."""
-    given = 'crank_drive:leed:=0.1', 'sceen:=geneva', 'lead:=0.2'
+    given = 'crank_drive:leed:=0.1', 'sceen:=geneva', 'lead:=0.2', 'crank_drve:lead:=0.1'
     more = [part for text in given for part in ('-p', text)]
     done = run('run', 'slider_crank', '--duration', '0.1', '--ros-args', *more, '--')
     assert done.returncode == 0
     assert "[crank_drive]: there is no parameter 'leed'; did you mean 'lead'?" in done.stderr
     assert "[crank_drive]: there is no parameter 'sceen'; did you mean 'scene'?" in done.stderr
     assert "'lead';" not in done.stderr
+    assert "the run has no node 'crank_drve'; did you mean 'crank_drive'?" in done.stderr
+    assert done.stderr.count('the run has no node') == 1
 
 
 def test_a_run_that_does_not_keep_its_pace_says_so():

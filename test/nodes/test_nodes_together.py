@@ -216,6 +216,26 @@ def test_two_runs_on_one_network_are_kept_apart(tmp_path):
     assert analyze(bag).digest == digest_of(SCENE, duration=0.05)
 
 
+@pytest.mark.parametrize('more', [(), ('--processes',)])
+def test_a_run_that_is_refused_touches_no_file(network, tmp_path, more):
+    """Neither the bag that it would replace, nor one that is not there."""
+    good, new = tmp_path / 'good.mcap', tmp_path / 'new.mcap'
+    good.write_text('precious')
+    with nodes_of(SCENE, 0.05, paused=True) as nodes:
+        spin([*nodes.values()], lambda: all(n.ready for n in nodes.values()))
+        for bag in (good, new):
+            process = start(
+                'run', 'geneva', '--duration', '0.1', '--record', str(bag), '--overwrite', *more,
+                env={**os.environ, **network.settings},
+            )  # fmt: skip
+            spin([*nodes.values()], lambda process=process: process.poll() is not None)
+            _, said = process.communicate()
+            assert process.returncode == 1
+            assert 'is running in this domain' in said
+    assert good.read_text() == 'precious'
+    assert list(tmp_path.iterdir()) == [good]
+
+
 def play(nodes: dict[str, SimulationNode]) -> None:
     """Let a paused run go on to its end."""
     operator, kind = (

@@ -541,6 +541,21 @@ def test_an_existing_file_is_kept_unless_told(tmp_path):
     assert read_bag(path).topics == {}
 
 
+@pytest.mark.parametrize('content', [None, 'precious'])
+def test_a_writer_that_waits_claims_its_file_and_leaves_it(tmp_path, content):
+    path = tmp_path / 'claimed.mcap'
+    if content:
+        path.write_text(content)
+    waiting = BagWriter(path, overwrite=True, wait=True)
+    with pytest.raises(InputError, match='is still being recorded'):
+        BagWriter(path, overwrite=True)
+    waiting.close()
+    assert (path.read_text() if path.exists() else None) == content
+    with BagWriter(path, overwrite=True, wait=True) as begun:
+        begun.begin()
+    assert read_bag(path).complete
+
+
 def test_paths_that_cannot_be_written_or_read(tmp_path):
     (tmp_path / 'text').write_text('not a bag')
     with pytest.raises(InputError, match='there is no directory'):
