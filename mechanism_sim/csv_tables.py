@@ -5,7 +5,9 @@ every line has some and the first none of these, or what a first line ``sep=;`` 
 begin with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``, after a
 slash, as ``angle / deg``, or below it, in a line without numbers that stands above numbers. A file
 without headings has the columns ``1``, ``2`` and so on. Where cells have commas and no number has
-a point, they are decimal ones, unless all of them might stand before thousands.
+a point, they are decimal ones, unless all of them might stand before thousands. That these do not
+is assumed, and said, of semicolons between cells where every number has one comma and most are not
+round.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +26,7 @@ import numpy as np
 from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.terminal import print_notice
 from mechanism_sim.units import to_si_text
 
 LARGEST, MOST = 1 << 21, 20_000
@@ -106,6 +110,11 @@ class CsvTable:
         if _DECIMAL_COMMA.fullmatch(cell) or _GROUPED.fullmatch(cell):
             whole, point, part = cell.strip().replace(',', '.').rpartition('.')
             plain = re.sub(r"[. ']", '', whole) + point + part
+            if _THOUSANDS.fullmatch(cell):
+                raise InputError(
+                    f'{place}, got {quoted(cell)}, which may be {plain} or {whole}{part}: write it'
+                    ' without a comma'
+                )
             raise InputError(
                 f'{place}, got {quoted(cell)}: write {plain}, decimal signs alike in all of the '
                 'table and none before thousands'
@@ -117,6 +126,12 @@ class CsvTable:
         if not math.isfinite(value):
             raise InputError(f'{place}, got {quoted(cell)}')
         return value
+
+
+@cache
+def assume(what: str) -> None:
+    """Tell an assumption, once."""
+    print_notice(what)
 
 
 def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
@@ -225,7 +240,12 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
         rows = [(n, row[:-1]) for n, row in rows]
     # within quotes beside other commas they may part a list: in rows of numbers only they do not
     maybe = mark != ',' or all(map(_is_number, rows[-1][1]))
-    if maybe and _commas_are_decimal([cell for _, row in rows for cell in row]):
+    cells = [cell for _, row in rows for cell in row]
+    guess = _look_decimal(cells) if mark == ';' else ''
+    if guess:  # values are a thousand times off where it is wrong
+        read, other = _point(guess), guess.replace(',', '')
+        assume(f"{where}: commas are read as decimal signs: '{guess}' is {read}, not {other}")
+    if guess or (maybe and _commas_are_decimal(cells)):
         rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
     return first.strip(), rows
 
@@ -247,6 +267,17 @@ def _commas_are_decimal(cells: Sequence[str]) -> bool:
     commas = [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)]
     pointed = any('.' in cell and _is_number(cell) for cell in cells)
     return not pointed and not all(map(_THOUSANDS.fullmatch, commas))
+
+
+def _look_decimal(cells: Sequence[str]) -> str:
+    """One of the numbers if all might have commas before thousands, but hardly do.
+
+    Of thousands some would be below 1000, without a comma, or most of them round.
+    """
+    numbers = [x.strip() for x in cells if _is_number(x) and x.strip().lower() not in MISSING]
+    fine = [x for x in numbers if not x.endswith('00')]
+    alike = all(map(_THOUSANDS.fullmatch, numbers))
+    return fine[0] if alike and 2 * len(fine) > len(numbers) else ''
 
 
 def _point(cell: str) -> str:

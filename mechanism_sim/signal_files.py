@@ -16,7 +16,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings, simplefilter
@@ -24,10 +23,9 @@ from warnings import catch_warnings, filterwarnings, simplefilter
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.csv_tables import read_csv
+from mechanism_sim.csv_tables import assume, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
-from mechanism_sim.terminal import print_notice
 from mechanism_sim.units import to_si
 
 _LARGER = 128  # as tables of scenes
@@ -169,7 +167,7 @@ def _csv(path: Path) -> list[ChannelSamples]:
             f'{quoted(table.heading)}'
         )
     if not table.units[time]:
-        _assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
+        assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
     try:
         seconds = to_si(f'1 {table.units[time] or "s"}', 's')
     except ValueError as error:
@@ -180,12 +178,6 @@ def _csv(path: Path) -> list[ChannelSamples]:
         for name in table.cells
         if name != time and not table.is_text(name)  # but labels
     ]
-
-
-@cache
-def _assume(what: str) -> None:
-    """Tell an assumption, once."""
-    print_notice(what)
 
 
 def _number(cell: str) -> float:

@@ -224,7 +224,7 @@ def _common_unit(text: str) -> _UnitFactor | None:
 
 
 def to_si_like(value: object, unit: str) -> float:
-    """A quantity in any SI unit, as `to_si`.
+    """A quantity in any SI unit, as `to_si`; a plain number also in percent.
 
     Raises
     ------
@@ -232,6 +232,8 @@ def to_si_like(value: object, unit: str) -> float:
         One clause that says what is wrong.
     """
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if match and not unit and match[2].strip() == '%':  # as shares are shown
+        return to_si(match[1], '') / 100.0
     if unit in EXAMPLES or not match or not match[2].strip():
         return to_si(value, unit if unit in EXAMPLES else '')
     found = read_common(match[1], _respelled(match[2].strip()))

@@ -156,8 +156,7 @@ def _derivatives(
 
         def tell(run: Solution, found: Sequence[Measured]) -> Told:
             by = asked.along(run)
-            texts = [m.text for m in found]
-            return derivatives.to_json(by, texts), derivatives.sections(by, found)
+            return derivatives.to_json(by, found), derivatives.sections(by, found)
 
         yield tell
 

@@ -233,11 +233,10 @@ def measure(
     for piece in [pieces] if isinstance(pieces, Piece) else pieces:
         taken.add(piece)
     found, known = taken.found(), pieces.derivatives if isinstance(pieces, Solution) else {}
-    slopes = {p: [*d.measures(*(m.text for m in found), window=window).values()]
-              for p, d in known.items() if found}  # fmt: skip
+    asked = dict.fromkeys(m.text for m in found)  # measures of two names may be one text
+    slopes = {p: d.measures(*asked, window=window) for p, d in known.items() if asked}
     return [
-        m._replace(derivatives={p: values[k] for p, values in slopes.items()})
-        for k, m in enumerate(found)
+        m._replace(derivatives={p: values[m.text] for p, values in slopes.items()}) for m in found
     ]
 
 

@@ -12,6 +12,9 @@ from pydantic.fields import FieldInfo
 from mechanism_sim.keys.quantities import Part, UnitValue
 from mechanism_sim.units import QuantityValue, to_si
 
+COMPONENTS = 'x', 'y'
+"""Last words of paths of one of both numbers of a point or vector."""
+
 _BOUNDS = {'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<='}
 
 
@@ -73,6 +76,11 @@ def unit_at(scene: Part, path: str) -> str:
 
     Empty for a plain one, and where the place decides which of several it is in.
     """
+    return value_at(scene, path)[1]
+
+
+def value_at(scene: Part, path: str) -> tuple[Any, str]:
+    """Value at a dotted path of a scene, None where there is none, and its `unit_at`."""
     value: Any = scene
     units: tuple[str, ...] = ()
     for name in path.split('.'):
@@ -80,19 +88,21 @@ def unit_at(scene: Part, path: str) -> str:
             keys = {field.alias or key: key for key, field in type(value).model_fields.items()}
             key = keys.get(name, name)
             if key not in type(value).model_fields:
-                return ''
+                return None, ''
             known = facts_of(type(value).model_fields[key]).quantities
             units = tuple(dict.fromkeys(unit for note in known for unit in note.units))
             value = getattr(value, key)
         elif isinstance(value, Mapping):
             value = value.get(name)
+        elif isinstance(value, list | tuple) and name in COMPONENTS[: len(value)]:
+            value = value[COMPONENTS.index(name)]
         elif isinstance(value, list | tuple) and name.isdecimal() and int(name) < len(value):
             value = value[int(name)]
         else:
-            return ''
+            return None, ''
     if isinstance(value, QuantityValue) and value.unit:
-        return value.unit
-    return units[0] if len(units) == 1 else ''
+        return value, value.unit
+    return value, units[0] if len(units) == 1 else ''
 
 
 def _range(bounds: Mapping[str, str]) -> list[str]:

@@ -17,6 +17,7 @@ from mechanism_sim import documents
 from mechanism_sim.catalogue import config_folder
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.quantities import Part
+from mechanism_sim.scene.facts import COMPONENTS
 from mechanism_sim.scene.four_bar import FourBarScene, expanded
 from mechanism_sim.scene.problems import sentence
 from mechanism_sim.scene.schema import AnyScene, Scene
@@ -25,9 +26,6 @@ from mechanism_sim.signal_files import refuse_signals
 from mechanism_sim.units import plain
 
 MECHANISMS: dict[str, type[AnyScene]] = {'four_bar': FourBarScene, 'linkage': Scene}
-
-COMPONENTS = 'x', 'y'
-"""Last words of paths of one of both numbers of a point or vector."""
 
 Model = TypeVar('Model', bound=BaseModel)
 

@@ -28,8 +28,8 @@ SIGMAS = 3.0
 """Standard deviations in T of `A +- T`, which is normal and cut off at A - T and A + T."""
 
 _TOLERANCE = re.compile(r'\s*(.+?)\s*(?:\+-|\+/-|±)\s*(.+?)\s*')
-_NUMBER = r'(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?'
-_SIDE = re.compile(rf'(?<!\d[eE])(?<!\^)[+-]\s*{_NUMBER}|(?<=[\s/])0(?:\.0*)?(?=[\s/]|$)')
+_NUMBER = r'(?:\d+(?:[.,]\d+)*\.?|\.\d+)(?:[eE][+-]?\d+)?'  # decimal commas are refused later
+_SIDE = re.compile(rf'(?<!\d[eE])(?<!\^)[+-]\s*{_NUMBER}|(?<=[\s/])0(?:[.,]0*)?(?=[\s/]|$)')
 """A deviation as on a drawing, of which 0 has no sign: in ``50 mm +0.2/-0.1`` there are two."""
 _PART = re.compile(rf'([+-]?\s*{_NUMBER})\s*(.*)')
 _FORMS = (

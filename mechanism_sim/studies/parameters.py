@@ -11,8 +11,8 @@ from typing import Any
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.facts import unit_at
-from mechanism_sim.scene.files import COMPONENTS, check_scene
+from mechanism_sim.scene.facts import COMPONENTS, unit_at
+from mechanism_sim.scene.files import check_scene
 
 OF_JOINT = ('restitution', 'friction', 'radial')
 NOISE = 'noise'

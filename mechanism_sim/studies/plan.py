@@ -25,7 +25,7 @@ from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, Source, span
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.facts import unit_at
+from mechanism_sim.scene.facts import unit_at, value_at
 from mechanism_sim.scene.files import (
     SceneContent,
     check_scene,
@@ -430,14 +430,12 @@ def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
 
 def _value(scene: Scene, path: str) -> float | str | bool | None:
     """Value at a dotted path of a scene; lists and parts as JSON."""
-    place: Any = scene
-    for part in path.split('.'):
-        place = place.get(part) if isinstance(place, Mapping) else getattr(place, part, None)
+    place, _ = value_at(scene, path)
     if place is None or isinstance(place, bool | str | float | int):
         return place
     if isinstance(place, QuantityValue):
         return place.value
-    return json.dumps(place.to_document() if isinstance(place, Part) else place)
+    return json.dumps(place, default=Part.to_document)
 
 
 def _measurement_keys(scene: Scene) -> dict[str, Any]:

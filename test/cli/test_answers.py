@@ -13,6 +13,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.pages.server import HOST, PORT, Server
 from mechanism_sim.report import progress
 from mechanism_sim.results.measure_text import read_all
+from mechanism_sim.results.measures import measure
+from mechanism_sim.results.simulate import simulate
+from mechanism_sim.scene import load_scene
 
 
 @pytest.mark.sample(2)
@@ -32,6 +35,20 @@ def test_durations_have_units(command, tmp_path, monkeypatch):
 def test_a_time_with_a_unit_is_that_number_of_seconds():
     one, two = (run_json('solve', 'slider_crank', '--duration', x) for x in ('0.05', '50 ms'))
     assert one['digest'] == two['digest']
+
+
+def test_derivatives_of_measures_go_by_their_names():
+    """Also if two of them are of one text."""
+    text = 'range(position.piston)'
+    asked = 'solve', 'slider_crank', '--revolutions', '1', '--set', f'measures.stroke={text}'
+    told = run_json(*asked, '--derivatives', 'links.crank.length', '--measure', text)
+    found = told['derivatives']['links.crank.length']['measures']
+    assert [*found] == [*told['measures']] == ['stroke', text]
+    assert found['stroke'] == found[text] == pytest.approx(2.0)
+    scene = load_scene('slider_crank', {'measures': {'a': text, 'b': text}})
+    solution = simulate(scene, revolutions=1, derivatives='links.crank.length')
+    one, two = (m.derivatives for m in measure(solution))
+    assert one == two == pytest.approx({'links.crank.length': 2.0})
 
 
 def test_a_force_that_is_nothing_has_no_sign():

@@ -169,6 +169,8 @@ def test_numbers_without_a_unit_have_that_of_their_key():
     assert {path: unit_at(machine.scene, path) for path in units} == units
     table = ms.ensemble('pendulum', {'links.bar.mass': [1.0, 1.5]}, duration=0.1, columns=())
     assert table.units['links.bar.mass'] == 'kg'
+    table = ms.ensemble('pendulum', {'gravity.1': [-9.81, -1.6]}, duration=0.1, columns=())
+    assert (table['gravity.1'].tolist(), table.units['gravity.1']) == ([-9.81, -1.6], 'm/s^2')
 
 
 def test_two_columns_of_one_value_are_refused():

@@ -141,6 +141,15 @@ def test_goals_that_are_none_are_refused(args, said):
     assert said in done.stderr
 
 
+def test_the_wanted_value_of_a_share_may_be_in_percent():
+    (goal,) = read_goals('share(drive_torque > 0) = 52.38 %')
+    assert goal.value('') == 0.5238
+    with pytest.raises(InputError, match=r'52.38 % has the unknown unit'):
+        goal.value('m')
+    with pytest.raises(InputError, match=r'52,38 % has a decimal comma'):
+        read_goals('share(drive_torque > 0) = 52,38 %')[0].value('')
+
+
 def test_a_path_that_is_none_is_refused():
     with pytest.raises(InputError):
         find(rotor(), {'links.bar.lenth': ('1', '2')}, minimise='mean(drive_torque)')

@@ -315,6 +315,28 @@ def read(file):
     return dict(zip(names, zip(*rows, strict=True), strict=True)), units
 
 
+def test_a_number_of_a_vector_is_a_value_with_its_unit_and_its_effect(tmp_path):
+    plan, rows = made(tmp_path, 'grid: {gravity.1: [-9.81, 0 m/s^2], links.bar.cog: [0 m, 1 m]}\n')
+    first = plan.labels()[1]
+    assert (first.values, first.unit) == ([-9.81, -9.81, 0.0, 0.0], 'm/s^2')
+    assert {e.factor for e in effects(plan, rows)} == {'gravity.1', 'links.bar.cog'}
+    by_letter = plan_of(tmp_path, 'vary: {gravity.y: [-9.81 m/s^2, 0 m/s^2]}\n').labels()[1]
+    assert by_letter.unit == 'm/s^2'
+    assert min(by_letter.values) < -9.0
+
+
+def test_a_list_of_parts_is_a_text(tmp_path):
+    moves = 'moves: {speed: 2 rad/s, acceleration: 8 rad/s^2, steps: [{by: 1 rad}]}'
+    (tmp_path / 'moved.yaml').write_text(SCENE.replace('speed: 12 rad/s', moves), encoding='utf-8')
+    (tmp_path / 's.yaml').write_text(
+        'scene: moved.yaml\nduration: 1 s\n'
+        'grid: {drive.moves.steps: [[{by: 1 rad}], [{by: 1 rad}, {dwell: 1 s}]]}\n',
+        encoding='utf-8',
+    )
+    values = read_plan(str(tmp_path / 's.yaml')).labels()[1].values
+    assert [len(json.loads(x)) for x in values] == [1, 2]
+
+
 @pytest.mark.parametrize('ending', ['.parquet', '.csv', '.xlsx', '.mat'])
 def test_tables_say_units_in_every_format(tmp_path, ending):
     if ending == '.xlsx':
@@ -370,6 +392,11 @@ def test_names_of_matlab_are_unique_and_short():
         ('vary: {links.bar.cog: 50 mm/-0.1}', 'is not a distribution'),
         ('vary: {links.bar.cog: 1e-1 m +1e-3}', 'is not a distribution'),
         ('limits: {peak: .nan}', 'must be'),
+        (
+            'vary:\n  links.bar.cog: 3 mm +0,2/-0,1',
+            r"'\+0,2 mm' has a decimal comma.* as in \+0.2",
+        ),
+        ('vary:\n  links.bar.cog: 3,5 +- 0.2 mm', "'3,5 mm' has a decimal comma"),
         ("limits: {peak: '>< 3 N m'}", 'is not a number'),
     ],
 )
