@@ -38,7 +38,7 @@ def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
         collectors.add(message)
     known = ', '.join(sorted(collectors))
     if not collectors:
-        raise InputError(f'{bag.path} holds no signal of a sensor')
+        raise _without_signal(bag)
     if sensor is None and len(collectors) > 1:
         raise InputError(f'{bag.path} holds several sensors ({known}): choose one by --sensor')
     name = sensor or known
@@ -49,6 +49,10 @@ def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
     if signal is None:
         raise InputError(f'{bag.path}: sensor {name} has no samples')
     return signal
+
+
+def _without_signal(bag: Bag) -> InputError:
+    return InputError(f'{bag.path} holds no signal of a sensor')
 
 
 def measurements(
@@ -89,6 +93,8 @@ def measurements(
             if full_scale:
                 raise InputError(f'{path} is a bag: --full-scale is for a .wav file')
             bag = read_bag(path)
+            if not any(topic.count for topic in bag.topics.values()):
+                raise _without_signal(bag)
             if machine is None and scene_text(bag) is None:
                 raise InputError(f'{path} does not hold its scene: give a machine by --scene')
             machine = machine or machine_of(bag)
