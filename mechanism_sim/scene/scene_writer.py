@@ -201,9 +201,12 @@ def _note(meaning: str, facts: Facts, needed: bool = False) -> str:
 
 def _entry(name: str, data: Any, note: str) -> Iterator[Entry]:
     """A key and a plain value; a long text in several lines."""
-    if isinstance(data, str) and data.endswith('\n') and ' '.join(data.split()) == data[:-1]:
-        yield Entry(f'{name}: >', note)
-        yield from _indented(Entry(row) for row in textwrap.wrap(data, WIDTH - 3))
+    body = data.removesuffix('\n') if isinstance(data, str) else ''
+    if (body != data or len(body) > WIDTH) and body and ' '.join(body.split()) == body:
+        yield Entry(f'{name}: {">-" if body == data else ">"}', note)
+        # a break stands for a space, and may be nowhere else
+        lines = textwrap.wrap(body, WIDTH - 3, break_long_words=False, break_on_hyphens=False)
+        yield from _indented(map(Entry, lines))
         return
     text = f'{name}: {flow(data)}'.rstrip()
     if len(text) < WIDTH or not isinstance(data, list | dict):
