@@ -84,9 +84,8 @@ class Switching:
         self._count_turns(switch)
         after = self._row_after(switch)
         again = since == self._now.time and self._turned[switch][1] == HOLDS
-        if (
-            again and after == HOLDS and switch in self._holding
-        ):  # others have a row of that number
+        # tables have a row of that number, too
+        if again and after == HOLDS and switch in self._holding:
             self._stop([switch])
             return
         self._turned[switch] = self.places()[switch], rows[switch]

@@ -7,6 +7,7 @@ revolutions later, by Newton's method. Impacts are part of the map.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -114,7 +115,12 @@ class PoincareMap:
     def pieces(self, state: State, turns: float, audited: bool = False) -> Iterator[Piece]:
         """The motion from a state at the start angle on; then `state` is where it ends."""
         restart(self._machine.plan, self._run, replace(state, turns=(0,) * len(state.turns)))
-        until = float(state.time) + turns * self._period
+        until = turns * self._period
+        if state.time:
+            # not a rounding later than the turn: what is so short has no derivatives
+            exact = state.time + Fraction(turns) * Fraction(self._period)
+            until = float(exact)
+            until = until if until <= exact else math.nextafter(until, 0.0)
         return Runner(self._machine, self._run, audited=audited).to(until)
 
     @property

@@ -174,3 +174,13 @@ def test_loads_over_time_know_nothing_of_the_turns_of_a_crank(crank):
         assert np.abs(response.multipliers) == pytest.approx(size, rel=1e-9)
     else:
         assert response is None
+
+
+def test_turns_that_keep_their_time_end_no_rounding_too_late():
+    """A segment of a rounding has no derivatives: beside a force too small to matter they fail."""
+    timed = {'loads.p': {'at': 'ball', 'force': ['0 N', '1e-12*cos(3*t)']}}
+    exact, found = (
+        ms.lyapunov(ms.load_scene(ball(1.3), more), revolutions=100, skip=60, count=2).values
+        for more in ({}, timed)
+    )
+    assert found == pytest.approx(exact, rel=1e-9)
