@@ -58,7 +58,7 @@ def touch_or_part(state: ContactState, gap: int) -> None:
         speeds[gap] = max(rate if rate > _CONTACTS.set_down * own else own, state.slowest)
     mode = int(Mode.FREE_FLIGHT if opens else state.mode_of_closed(gap))
     state.set_modes((*state.modes[:gap], mode, *state.modes[gap + 1 :]), tuple(speeds))
-    target = state.present.rounding if opens else -_CONTACTS.inside
+    target = state.present.system.rounding if opens else -_CONTACTS.inside
     shift = (target - terms.value[gap]) / terms.compliance[gap][gap]
     for k, w in enumerate(terms.response[gap]):
         state.present.state[k] += w * shift

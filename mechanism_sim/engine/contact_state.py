@@ -101,7 +101,7 @@ class ContactState:
             _GUARDS.slip_scale * self.limits.still, _GUARDS.force_scale * _CONTACTS.cone_force
         )
         reals = [
-            0.0, math.inf, -least, present.rounding, *self.limits,
+            0.0, math.inf, -least, system.rounding, *self.limits,
             *(0.0 for _ in system.prescribed), *(g.restitution for g in gaps),
             *(g.friction for g in gaps),
         ]  # fmt: skip
@@ -252,7 +252,7 @@ def chosen(mask: Mask) -> list[int]:
 
 
 def _limits(present: PresentState, rule: ChatterRule, rtol: float, speed: float) -> Limits:
-    touching = _CONTACTS.touching * present.rounding
+    touching = _CONTACTS.touching * present.system.rounding
     return Limits(
         touching,
         max(touching, min(rtol, _CONTACTS.tie) * present.system.mechanism.size),

@@ -37,6 +37,7 @@ from mechanism_sim.engine.rubbing_contacts import (
     set_trial_modes,
 )
 from mechanism_sim.engine.switching import Switching
+from mechanism_sim.errors import RunError
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -189,7 +190,9 @@ class Contacts:
                 state.resting[:] = state.mask(stop_jammed_slide(state, closed, gap))
                 stage = RESTS
             elif stage == UNSOLVED:
-                raise ArithmeticError('no impulses satisfy all contacts of this instant')
+                raise RunError(
+                    f'at t = {self.present.time:.9g} s no impulses satisfy all contacts that touch'
+                )
             else:
                 rubs = bool(self._system.dynamics.rubs)
                 stage = (self._beside_joints if rubs else state.stages.resolve)(stage, guard)

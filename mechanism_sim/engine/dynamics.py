@@ -8,7 +8,7 @@ known; everything is solved for the free ones.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
+from functools import cached_property, reduce
 from operator import truediv
 from typing import NamedTuple
 
@@ -64,6 +64,10 @@ class Solved(NamedTuple):
     N: Vector  #: (m,) normal forces [N]
     T: Vector  #: (m,) friction forces on the first-named links [N]; both along the rows
     closing_forces: Vector  #: of the closures on the first-named links [N]
+    #: determinant of the equations of the normal forces over that without the friction of what
+    #: slides; where it is 0, that friction jams
+    jam_margin: Term = None
+    sticks: bool = True  #: whether contacts may stick
 
 
 class ModeFlags(NamedTuple):
@@ -134,8 +138,6 @@ class Dynamics:
     state_rates : of the states of first order
     depths : of compliant contacts, by the symbols that stand for them beside such friction
     reduced : the equations without contact forces
-    jam_margin : determinant of the equations of the normal forces over that without the friction
-        of what slides; where it is 0, that friction jams
     exact, stabilised : the solution without and with Baumgarte's terms
     free_acceleration : second derivatives of the rows without contact forces
     """
@@ -203,7 +205,6 @@ class Dynamics:
             alpha,
             mass,
         )
-        self.jam_margin: Term = None
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self.reduced.second_derivatives(self.reduced.exact.a)
@@ -258,7 +259,12 @@ class Dynamics:
         """The harmonic sum of `distances`; None without closures."""
         return self.reduced.distance(self.relations)
 
-    def _solve(self, stabilised: bool) -> Solved:
+    @cached_property
+    def sliding(self) -> Solved:
+        """The stabilised solution while nothing sticks, with far fewer operations."""
+        return self._solve(stabilised=True, sticks=False)
+
+    def _solve(self, stabilised: bool, sticks: bool = True) -> Solved:
         """All forces: ``N`` of closed gaps, ``T`` of those that stick; ``-mu slip N`` slides."""
         m, contacts = len(self.gaps), self.contacts
         motion = self.reduced.free_motion(True) if stabilised else self.reduced.exact
@@ -267,15 +273,16 @@ class Dynamics:
         b = self.reduced.second_derivatives(motion.a, stabilised)
         pressed = [neg(mul(s, x)) for s, x in zip(self.flags.closed, b, strict=False)]
         friction: Vector = [None] * m
+        margin: Term = None
         if contacts.compliant:
             N, friction = self._pushed(b[m:])
         elif not contacts.frictional:
             N = solve_symmetric(self._masked_compliance(range(m), range(m)), [pressed])[0]
         else:
-            N, friction = self._pressed(pressed, b[m:])
+            N, friction, margin = self._pressed(pressed, b[m:], sticks)
         factors = [*N, *(friction if contacts.frictional else [])]
         a, closing = self.reduced.pushed(motion, factors)
-        return Solved(a, N, friction, closing)
+        return Solved(a, N, friction, closing, margin, sticks)
 
     def _masked_compliance(self, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
         """Compliance of what is kept, and the identity for what is not."""
@@ -316,20 +323,22 @@ class Dynamics:
             for r, x in zip(rows, share, strict=True)
         ]
 
-    def _pressed(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
-        """Normal forces and friction.
+    def _pressed(
+        self, right: Vector, tangential: Vector, sticks: bool
+    ) -> tuple[Vector, Vector, Term]:
+        """Normal forces, friction and the margin to a jam.
 
         Sticking is eliminated first, which can be done always. Only then come the normal forces of
         what slides: their matrix S is not symmetric and may be singular.
         """
         m = len(self.gaps)
         if m > _CRAMER:
-            return self._pressed_by_contact(right, tangential)
-        normal, held = range(m), [m + i for i in self.contacts.frictional]
+            return self._pressed_by_contact(right, tangential, sticks)
+        normal, held = range(m), [m + i for i in self.contacts.frictional if sticks]
         L, D = factorise(self._masked_compliance(held, held))
         free = forward(L, [neg(mul(self.contacts.active[r], tangential[r - m])) for r in held])
-        columns = zip(*self._masked_compliance(held, normal), strict=True)
-        each = [forward(L, column) for column in columns]
+        block = self._masked_compliance(held, normal)
+        each = [forward(L, [line[c] for line in block]) for c in normal]
         scaled = [[div(x, d) for x, d in zip(y, D, strict=True)] for y in each]
         smooth = self._masked_compliance(normal, normal)  # without the friction of what slides
         for i in normal:
@@ -343,23 +352,28 @@ class Dynamics:
             each[c] = [add(x, neg(y)) for x, y in zip(each[c], dragged, strict=True)]
         left = [add(x, neg(dot(row, free))) for x, row in zip(right, scaled, strict=True)]
         N, det = cramer(S, left)
-        if self.jam_margin is None:
-            pivots = factorise(smooth)[1]
-            self.jam_margin = reduce(truediv, map(dense, pivots), dense(det))
+        margin = reduce(truediv, map(dense, factorise(smooth)[1]), dense(det))
         rest = [
             add(x, *(neg(mul(column[k], n)) for column, n in zip(each, N, strict=True)))
             for k, x in enumerate(free)
         ]
-        friction: Vector = [None] * m
-        for i, force in zip(self.contacts.frictional, backward(L, D, rest), strict=True):
-            slides = mul(self.flags.slips[i], mul(self.contacts.mu[i], N[i]))
-            friction[i] = add(force, neg(slides))
-        return N, friction
+        friction = self._slid(N)
+        for r, force in zip(held, backward(L, D, rest), strict=True):
+            friction[r - m] = add(force, friction[r - m])
+        return N, friction, margin
 
-    def _pressed_by_contact(self, right: Vector, tangential: Vector) -> tuple[Vector, Vector]:
+    def _slid(self, N: Vector) -> Vector:
+        """Friction of what slides."""
+        slips, mu = self.flags.slips, self.contacts.mu
+        return [neg(mul(slips.get(i), mul(mu.get(i), n))) for i, n in enumerate(N)]
+
+    def _pressed_by_contact(
+        self, right: Vector, tangential: Vector, sticks: bool
+    ) -> tuple[Vector, Vector, Term]:
         """Forces of many contacts: one after the other, few of which share a link."""
         m, contacts = len(self.gaps), self.contacts
-        rows = [r for i in self._order() for r in (m + i, i) if r < m or i in contacts.mu]
+        compliance, held = self.reduced.contacts.compliance, contacts.mu if sticks else {}
+        rows = [r for i in self._order() for r in (m + i, i) if r < m or i in held]
         drags = {
             k: mul(self.flags.slips[r], contacts.mu[r])
             for k, r in enumerate(rows)
@@ -370,11 +384,11 @@ class Dynamics:
             [right[r] if r < m else neg(tangential[r - m]) for r in rows],
             drags,
             [contacts.active[r] for r in rows],
+            {} if sticks else {k: [compliance[r][m + rows[k]] for r in rows] for k in drags},
         )
-        if self.jam_margin is None:
-            self.jam_margin = margin
         forces = dict(zip(rows, found, strict=True))
-        return [forces[i] for i in range(m)], [forces.get(m + i) for i in range(m)]
+        N = [forces[i] for i in range(m)]
+        return N, [forces.get(m + i) for i in range(m)] if sticks else self._slid(N), margin
 
     def _order(self) -> list[int]:
         """The contacts by how many others they are coupled to when those before are eliminated."""

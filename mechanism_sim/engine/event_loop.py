@@ -28,8 +28,8 @@ from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, Motion, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
 from mechanism_sim.engine.events import Impact, ModeChange, StopReason
+from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.present_state import PresentState
-from mechanism_sim.engine.short_steps import ShortSteps
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.snapshot import Snapshot, State
 from mechanism_sim.engine.system import System
@@ -77,7 +77,9 @@ class EventLoop:
         turning = [v for v, angular in zip(state.v, system.angular, strict=True) if angular]
         known = [fastest] if fastest else driven or turning
         fastest = max((1.0, *map(abs, known)))
-        self._ta = system.integrator(rtol, _STEPS.rate * fastest, compact, self)
+        speed = _STEPS.rate * fastest  # that errors are relative to
+        self._integrators = Integrators(system, rtol, speed, compact)
+        self._ta = self._integrators.main
         width = system.width
         self._state, self._pars = self._ta.state[:width], floats(self._ta.pars)
         self._state[:] = [*state.q, *state.v, *state.states]
@@ -88,7 +90,7 @@ class EventLoop:
         self._gaps = ContactState(self._present, rule, rtol, fastest * system.mechanism.size)
         self._contacts = Contacts(self._gaps)
         near = width + 1 + len(system.guards)  # after the state, the constant, what guards watch
-        self._singular = SingularPositions(system, self._ta, self._contacts, near)
+        self._singular = SingularPositions(system, self._integrators, self._contacts, near)
         directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._laws = DriveLaws(self._present, laws, directions)
         self._laws.count_from(state.time, turns)
@@ -97,20 +99,14 @@ class EventLoop:
             self._contacts,
             self._singular,
             self._output,
+            self._integrators,
             max_step,
-            _STEPS.defect * rtol * _STEPS.rate * fastest,
+            _STEPS.defect * rtol * speed,
             _STEPS.stabilisation * fastest,
         )
-        self._short: ShortSteps | None = None
-        # few contacts chatter too little for a second integrator to be worth its compilation
-        if compact and len(system.gaps) > 3 and not (system.compliant or system.steep):
-            self._short = ShortSteps(
-                system,
-                self._ta,
-                compact,
-                self._present.rounding,
-                _STEPS.low_error * rtol * _STEPS.rate * fastest,
-            )
+        # few contacts chatter too little for a further integrator to be worth its compilation
+        rigid = not (system.compliant or system.steep)
+        self._chatters = compact and len(system.gaps) > 3 and rigid
         self._touches = Touches(system) if system.compliant else None
         self._pending: PendingStep | None = None
         self._last_event = float('-inf')
@@ -302,7 +298,7 @@ class EventLoop:
         self.events += 1
         t = self._present.base.at(tau)
         if self.events == _STEPS.short_from:
-            self._steps.short = self._short
+            self._integrators.short = self._chatters
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
         near = t - self._last_event <= _STEPS.crowd * _STEPS.shortest * self._steps.longest
         self._crowded, self._last_event = self._crowded + 1 if near else 0, t
@@ -339,7 +335,7 @@ class EventLoop:
         turns = dict(zip(self._system.free, state.turns, strict=True))
         self._laws.count_from(state.time, turns)
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
-        self._steps.short = None
+        self._integrators.short = False
         self._gaps.impacts.count, self._gaps.horizon = 0, math.inf
         if self._touches:
             self._touches.restart()
@@ -402,7 +398,7 @@ class EventLoop:
         laws.next_base = s.next_base
         self._last_event = s.last_event
         self._simultaneous, self.events = s.events
-        self._steps.short = self._short if self.events >= _STEPS.short_from else None
+        self._integrators.short = self._chatters and self.events >= _STEPS.short_from
         self._leave_singular(_SINGULAR.beside)
         self._go_on()
         laws.directions[:] = array('d', s.directions)

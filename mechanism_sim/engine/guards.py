@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import heyoka as hy
 
-from mechanism_sim.engine.dynamics import Dynamics
+from mechanism_sim.engine.dynamics import Dynamics, Solved
 from mechanism_sim.engine.run_expressions import RunExpressions
 from mechanism_sim.engine.runtime_parameters import RuntimeParameters, symbols
 from mechanism_sim.numerics.symbolic import dense, mul
@@ -50,8 +50,10 @@ def guards_of(dynamics: Dynamics, index: RuntimeParameters) -> list[Guard]:
     return guards + [Guard(-1, 0, k) for k in range(len(index.switches))]
 
 
-def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.expression]:
-    """Functions that fall through zero at events, in the order of `guards`."""
+def guard_functions(
+    run: RunExpressions, guards: Sequence[Guard], solved: Solved
+) -> list[hy.expression]:
+    """Functions that fall through zero at events, in the order of `guards`, by a solution."""
     result = []
     for guard in guards:
         if guard.switch is not None:
@@ -63,9 +65,9 @@ def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.exp
         elif guard.gap < 0:
             result.append(_of_joint_friction(run, guard))
         elif guard.friction:
-            result.append(_of_friction(run.dynamics, guard))
+            result.append(_of_friction(run.dynamics, guard, solved))
         else:
-            result.append(_of_gap(run.dynamics, guard.gap))
+            result.append(_of_gap(run.dynamics, guard.gap, solved))
     # what friction in ideal joints is by itself has been solved for already
     own = [k for k, g in enumerate(guards) if g.gap >= 0 or g.switch is not None]
     for k, function in zip(own, run.acted([result[k] for k in own]), strict=True):
@@ -73,37 +75,37 @@ def guard_functions(run: RunExpressions, guards: Sequence[Guard]) -> list[hy.exp
     return result
 
 
-def _of_gap(d: Dynamics, gap: int) -> hy.expression:
+def _of_gap(d: Dynamics, gap: int, solved: Solved) -> hy.expression:
     """Positive while an open gap is open, and while a closed one presses.
 
     One that has a rate only, see `Gap.value`, is open while that is positive.
     """
     s, jet = d.flags.closed[gap], d.contacts.normal[gap]
     value = dense(jet.rate if jet.value is None else jet.value)
-    force = (
-        d.held(gap) if d.contacts.compliant else _GUARDS.force_scale * dense(d.stabilised.N[gap])
-    )
+    force = d.held(gap) if d.contacts.compliant else _GUARDS.force_scale * dense(solved.N[gap])
     return value + s * (force - value) + _GUARDS.tiny
 
 
-def _of_friction(d: Dynamics, guard: Guard) -> hy.expression:
+def _of_friction(d: Dynamics, guard: Guard, solved: Solved) -> hy.expression:
     """Positive within the cone of friction while sticking; while sliding until it ends or jams."""
-    gap, solved = guard.gap, d.stabilised
-    z, mu, sign = d.flags.sticks[gap], d.contacts.mu[gap], d.flags.slips[gap]
-    push = mul(solved.N[gap], d.compressed(gap)[2]) if d.contacts.compliant else solved.N[gap]
-    cone = (_GUARDS.hold * mu) * dense(push) - guard.friction * solved.T[gap]
-    idle = 1.0 - z - sign * sign
+    gap, sign = guard.gap, d.flags.slips[guard.gap]
+    z = d.flags.sticks[gap] if solved.sticks else None
+    idle = 1.0 - sign * sign if z is None else 1.0 - z - sign * sign
     if guard.friction > 0:
         idle = idle + sign * (_GUARDS.slip_scale * dense(d.contacts.tangent[gap].rate))
     elif d.contacts.compliant:  # its normal force is known: nothing jams
         idle = idle + sign * sign
     else:
-        margin = dense(d.jam_margin)
+        margin = dense(solved.jam_margin)
         least = (
             _GUARDS.jammed_rough if d.contacts.friction[gap] == _IMPACTS.rough else _GUARDS.jammed
         )
         idle = idle + sign * sign * (_GUARDS.jam_scale * (margin * margin - least * least))
-    return z * (_GUARDS.force_scale * cone) + idle + _GUARDS.tiny
+    if z is not None:
+        push = mul(solved.N[gap], d.compressed(gap)[2]) if d.contacts.compliant else solved.N[gap]
+        cone = (_GUARDS.hold * d.contacts.mu[gap]) * dense(push) - guard.friction * solved.T[gap]
+        idle = z * (_GUARDS.force_scale * cone) + idle
+    return idle + _GUARDS.tiny
 
 
 def _of_joint_friction(run: RunExpressions, guard: Guard) -> hy.expression:

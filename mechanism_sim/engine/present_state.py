@@ -27,7 +27,6 @@ class PresentState:
     parameters : runtime parameters, a view of the integrator's; `pars` likewise as floats
     now : the argument of functions of the system: state, runtime parameters and time
     rows : of the switches, set by `Switching`
-    rounding : [m] two roundings of a position of the mechanism
     """
 
     def __init__(self, system: System, integrator: hy.taylor_adaptive_dbl, base: Base) -> None:
@@ -39,7 +38,6 @@ class PresentState:
         self.parameters = integrator.pars
         self.pars = floats(self.parameters)
         self.rows: tuple[int, ...] = (0,) * len(system.switches)
-        self.rounding = 2.0 * float(np.spacing(system.mechanism.reach))
         watched = len(system.guards) + 2 * len(system.gaps) + len(system.switches)
         #: numbers that functions give, of those that events ask for
         self.seen = max(watched, 2 * self.free + len(system.equations.relation_jets))

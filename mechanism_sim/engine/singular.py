@@ -11,13 +11,13 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
-import heyoka as hy
 import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import floats
+from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.system import System
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics.polynomials import shift_powers
@@ -87,7 +87,7 @@ class SingularPositions:
     Parameters
     ----------
     system : of equations with closures
-    integrator : of that system
+    integrators : of that system
     contacts : of the same run
     index : of the state whose derivative is the distance from singular positions
 
@@ -97,10 +97,10 @@ class SingularPositions:
     """
 
     def __init__(
-        self, system: System, integrator: hy.taylor_adaptive_dbl, contacts: Contacts, index: int
+        self, system: System, integrators: Integrators, contacts: Contacts, index: int
     ) -> None:
         self._system = system
-        self._ta = integrator
+        self._ta, self._step = integrators.main, integrators.step
         self._contacts, self._present = contacts, contacts.present
         self._index = index
         self._widest = 0.0
@@ -140,7 +140,7 @@ class SingularPositions:
         if touch is not None and touch > 1.25 * zone:
             if touch - zone < h:
                 self.return_to(tau)
-                h = self._ta.step(touch - zone, True)[1]
+                h = self._step(touch - zone)
                 guard = self._system.fired(self._ta.pars)
         elif touch is not None:
             origin = self._ta.tc[: self._system.width, 0].copy()
@@ -150,7 +150,7 @@ class SingularPositions:
                 return h, guard, Crossing(terms, origin)
             if not narrow:  # where the motion is fast, nearer by
                 self._ta.state[: len(origin)] = origin
-                h = self._ta.step(min(h, 0.5 * touch), True)[1]
+                h = self._step(min(h, 0.5 * touch))
                 return h, self._system.fired(self._ta.pars), None
         if narrow:
             raise self.undecided()
@@ -213,7 +213,7 @@ class SingularPositions:
             for _ in range(2):
                 self._present.project()
             guess = ta.state[: 2 * f].reshape(2, f).copy()
-            ta.step(before, True)
+            self._step(before)
             series = ta.tc[:width].copy()
             self.return_to(now - before)
             if not np.isfinite(series).all():
@@ -250,7 +250,7 @@ class SingularPositions:
         for _ in range(2):  # the rates are projected where the coordinates were before
             self._present.project()
         alpha, ta.pars[index] = ta.pars[index], 0.0
-        ta.step(h, True)
+        self._step(h)
         ta.pars[index], ta.pars[system.parameters.fired] = alpha, 0.0
         series = ta.tc[: system.width].copy()
         speed = float((np.abs(series[f : 2 * f, 0]) / self._scale).max())

@@ -239,9 +239,8 @@ class Switching:
         moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > _SWITCHES.rest]
         if not moved:
             return
-        slow = [
-            k for k in moved if places[k] ** 2 < 2.0 * self._now.rounding * self._stops(k, places)
-        ]
+        near = 2.0 * self._now.system.rounding
+        slow = [k for k in moved if places[k] ** 2 < near * self._stops(k, places)]
         for k in moved:
             if k not in slow:
                 rows[k] = int(places[k] > 0.0)

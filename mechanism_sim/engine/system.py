@@ -13,10 +13,11 @@ from functools import cached_property
 from itertools import islice
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.problem import Layout
-from mechanism_sim.engine.dynamics import AppliedForces, Dynamics
+from mechanism_sim.engine.dynamics import AppliedForces, Dynamics, Solved
 from mechanism_sim.engine.guards import guard_functions, guards_of
 from mechanism_sim.engine.present_functions import PresentFunctions
 from mechanism_sim.engine.run_expressions import RunExpressions
@@ -90,6 +91,7 @@ class System:
         self.outside = tuple(self.equations.frames.outside)
         self.guards = guards_of(self.dynamics, self.parameters)
         self.functions = PresentFunctions(self.run, lambda: self.guard_functions)
+        self._taylors: dict[bool, compiled.TaylorEquations] = {}
 
     @cached_property
     def states(self) -> tuple[FirstOrderState, ...]:
@@ -121,6 +123,11 @@ class System:
         """The equations without contact forces."""
         return self.dynamics.equations
 
+    @cached_property
+    def rounding(self) -> float:
+        """[m] Two roundings of a position of the mechanism."""
+        return 2.0 * float(np.spacing(self.mechanism.reach))
+
     @property
     def switch_levels(self) -> int:
         """How many times rows must be set until each follows from those before it."""
@@ -129,7 +136,7 @@ class System:
     @cached_property
     def guard_functions(self) -> list[hy.expression]:
         """Functions that fall through zero at events, in the order of `guards`."""
-        return guard_functions(self.run, self.guards)
+        return guard_functions(self.run, self.guards, self.dynamics.stabilised)
 
     @cached_property
     def steep(self) -> SteepLoads | None:
@@ -167,6 +174,12 @@ class System:
         """True if any gap has friction."""
         return bool(self.dynamics.contacts.frictional)
 
+    @cached_property
+    def slides(self) -> bool:
+        """True if equations without sticking contacts hold most of the time, and cost less."""
+        set_valued = self.dynamics.rubs or self.set_valued.holding
+        return self.frictional and not (self.compliant or set_valued)
+
     def integrator(
         self,
         rtol: float,
@@ -174,6 +187,7 @@ class System:
         compact: bool = False,
         owner: object = None,
         order: int | None = None,
+        sticks: bool = True,
     ) -> hy.taylor_adaptive_dbl:
         """Adaptive Taylor integrator with the terminal guards of every gap.
 
@@ -194,31 +208,40 @@ class System:
         compact : compile slower but smaller code (for many coordinates)
         owner : that steps with it; this system if not given
         order : of its series, if not that which `rtol` asks for
+        sticks : whether contacts may stick
         """
         # four orders more: 300 instead of 390 steps in a revolution of the thesis scene
         # and not fewer than laws have: their polynomials stand beside its series
         order = order or max(math.ceil(5.0 - 0.5 * math.log(rtol)), self.degree)
         tolerance = math.exp(-2.0 * (order - 1.5))
         integrator = compiled.integrator(
-            self._taylor, tolerance, compact, self.parameters.fired, owner or self
+            self._taylor(sticks), tolerance, compact, self.parameters.fired, owner or self
         )
         integrator.state[self.width] = scale * rtol / tolerance
         integrator.pars[:] = self.parameters.values
         return integrator
 
-    @cached_property
-    def _taylor(self) -> compiled.TaylorEquations:
-        """Equations and guards of `integrator`, over their variables."""
+    def _taylor(self, sticks: bool) -> compiled.TaylorEquations:
+        """Equations and guards of `integrator`, over their variables; made once."""
+        if sticks not in self._taylors:
+            self._taylors[sticks] = self._made(
+                self.dynamics.stabilised if sticks else self.dynamics.sliding
+            )
+        return self._taylors[sticks]
+
+    def _made(self, solved: Solved) -> compiled.TaylorEquations:
         constant = hy.make_vars('step_constant')
         frames = self.equations.frames
-        a = [dense(x) for x in self.dynamics.stabilised.a]
+        a = [dense(x) for x in solved.a]
+        guards = self.guard_functions
+        if not solved.sticks:
+            guards = guard_functions(self.run, self.guards, solved)
         rates = [frames.v[c] for c in self.turning]
         near = [self.dynamics.distance] if self.relations else []
-        known = [*self.run.acted([*a, *self.run.state_rates]), *self.guard_functions, *near]
+        known = [*self.run.acted([*a, *self.run.state_rates]), *guards, *near]
         driven = iter(self.run.driven([*self._by_directions(known), *rates]))
         a, own, guards, near, rates = (
-            list(islice(driven, len(x)))
-            for x in (a, self.states, self.guard_functions, near, rates)
+            list(islice(driven, len(x))) for x in (a, self.states, guards, near, rates)
         )
         motion = [(frames.q[c], frames.v[c]) for c in self.free]
         motion += [(frames.v[c], a_c) for c, a_c in zip(self.free, a, strict=True)]

@@ -14,7 +14,7 @@ from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
 from mechanism_sim.engine.events import ends_meet
-from mechanism_sim.engine.short_steps import ShortSteps
+from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.step_check import StepCheck
 from mechanism_sim.engine.step_rows import StepRows
@@ -50,7 +50,7 @@ class TaylorSteps:
 
     Parameters
     ----------
-    laws, contacts, singular, output : of the same run
+    laws, contacts, singular, output, integrators : of the same run
     max_step : [s] longest step
     defect : [rad/s] change of a rate within a step that its polynomials may be off
     quickest : [1/s] rate at which errors of gaps and loops are taken back, at most
@@ -58,7 +58,6 @@ class TaylorSteps:
     Attributes
     ----------
     longest : [s] step
-    short : takes those that are short, of machines whose equations are long
     """
 
     def __init__(
@@ -67,6 +66,7 @@ class TaylorSteps:
         contacts: Contacts,
         singular: SingularPositions,
         output: DenseOutput,
+        integrators: Integrators,
         max_step: float,
         defect: float,
         quickest: float,
@@ -74,14 +74,14 @@ class TaylorSteps:
         self._laws, self._contacts, self._singular = laws, contacts, singular
         self._output, self._gaps, self._present = output, contacts.state, contacts.present
         self._system = system = contacts.present.system
-        self._ta, self._pars = contacts.present.integrator, contacts.present.pars
+        self._integrators = integrators
+        self._ta, self._pars = integrators.main, contacts.present.pars
         self.longest, self._quickest = max_step, quickest
         self._stalled = 0
         # polynomials of what moves are known as it is
         self._check: StepCheck | None = None
         if system.steep:
             self._check = StepCheck(system, system.steep, self._ta, defect)
-        self.short: ShortSteps | None = None
         width, series = self._ta.order + 1, floats(self._ta.tc)
         watch = system.width + 1  # after the state and the constant
         near = watch + len(system.guards)  # then the distance from singular positions
@@ -98,7 +98,7 @@ class TaylorSteps:
 
         Returns where it came to, and the length of a further step if there is more to it.
         """
-        gaps, output, ta, step = self._gaps, self._output, self._ta, self._ta.step
+        gaps, output, ta, step = self._gaps, self._output, self._ta, self._integrators.step
         if self._laws.since >= _STEPS.row:
             self._laws.turn(tau)
         longest, check = self.longest, self._check
@@ -122,7 +122,7 @@ class TaylorSteps:
                 if count == row:
                     break
             ta.time = tau
-            h = step(reach, True)[1]
+            h = step(reach)
             if check is not None:
                 h = self._checked(tau, h, check)
             end, guard = tau + h, pars[fired]
@@ -156,7 +156,7 @@ class TaylorSteps:
 
     def _goes_short(self) -> bool:
         """True if the next step is to be of a low order."""
-        return self.short is not None and self._gaps.horizon < self.longest
+        return self._integrators.short and self._gaps.horizon < self.longest
 
     def locate(self, tau: float, h: float) -> PendingStep:
         """The pending step for one from `tau` of length `h` [s] that was just taken."""
@@ -192,11 +192,10 @@ class TaylorSteps:
 
     def _taken(self, tau: float, most: float) -> float:
         """Length of a step from `tau`, of a low order if that serves for `most` [s]."""
-        h = self.short.step(tau, most) if self.short and most < self.longest else None
-        if h is None:
-            self._ta.time = tau
-            h = float(self._ta.step(most, True)[1])
-        return h
+        self._ta.time, h = tau, None
+        if self._integrators.short and most < self.longest:
+            h = self._integrators.short_step(most)
+        return self._integrators.step(most) if h is None else h
 
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
         """Length of a step, taken anew until no formula turned steep within it unseen.
@@ -210,7 +209,7 @@ class TaylorSteps:
                 break
             self._system.fired(self._pars)
             self._singular.return_to(tau)
-            h = self._ta.step(h * (sound or _STEPS.shorter * fault), True)[1]
+            h = self._integrators.step(h * (sound or _STEPS.shorter * fault))
         else:
             if not np.isfinite(self._ta.tc[: self._system.width]).all():
                 return math.nan  # a formula has no value here

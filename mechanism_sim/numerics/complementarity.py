@@ -313,6 +313,28 @@ def solve_contacts(problem: FrictionalProblem) -> tuple[Array, Indices, bool]:
     grips = np.zeros(m, dtype=np.int64)
     if _is_at_rest(b, least):
         return x, grips, True
+    if _pivot(problem, x, grips):
+        return x, grips, True
+    # beside fast slips, slow approaches drown while pivoting: then such slips are known
+    given, slow = slip.copy(), b.copy()
+    for i in range(m):
+        if slip[i] == 0 and 0.0 < friction[i] < math.inf:
+            given[i] = 1 if b[m + i] > 0.0 else -1 if b[m + i] < 0.0 else 0
+        if given[i] != 0:
+            slow[m + i] = 0.0
+    if not _pivot(FrictionalProblem(A, slow, friction, given, least), x, grips):
+        return x, grips, False
+    w = rates(A, x, b)
+    for i in range(m):
+        if slip[i] != given[i] and given[i] * w[m + i] < 0.0:
+            return x, grips, False
+    return x, grips, True
+
+
+@kernel
+def _pivot(problem: FrictionalProblem, x: Array, grips: Indices) -> bool:
+    """Enter x and grips of `solve_contacts`, found by pivoting; False if none are."""
+    m = len(problem.friction)
     free, n, bounded = _free_slips(problem)
     for weakest in _COMPLEMENTARITY.weakest:
         M, q = _problem(problem, free, n, weakest)
@@ -323,12 +345,12 @@ def solve_contacts(problem: FrictionalProblem) -> tuple[Array, Indices, bool]:
             for start in range(-1, m):
                 basis, found = lemke(M, q, cover, start)
                 if found and _settle(problem, free, basis, x, grips):
-                    return x, grips, True
+                    return True
             if k == 0:
                 _leave_out_jammed(M, q, m)
         if not bounded:
             break
-    return x, grips, False
+    return False
 
 
 @kernel

@@ -261,19 +261,21 @@ class _Entry:
 
 
 def solve_dragged(
-    K: Matrix, b: Vector, drags: dict[int, Term], active: Vector
+    K: Matrix, b: Vector, drags: dict[int, Term], active: Vector, apart: dict[int, Vector]
 ) -> tuple[Vector, Term]:
     """Solve ``A x = b`` by LU without pivoting; leading minors must not vanish.
 
     A is symmetric K, but for some columns k: from each, its drag times column k - 1 is taken off.
-    Where there is such a drag, row k - 1 must not be active. Entries that are equal are one
-    expression: of A and K those that no drag has reached, of either those across its diagonal.
+    Where there is such a drag, row k - 1 must not be active. Or that column is given apart, where
+    K is without it. Entries that are equal are one expression: of A and K those that no drag has
+    reached, of either those across its diagonal.
 
     Parameters
     ----------
     K : (n, n) of which the lower triangle is read; large on the diagonal of what is not active
     drags : by column
     active : (n,) 1 or 0
+    apart : (n,) by column, what its drag multiplies if that is not column k - 1
 
     Returns
     -------
@@ -283,10 +285,13 @@ def solve_dragged(
     half = [[_Entry(K[r][c]) for c in range(r + 1)] for r in range(n)]
     A = [[half[max(r, c)][min(r, c)] for c in range(n)] for r in range(n)]
     undragged, right = [list(row) for row in A], [_Entry(x) for x in b]
+    for k, column in apart.items():
+        for row, entry in zip(A, column, strict=True):
+            row[k] = row[k].less(drags[k], entry)
     share: Term = hy.expression(1.0)
     before: Vector = []
     for k in range(n):
-        if k in drags:
+        if k in drags and k not in apart:
             for r in range(k, n):
                 A[r][k] = A[r][k].less(drags[k], before[r])
         before = [row[k].value for row in A]
@@ -308,6 +313,6 @@ def solve_dragged(
         for c in range(k + 1, n):
             right[k] = right[k].less(A[k][c].value, x[c])
         x[k] = mul(active[k], div(right[k].value, A[k][k].value))
-        if k + 1 in drags:
+        if k + 1 in drags and k + 1 not in apart:
             x[k] = add(x[k], neg(mul(drags[k + 1], x[k + 1])))
     return x, share

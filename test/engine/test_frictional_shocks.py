@@ -196,13 +196,16 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
     dynamics, m = system.dynamics, len(system.gaps)
     mu, rubs = np.array(dynamics.contacts.friction), dynamics.contacts.frictional
     assert 0 < len(rubs) < m
-    margin = system.run.compile_now([dynamics.jam_margin])
+    margin = system.run.compile_now([dynamics.exact.jam_margin])
+    sliding = dynamics.sliding
+    assert not sliding.sticks
+    forces_alone = system.run.compile_now([*sliding.N, *sliding.T, sliding.jam_margin])
     rng = np.random.default_rng(3)
-    for _ in range(20):
+    for k in range(20):
         state = rng.uniform(-1.0, 1.0, 2 * len(system.free))
         parameters = np.array(system.parameters.values)
         modes = rng.integers(0, 4, m)  # open, sticking, sliding either way
-        modes[(mu == 0.0) & (modes == 1)] = 2
+        modes[((mu == 0.0) | (k % 2 == 0)) & (modes == 1)] = 2
         slips = np.choose(modes, [0.0, 0.0, 1.0, -1.0])
         parameters[system.parameters.closed] = modes > 0
         parameters[system.parameters.sticks] = modes[rubs] == 1
@@ -224,3 +227,7 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
         assert terms.acceleration == pytest.approx(free + C @ forces, rel=1e-7, abs=1e-6)
         wanted = np.linalg.det(kept) / np.linalg.det(smooth)
         assert margin(inputs)[0] == pytest.approx(wanted, rel=1e-7)
+        if k % 2 == 0:  # nothing sticks; parameters ask for no stabilisation
+            *alone, last = forces_alone(inputs)
+            assert alone == pytest.approx(forces, rel=1e-7, abs=1e-7 * np.abs(forces).max())
+            assert last == pytest.approx(wanted, rel=1e-7)

@@ -72,6 +72,35 @@ def test_random_and_degenerate_problems_are_all_solved():
     check(400, 5, seed=1)
 
 
+def test_a_slow_approach_beside_fast_slips_is_stopped():
+    """Of a chain of light links, which slide on whatever such an impact does."""
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        m = int(rng.integers(2, 5))
+        J = np.zeros((2 * m, 3 * m + 3))
+        for i in range(m):
+            angle = rng.uniform(0.0, 2.0 * math.pi)
+            normal = np.array([math.cos(angle), math.sin(angle)])
+            for r, along in ((i, normal), (m + i, normal[::-1] * (-1.0, 1.0))):
+                J[r, 3 * i : 3 * i + 6] = [*-along, -rng.normal(), *along, rng.normal()]
+        A, b = 15.0**2 * J @ J.T, np.concatenate([np.zeros(m), rng.normal(size=m)])
+        struck = int(rng.integers(m))
+        b[struck] = -(10.0 ** rng.uniform(-13.0, -9.0))
+        none = np.zeros(m, np.int64), np.zeros(2 * m)
+        x, _, found = solve_contacts(FrictionalProblem(A, b, np.full(m, 0.1), *none))
+        assert found, seed
+        p, w = x[:m], A @ x + b
+        left = 1e-9 * abs(b[struck]) + 1e-12 * np.abs(b).max()
+        assert p.min() >= 0.0
+        assert w[:m].min() > -left, seed
+        assert np.abs(w[:m][p > 0.0]).max(initial=0.0) < left, seed
+        assert (w[m:] * b[m:] > 0.0).all(), seed
+        if abs(b[struck]) > left:
+            np.testing.assert_allclose(x[m:], -0.1 * np.sign(b[m:]) * p, atol=1e-12 * p.max())
+        if abs(b[struck]) > 2.0 * left:
+            assert p[struck] > 0.0
+
+
 @pytest.mark.slow
 def test_ten_thousand_problems_of_up_to_twenty_contacts_are_all_solved(compiled_kernels):
     compiled_kernels()

@@ -1,4 +1,4 @@
-"""Steps of low order between events that follow each other soon."""
+"""Steps by the cheapest equations that serve: of low order, or without sticking."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import pytest
 
 import mechanism_sim as ms
 from mechanism_sim.engine import event_loop
-from mechanism_sim.engine.short_steps import ShortSteps
+from mechanism_sim.engine.integrators import Integrators
+from mechanism_sim.engine.system import System
 
 JOINTS = 'ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground'
 
@@ -17,17 +18,17 @@ def test_a_run_with_short_steps_is_that_without_them(monkeypatch: pytest.MonkeyP
     overrides = {f'joints.{j}.clearance': loose for j in JOINTS} | {'start': 'centred'}
     machine = ms.load_scene('four_bar_clearance', overrides)
     taken: list[float | None] = []
-    step = ShortSteps.step
+    step = Integrators.short_step
 
-    def counted(self: ShortSteps, tau: float, longest: float) -> float | None:
-        taken.append(step(self, tau, longest))
+    def counted(self: Integrators, longest: float) -> float | None:
+        taken.append(step(self, longest))
         return taken[-1]
 
-    monkeypatch.setattr(ShortSteps, 'step', counted)
+    monkeypatch.setattr(Integrators, 'short_step', counted)
     monkeypatch.setattr(event_loop, '_STEPS', event_loop._STEPS._replace(short_from=1))
     found = ms.simulate(machine, duration=0.05)
     assert sum(h is not None for h in taken) > 5
-    monkeypatch.setattr(ShortSteps, 'step', lambda *_: None)
+    monkeypatch.setattr(Integrators, 'short_step', lambda *_: None)
     known = ms.simulate(machine, duration=0.05)
     assert [i.joint for i in found.impacts] == [i.joint for i in known.impacts]
     for name in ('t', 'normal_impulse', 'tangential_impulse'):
@@ -36,6 +37,36 @@ def test_a_run_with_short_steps_is_that_without_them(monkeypatch: pytest.MonkeyP
     t = np.linspace(0.0, 0.05, 51)
     gaps = [run.sample(t, 'gap.coupler_rocker')['gap.coupler_rocker'] for run in (found, known)]
     np.testing.assert_allclose(*gaps, atol=1e-10)
+
+
+def test_a_run_whose_contacts_mostly_slide_is_that_by_equations_in_which_they_may_stick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loose = {'radial': '0.254 mm', 'restitution': 0.5, 'friction': 0.1, 'pin_radius': '5 mm'}
+    overrides = {f'joints.{j}.clearance': loose for j in JOINTS}
+    machine = ms.load_scene('four_bar_clearance', overrides)
+    stuck: list[bool] = []
+    step = Integrators.step
+
+    def counted(self: Integrators, longest: float) -> float:
+        stuck.append(self._stuck)
+        return step(self, longest)
+
+    monkeypatch.setattr(Integrators, 'step', counted)
+    found = ms.simulate(machine, duration=0.15)
+    assert 0 < sum(stuck) < 0.2 * len(stuck)
+    monkeypatch.setattr(System, 'slides', False)
+    known = ms.simulate(machine, duration=0.15)
+    assert len(found.modes) > 20
+    assert [m[1:] for m in found.modes] == [m[1:] for m in known.modes]
+    times = [[m.t for m in run.modes] for run in (found, known)]
+    np.testing.assert_allclose(*times, atol=1e-10)
+    t = np.linspace(0.0, 0.15, 51)
+    names = 'reaction.coupler_rocker.size', 'drive_torque', 'gap.rocker_ground'
+    for name in names:
+        np.testing.assert_allclose(
+            *(run.sample(t, name)[name] for run in (found, known)), atol=1e-6
+        )
 
 
 @pytest.mark.slow

@@ -1,0 +1,114 @@
+"""The integrators of a run: steps by the cheapest equations that serve.
+
+Contacts slide most of the time. Equations in which they may stick hold always, but have twice as
+many contact forces. And while contacts chatter, events follow each other within microseconds: a
+polynomial of full order costs several times as much and is used near its start only.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import heyoka as hy
+import numpy as np
+
+from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import floats
+from mechanism_sim.engine.system import System
+from mechanism_sim.tolerances import TOLERANCES
+
+_STEPS = TOLERANCES.steps
+
+
+class Integrators:
+    """Takes the steps of a run.
+
+    Parameters
+    ----------
+    rtol, scale, compact : as for `System.integrator`
+
+    Attributes
+    ----------
+    main : whose state, series, time and parameters are those of the run, whoever took a step
+    short : whether steps may be of a low order
+    """
+
+    def __init__(self, system: System, rtol: float, scale: float, compact: bool) -> None:
+        self._system, self._tolerance, self._compact = system, (rtol, scale), compact
+        f, rate = len(system.free), _STEPS.low_error * rtol * scale
+        #: what the last terms of coordinates and rates may be at the end of a step of low order
+        self._allowed = np.repeat([system.rounding, rate], [f, system.width - f])
+        # what is small takes its steps in rows, and is compiled once
+        self._apart = compact and system.slides
+        self._sticks = system.parameters.sticks if self._apart else []
+        self.main = system.integrator(rtol, scale, compact, self, sticks=not self._apart)
+        self._pars = floats(self.main.pars)
+        self._others: dict[tuple[bool, int | None], _Substitute] = {}
+        self.short = False
+
+    def step(self, longest: float) -> float:
+        """Take a step, up to the first event; its length [s]."""
+        if self._apart and self._stuck:
+            h = self._other(True, None).step(longest)
+            assert h is not None  # noqa: S101 - it is of full order
+            return h
+        return float(self.main.step(longest, True)[1])
+
+    def short_step(self, longest: float) -> float | None:
+        """Take a step of low order; None if that is too low."""
+        low = self._other(not self._apart or self._stuck, _STEPS.low_order)
+        return low.step(longest, self._allowed)
+
+    @property
+    def _stuck(self) -> bool:
+        """True if a contact sticks."""
+        pars = self._pars
+        return any(pars[i] for i in self._sticks)
+
+    def _other(self, sticks: bool, order: int | None) -> _Substitute:
+        """The integrator in the main one's place, compiled when it is first needed."""
+        key = sticks, order
+        if key not in self._others:
+            rtol, scale = self._tolerance if order is None else (0.0, 0.0)
+            own = self._system.integrator(rtol, scale, self._compact, self, order, sticks)
+            self._others[key] = _Substitute(self._system, self.main, own)
+        return self._others[key]
+
+
+class _Substitute:
+    """Takes steps in the place of another integrator, whose arrays are then as if it had."""
+
+    def __init__(
+        self, system: System, main: hy.taylor_adaptive_dbl, own: hy.taylor_adaptive_dbl
+    ) -> None:
+        self._main, self._own = main, own
+        self._width, self._fired = system.width, system.parameters.fired
+        self._state, self._pars = floats(main.state), floats(main.pars)
+        self._own_state, self._own_pars = floats(own.state), floats(own.pars)
+        # NumPy's view of the series is read-only, for a step writes it anew; so does this one
+        data = ctypes.cast(main.tc.ctypes.data, ctypes.POINTER(ctypes.c_double))
+        self._series = np.ctypeslib.as_array(data, main.tc.shape)
+        self._own_series: Array = own.tc
+
+    def step(self, longest: float, allowed: Array | None = None) -> float | None:
+        """Take a step, up to the first event; its length [s].
+
+        None, and nothing is changed, if of a state more than what is `allowed` (width,) is left
+        to the last term of its series, which does not set the length then.
+        """
+        main, own, width, order = self._main, self._own, self._width, self._own.order
+        own.time, constant = main.time, self._state[width]
+        self._own_state[:], self._own_pars[:] = self._state, self._pars
+        if allowed is not None:
+            self._own_state[width] = 0.0
+        own.reset_cooldowns()
+        h = float(own.step(longest, True)[1])
+        if allowed is not None:
+            last = np.abs(self._own_series[:width, order]) * h**order
+            if not (last <= allowed).all():
+                return None
+        self._series[:, : order + 1], self._series[:, order + 1 :] = self._own_series, 0.0
+        self._state[:], self._pars[self._fired] = self._own_state, self._own_pars[self._fired]
+        self._series[width, 0] = self._state[width] = constant
+        main.time += h
+        return h
