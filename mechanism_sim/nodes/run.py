@@ -201,7 +201,11 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     monitors: list[Monitor] = []
 
     def watch() -> Monitor:
+        # First the network, with its router, then those who join it.
         monitors.append(Monitor(plan.parameters(MONITOR), show))
+        # Nodes of another run would be taken for these until these are there.
+        while not monitors[0].partners.came_first():
+            time.sleep(LOOK)
         return monitors[0]
 
     if processes:
@@ -300,11 +304,7 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
     children: list[_Children] = []
 
     def make() -> list[Monitor]:
-        # First the network, with its router, then those who join it.
         monitors.append(watch())
-        # Nodes of another run would be taken for these until these are there.
-        while not monitors[0].partners.came_first():
-            time.sleep(LOOK)
         children.append(_Children(plan))
         return monitors
 
@@ -340,6 +340,7 @@ class Monitor(SimulationNode):
         self._show = show
         self._shown = 0.0
         self._heard = time.monotonic()
+        self.partners.show_start()
         self.join()
 
     def on_progress(self, message: Any) -> None:
