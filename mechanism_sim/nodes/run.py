@@ -165,7 +165,7 @@ class Outcome:
     realtime_factor: float  #: by `run_time`
     realtime_factor_asked: float  #: 0: as fast as it goes
     impacts: int
-    sent: dict[str, int]  #: messages by topic, as the nodes counted them
+    sent: dict[str, int]  #: messages by topic, as the nodes but the recorder counted them
     bag: str | None  #: of the last run
     earlier_bags: list[str]  #: of those that a reset ended
     middleware: str  #: 'rclpy' or 'zenoh'
@@ -218,6 +218,8 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     monitor = monitors[0] if monitors else None
     sent: dict[str, int] = {}
     for message in monitor.partners.reports.values() if monitor else ():
+        if message.node == 'recorder':
+            continue  # its own reports, which are in no bag
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
