@@ -165,7 +165,7 @@ class Outcome:
     realtime_factor: float  #: by `run_time`
     realtime_factor_asked: float  #: 0: as fast as it goes
     impacts: int
-    sent: dict[str, int]  #: messages by topic, as the nodes counted them
+    sent: dict[str, int]  #: messages by topic, as the nodes but the recorder counted them
     bag: str | None  #: of the last run
     earlier_bags: list[str]  #: of those that a reset ended
     middleware: str  #: 'rclpy' or 'zenoh'
@@ -201,7 +201,11 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     monitors: list[Monitor] = []
 
     def watch() -> Monitor:
+        # First the network, with its router, then those who join it.
         monitors.append(Monitor(plan.parameters(MONITOR), show))
+        # Nodes of another run would be taken for these until these are there.
+        while not monitors[0].partners.came_first():
+            time.sleep(LOOK)
         return monitors[0]
 
     if processes:
@@ -214,6 +218,8 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     monitor = monitors[0] if monitors else None
     sent: dict[str, int] = {}
     for message in monitor.partners.reports.values() if monitor else ():
+        if message.node == 'recorder':
+            continue  # its own reports, which are in no bag
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
@@ -300,11 +306,7 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
     children: list[_Children] = []
 
     def make() -> list[Monitor]:
-        # First the network, with its router, then those who join it.
         monitors.append(watch())
-        # Nodes of another run would be taken for these until these are there.
-        while not monitors[0].partners.came_first():
-            time.sleep(LOOK)
         children.append(_Children(plan))
         return monitors
 
@@ -340,6 +342,7 @@ class Monitor(SimulationNode):
         self._show = show
         self._shown = 0.0
         self._heard = time.monotonic()
+        self.partners.show_start()
         self.join()
 
     def on_progress(self, message: Any) -> None:
