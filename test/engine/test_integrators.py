@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from builders import weightless
 
 import mechanism_sim as ms
-from builders import weightless
 from mechanism_sim.engine import event_loop
 from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.system import System
