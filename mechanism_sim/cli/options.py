@@ -297,6 +297,11 @@ def print_result(
     return 0
 
 
+def print_either(options: argparse.Namespace, data: object, text: object) -> int:
+    """Print what is known in both forms, and return the exit code 0."""
+    return print_result(options, data, lambda _: data, lambda _: text)
+
+
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:
     """A quantity given to an option, and which of these SI units it is a quantity of."""
     from mechanism_sim.units import EXAMPLES, argument, to_si  # noqa: PLC0415

@@ -138,6 +138,11 @@ class Turn:
         return bool(self.q.shape[1] > 1)
 
     @property
+    def scale(self) -> Array:
+        """What is much for each coordinate (n,): the size of the machine [m], or 1 rad."""
+        return self._kinematics.scale
+
+    @property
     def along(self) -> tuple[str, Array]:
         """The variable of a turn in words with its unit, and its values (N,) [°, mm, s]."""
         count = self.q.shape[1]
@@ -243,10 +248,7 @@ class Turn:
             return first[:, None]  # nothing decides how it goes on
         if not np.isclose(first[held], ways[:, 0]).all():
             ways = ways + (first[held] - ways[:, 0])[:, None]
-        size = np.where(
-            [c in self.mechanism.displacements for c in self.mechanism.coordinates],
-            self.mechanism.size, 1.0,
-        )  # fmt: skip
+        size = self.scale
         alike = before is not None and before.mechanism.coordinates == self.mechanism.coordinates
         if before is not None and alike and before.q.shape[1] == INSTANTS:
             guess = before.q + (first - before.q[:, 0])[:, None]
