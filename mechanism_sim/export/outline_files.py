@@ -9,11 +9,8 @@ from xml.etree import ElementTree
 from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
 
-#: half the length of a line of the mark at the shaft [mm]
-#: [mm]
-MARGIN = 5.0
-LINE = 0.25
-CROSS = 3.0
+#: around the picture, width of a line, half the length of a line of the mark at a shaft [mm]
+MARGIN, LINE, CROSS = 5.0, 0.25, 3.0
 
 
 def to_dxf(outline: Outline) -> str:
