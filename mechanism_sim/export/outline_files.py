@@ -68,7 +68,10 @@ def to_svg(outline: Outline) -> str:
         _draw(lines, edge, {'stroke-width': f'{LINE}'})
     for guide in outline.guides:
         _draw(lines, guide, thin)
-    crosses = (_cross(1e3 * x, -1e3 * y) for x, y in outline.shafts)
+    centres = ((1e3 * x, -1e3 * y) for x, y in outline.shafts)
+    crosses = (
+        f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}' for x, y in centres
+    )
     shaft = {'id': 'shaft', 'd': ''.join(crosses)}
     ElementTree.SubElement(lines, 'path', {**shaft, 'stroke-width': f'{LINE / 2}'})
     return ElementTree.tostring(root, encoding='unicode')
@@ -83,10 +86,6 @@ def _draw(parent: ElementTree.Element, part: Polygon | Circle, style: dict[str, 
         ElementTree.SubElement(parent, 'circle', {**shape, **style})
     else:
         ElementTree.SubElement(parent, 'path', {'id': part.name, 'd': _path(part), **style})
-
-
-def _cross(x: float, y: float) -> str:
-    return f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}'
 
 
 def _path(curve: Polygon) -> str:

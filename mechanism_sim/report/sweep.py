@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -220,13 +219,11 @@ def first_order_json(found: FirstOrder) -> dict[str, object]:
     return {
         'runs': found.runs,
         'measures': {
-            s.measure: plain(
-                asdict(s)
-                | {
-                    'enough': s.enough,
-                    'contributions': {c.factor: asdict(c) for c in s.contributions},
-                }
-            )
+            s.measure: plain(s)
+            | {
+                'enough': s.enough,
+                'contributions': {c.factor: plain(c) for c in s.contributions},
+            }
             for s in found.stacks
         },
     }
