@@ -17,7 +17,7 @@ from mechanism_sim.nodes.classes import node_class
 from mechanism_sim.nodes.middleware import Parameter, backend
 from mechanism_sim.nodes.pace import BEHIND
 from mechanism_sim.nodes.process import report_end, run_nodes
-from mechanism_sim.nodes.qos import PROFILES, RESULTS
+from mechanism_sim.nodes.qos import PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag, realtime_factor
 from mechanism_sim.scene import Machine
@@ -104,18 +104,17 @@ class NodePlan:
     def to_json(self) -> dict[str, object]:
         """The nodes with their parameters, and the topics with their quality of service."""
         topics = topics_of(self.machine, self.display)
-        qualities = {topic.name: PROFILES[topic.delivery] for topic in topics} | {
-            'progress': RESULTS
-        }
+        profiles = {topic.name: PROFILES[topic.delivery] for topic in topics}
+        qualities = {name: policies(x) for name, x in (profiles | {'progress': RESULTS}).items()}
         return {
             'duration': self.duration,
             'nodes': {node: self.options(node) for node in self.nodes},
             'topics': {
                 name: {
-                    'history': qos.history.name.lower(),
+                    'history': qos.history,
                     'depth': qos.depth,
-                    'reliability': qos.reliability.name.lower(),
-                    'durability': qos.durability.name.lower(),
+                    'reliability': qos.reliability,
+                    'durability': qos.durability,
                 }
                 for name, qos in qualities.items()
             },
