@@ -101,7 +101,6 @@ function ask(message) {
 
 /** Shows that something takes long, which is done elsewhere: the page goes on meanwhile. */
 function busy(news) {
-  root.dataset.busy = news.busy ? '1' : '';
   by('busy').hidden = !news.busy;
 }
 
