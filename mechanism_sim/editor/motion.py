@@ -32,7 +32,7 @@ _STEPS = 12
 """Towards a place, of a machine that is pulled."""
 
 UNSOLVED = InputError, RunError, ArithmeticError, np.linalg.LinAlgError
-"""What is raised where a machine cannot be assembled, or has no forces."""
+"""Errors where a machine cannot be assembled, or has no forces."""
 
 _LEAP = 0.6
 """[rad], or sizes of the machine, by which no coordinate goes from one instant to the next."""
@@ -143,7 +143,7 @@ class Turn:
 
     @property
     def scale(self) -> Array:
-        """What is much for each coordinate (n,): the size of the machine [m], or 1 rad."""
+        """A large change of each coordinate (n,): the size of the machine [m], or 1 rad."""
         return self._kinematics.scale
 
     @property
