@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
-    NODE_CLASSES,
     TABLES,
     Command,
     flag,
@@ -31,6 +30,7 @@ from mechanism_sim.cli.options import (
     scene_options,
 )
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.nodes.classes import NODE_CLASSES, node_class
 from mechanism_sim.terminal import echo, print_notice
 
 if TYPE_CHECKING:
@@ -244,8 +244,6 @@ def _name_strangers(args: Sequence[str], nodes: Sequence[str]) -> None:
 
 
 def _node(options: argparse.Namespace) -> int:
-    from pkgutil import resolve_name  # noqa: PLC0415
-
     from mechanism_sim.nodes.process import main_of  # noqa: PLC0415
 
     if options.name is None:
@@ -256,7 +254,7 @@ def _node(options: argparse.Namespace) -> int:
             f"there is no node '{options.name}'{nearest(options.name, NODE_CLASSES)}; known are: "
             f'{", ".join(NODE_CLASSES)}'
         )
-    main_of(resolve_name(NODE_CLASSES[options.name]), [*options.rest, *options.ros_args])
+    main_of(node_class(options.name), [*options.rest, *options.ros_args])
     return 0
 
 

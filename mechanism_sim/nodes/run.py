@@ -8,20 +8,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import ending
 from mechanism_sim.messages.part_states import integrator_of, kinds_of
 from mechanism_sim.messages.topics import topics_of
-from mechanism_sim.nodes.crank_drive import CrankDrive
-from mechanism_sim.nodes.display import Display
-from mechanism_sim.nodes.lifecycle import CamNode, GearTrain, GenevaNode, LinkageNode
+from mechanism_sim.nodes.classes import node_class
 from mechanism_sim.nodes.middleware import Parameter, backend
-from mechanism_sim.nodes.oscillator import OscillatorNode
 from mechanism_sim.nodes.pace import BEHIND
 from mechanism_sim.nodes.process import report_end, run_nodes
-from mechanism_sim.nodes.qos import PROFILES, RESULTS
-from mechanism_sim.nodes.sensors import Sensors
+from mechanism_sim.nodes.qos import PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag, realtime_factor
 from mechanism_sim.scene import Machine
@@ -30,30 +26,8 @@ from mechanism_sim.units import counted
 if TYPE_CHECKING:
     import subprocess
 
-
-from typing import Any
-
 Show = Callable[[float, float, int], None]
 """Called with simulated time [s], real-time factor and number of impacts so far."""
-
-
-def _recorder(parameters: list[Parameter]) -> SimulationNode:
-    from mechanism_sim.nodes.recorder import Recorder  # noqa: PLC0415 - a run may have no bag
-
-    return Recorder(parameters)
-
-
-NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
-    'crank_drive': CrankDrive,
-    'linkage': LinkageNode,
-    'cam': CamNode,
-    'gear_train': GearTrain,
-    'geneva': GenevaNode,
-    'oscillator': OscillatorNode,
-    'sensors': Sensors,
-    'display': Display,
-    'recorder': _recorder,
-}
 
 MONITOR = 'monitor'
 """The node of a run that shows how far it is."""
@@ -130,18 +104,17 @@ class NodePlan:
     def to_json(self) -> dict[str, object]:
         """The nodes with their parameters, and the topics with their quality of service."""
         topics = topics_of(self.machine, self.display)
-        qualities = {topic.name: PROFILES[topic.delivery] for topic in topics} | {
-            'progress': RESULTS
-        }
+        profiles = {topic.name: PROFILES[topic.delivery] for topic in topics}
+        qualities = {name: policies(x) for name, x in (profiles | {'progress': RESULTS}).items()}
         return {
             'duration': self.duration,
             'nodes': {node: self.options(node) for node in self.nodes},
             'topics': {
                 name: {
-                    'history': qos.history.name.lower(),
+                    'history': qos.history,
                     'depth': qos.depth,
-                    'reliability': qos.reliability.name.lower(),
-                    'durability': qos.durability.name.lower(),
+                    'reliability': qos.reliability,
+                    'durability': qos.durability,
                 }
                 for name, qos in qualities.items()
             },
@@ -193,6 +166,7 @@ class Outcome:
 
 def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     """Make a run; `processes` gives each node a process of its own."""
+    made = {} if processes else {name: node_class(name) for name in plan.nodes}
     began = time.monotonic()
     first = Path(plan.record) if plan.record else None
     taken: set[Path] = set()  # names that a bag of a later run does not get
@@ -212,7 +186,7 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
         code = _in_processes(plan, watch)
     else:
         code = run_nodes(
-            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)],
+            lambda: [watch(), *(node(plan.parameters(name)) for name, node in made.items())],
             ros_args=plan.ros_args,
         )
     monitor = monitors[0] if monitors else None
