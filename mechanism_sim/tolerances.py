@@ -328,12 +328,6 @@ class AuditTolerances(NamedTuple):
     promised: float = 1e-9
     #: of the rates: between two steps of no impact they differ by rounding only
     jump: float = 1e-9
-    #: steps in a window, and their mean length in units of the longest step: chatter that goes on
-    #: all the time has 3e-3, a pin that jams 2e-4 and less
-    jam_steps: int = 8192
-    jam_step: float = 1e-3
-    #: times the largest energy of regular motion, which a drive at its speed gives to no links
-    jam_gain: float = 100.0
 
 
 class QuadratureTolerances(NamedTuple):

@@ -100,7 +100,7 @@ class Audit:
     max_penetration : [m] deepest violation of an open gap
     max_closure_error : [m] farthest a closed gap was from zero
     drive_work, dissipated : [J] so far
-    min_normal_force, largest_force : [N] in following; infinite and 0 without it
+    min_normal_force : [N] smallest force in following; infinite without following
     """
 
     def __init__(self, physics: Physics) -> None:
@@ -108,7 +108,7 @@ class Audit:
         self.max_closure_error = 0.0
         self.min_normal_force = float('inf')
         self._physics = physics
-        self.largest_force = 0.0
+        self._largest_force = 0.0
         self._powers: Array | None = None  # the largest so far [W]
         self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
         self._size = [0.0, 0.0]  # [J] largest kinetic and potential energy
@@ -120,16 +120,6 @@ class Audit:
         self._final: float | None = None  # [J] there, once it has been asked for
         self.drive_work = 0.0
         self.dissipated = 0.0
-
-    @property
-    def largest_kinetic(self) -> float:
-        """Largest kinetic energy so far [J]."""
-        return self._size[0]
-
-    @property
-    def other_energy(self) -> float:
-        """Largest energy so far that is not the drive's [J]: at the start, stored, and lost."""
-        return max(abs(self._initial or 0.0), self._size[1], abs(self.dissipated))
 
     @property
     def energy(self) -> Energy | None:
@@ -205,7 +195,7 @@ class Audit:
                 f'{StopReason.GAP_VIOLATED.value}: {self.max_penetration:.3g} m, allowed '
                 f'{tolerance:.3g} m; try a smaller rtol, and report this scene'
             )
-        if self.min_normal_force < -_AUDIT.pull * max(self.largest_force, _AUDIT.pull_least):
+        if self.min_normal_force < -_AUDIT.pull * max(self._largest_force, _AUDIT.pull_least):
             raise RunError(
                 f'{StopReason.TENSILE_CONTACT.value}: {self.min_normal_force:.3g} N; try a '
                 'smaller rtol, and report this scene'
@@ -227,7 +217,7 @@ class Audit:
             return
         force = account.normal_force[motion.closed_at(segments, places)]
         self.min_normal_force = min(self.min_normal_force, float(force.min(initial=np.inf)))
-        self.largest_force = max(self.largest_force, float(force.max(initial=0.0)))
+        self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
         for k, energy in enumerate((account.kinetic_energy, account.potential_energy)):
             in_each = energy.reshape(len(segments), -1)
             swing = float(np.abs(np.diff(in_each)).sum())

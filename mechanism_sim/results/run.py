@@ -23,7 +23,6 @@ from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact, ModeChange, StopReason
-from mechanism_sim.engine.jamming import JamWatch
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot
@@ -359,9 +358,6 @@ class Runner:
         self.machine = machine
         self.engine = engine or (machine.resume(resume) if resume else machine.start())
         self.audit = Audit(machine.physics)
-        self._jams: JamWatch | None = None
-        if isinstance(self.engine, EventLoop) and machine.physics.clearances:
-            self._jams = JamWatch(machine.physics, self.engine.longest)
         self.known, self.more = self.engine.time, True
         self._audited, self._together = audited, together
         self._entered: list[Piece] = []  # not audited yet
@@ -452,10 +448,7 @@ class Runner:
             return self._balance
         pieces, self._entered, first = self._entered, [], 0
         impacts = [impact for piece in pieces for impact in piece.impacts]
-        motion = Motion.joined([piece.motion for piece in pieces])
-        work = self.audit.add(motion, impacts)
-        if self._jams:
-            self._jams.add(motion, impacts, self.audit)
+        work = self.audit.add(Motion.joined([piece.motion for piece in pieces]), impacts)
         for piece in pieces:  # piece by piece, so that sums do not depend on what is audited when
             end = first + len(piece.motion)
             own = Work(*(x[first:end] for x in work))

@@ -406,22 +406,6 @@ def test_of_runs_that_start_together_one_goes_on(more):
     assert sum('is running in this domain' in text for text in said) == 2
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures('backend')
-def test_a_run_whose_joint_jams_keeps_its_bag(tmp_path):
-    """A parallelogram: past its change points its drive forces a loose pin at any force."""
-    lengths = {'ground': 300, 'crank': 100, 'coupler': 300, 'rocker': 100}
-    sizes = [f'links.{link}.length={length} mm' for link, length in lengths.items()]
-    sizes += ['drive.start_angle=60 deg']
-    bag, given = tmp_path / 'run.mcap', [part for text in sizes for part in ('--set', text)]
-    done = run('run', SCENE, '--revolutions', '20', '--record', str(bag), *given)
-    assert done.returncode == 1
-    assert 'mechanism-sim: coupler_rocker jams: at t = ' in done.stderr
-    found = read_bag(bag)
-    assert found.complete
-    assert found.topics['/motion'].count > 0
-
-
 @pytest.mark.usefixtures('backend')
 @pytest.mark.parametrize('there', [False, True])
 def test_a_run_stopped_before_all_nodes_are_there_says_that_it_has_no_bag(tmp_path, there):
