@@ -104,9 +104,6 @@ class EventLoop:
             _STEPS.defect * rtol * speed,
             _STEPS.stabilisation * fastest,
         )
-        # few contacts chatter too little for a further integrator to be worth its compilation
-        rigid = not (system.compliant or system.steep)
-        self._chatters = compact and len(system.gaps) > 3 and rigid
         self._touches = Touches(system) if system.compliant else None
         self._pending: PendingStep | None = None
         self._last_event = float('-inf')
@@ -136,6 +133,10 @@ class EventLoop:
             self._ta.time - h, h, guard, (0.0, self._steps.longest, 0.0), step.origin
         )
         return True
+
+    def compile(self) -> None:
+        """Make all code now that the run may come to need."""
+        self._integrators.compile()
 
     @property
     def steps(self) -> int:
@@ -297,8 +298,7 @@ class EventLoop:
         """Time [s] of an event at a local time."""
         self.events += 1
         t = self._present.base.at(tau)
-        if self.events == _STEPS.short_from:
-            self._integrators.short = self._chatters
+        self._integrators.expect(self.events)
         self._simultaneous = self._simultaneous + 1 if t == self._last_event else 0
         near = t - self._last_event <= _STEPS.crowd * _STEPS.shortest * self._steps.longest
         self._crowded, self._last_event = self._crowded + 1 if near else 0, t
@@ -335,7 +335,7 @@ class EventLoop:
         turns = dict(zip(self._system.free, state.turns, strict=True))
         self._laws.count_from(state.time, turns)
         self._last_event, self._simultaneous, self.events = float('-inf'), 0, 0
-        self._integrators.short = False
+        self._integrators.expect(0)
         self._gaps.impacts.count, self._gaps.horizon = 0, math.inf
         if self._touches:
             self._touches.restart()
@@ -398,7 +398,7 @@ class EventLoop:
         laws.next_base = s.next_base
         self._last_event = s.last_event
         self._simultaneous, self.events = s.events
-        self._integrators.short = self._chatters and self.events >= _STEPS.short_from
+        self._integrators.expect(self.events)
         self._leave_singular(_SINGULAR.beside)
         self._go_on()
         laws.directions[:] = array('d', s.directions)

@@ -40,11 +40,25 @@ class Integrators:
         self._allowed = np.repeat([system.rounding, rate], [f, system.width - f])
         # what is small takes its steps in rows, and is compiled once
         self._apart = compact and system.slides
+        # few contacts chatter too little for a further integrator to be worth its compilation
+        rigid = not (system.compliant or system.steep)
+        self._chatters = compact and len(system.gaps) > 3 and rigid
         self._sticks = system.parameters.sticks if self._apart else []
         self.main = system.integrator(rtol, scale, compact, self, sticks=not self._apart)
         self._pars = floats(self.main.pars)
         self._others: dict[tuple[bool, int | None], _Substitute] = {}
         self.short = False
+
+    def compile(self) -> None:
+        """Make all code now that a run may come to need."""
+        for order in (None, _STEPS.low_order) if self._chatters else (None,):
+            for sticks in (True, False) if self._apart else (True,):
+                if order or sticks == self._apart:  # else the main one
+                    self._other(sticks, order)
+
+    def expect(self, events: int) -> None:
+        """Let steps be of a low order from so many `events` on that this pays."""
+        self.short = self._chatters and events >= _STEPS.short_from
 
     def step(self, longest: float) -> float:
         """Take a step, up to the first event; its length [s]."""

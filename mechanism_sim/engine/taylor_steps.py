@@ -225,7 +225,7 @@ class TaylorSteps:
         """
         missed, fell, until = self._missed(guard), None, math.inf
         while missed is not None and h > _STEPS.shortest * self.longest:
-            if missed == fell and guard is None and h == until:
+            if missed == fell and h == until:
                 break
             fell, until = missed, self._time_of_fall(missed, h)
             self._singular.return_to(tau)

@@ -477,7 +477,10 @@ def run(
 
 def prepare(machine: Machine) -> None:
     """Compile all that a run will need, so that it does not wait later."""
-    next(Runner(machine).to(1e-6 * min(machine.drive.period, 1.0), batch=Batch(1, 1)))
+    runner = Runner(machine)
+    if isinstance(runner.engine, EventLoop):
+        runner.engine.compile()
+    next(runner.to(1e-6 * min(machine.drive.period, 1.0), batch=Batch(1, 1)))
 
 
 def instants(

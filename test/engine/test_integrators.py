@@ -9,9 +9,12 @@ import pytest
 from builders import weightless
 
 import mechanism_sim as ms
-from mechanism_sim.engine import event_loop
+from mechanism_sim.engine import integrators
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.system import System
+from mechanism_sim.numerics import compiled
+from mechanism_sim.results.run import prepare
 
 JOINTS = 'ground_crank', 'crank_coupler', 'coupler_rocker', 'rocker_ground'
 
@@ -28,7 +31,7 @@ def test_a_run_with_short_steps_is_that_without_them(monkeypatch: pytest.MonkeyP
         return taken[-1]
 
     monkeypatch.setattr(Integrators, 'short_step', counted)
-    monkeypatch.setattr(event_loop, '_STEPS', event_loop._STEPS._replace(short_from=1))
+    monkeypatch.setattr(integrators, '_STEPS', integrators._STEPS._replace(short_from=1))
     found = ms.simulate(machine, duration=0.05)
     assert sum(h is not None for h in taken) > 5
     monkeypatch.setattr(Integrators, 'short_step', lambda *_: None)
@@ -96,6 +99,17 @@ def test_a_gap_that_begins_below_zero_falls_when_it_closes_again(height, speed) 
     assert run._steps._time_of_fall(0, early) < early
 
 
+def test_nothing_is_compiled_in_a_run_that_was_prepared() -> None:
+    loose = {'radial': '0.254 mm', 'restitution': 0.5, 'friction': 0.12, 'pin_radius': '5 mm'}
+    overrides = {f'joints.{j}.clearance': loose for j in JOINTS[1:]}
+    machine = ms.load_scene('four_bar_clearance', overrides)
+    prepare(machine)
+    made = compiled._integrator.cache_info().misses
+    stuck = [m.joint for m in ms.simulate(machine, duration=0.15).modes if m.mode == Mode.STICKING]
+    assert stuck
+    assert compiled._integrator.cache_info().misses == made
+
+
 @pytest.mark.slow
 def test_a_run_goes_on_with_short_steps_as_if_there_had_been_no_pause(
     monkeypatch: pytest.MonkeyPatch,
@@ -104,7 +118,7 @@ def test_a_run_goes_on_with_short_steps_as_if_there_had_been_no_pause(
     loose = {'radial': '0.1 mm', 'restitution': 0.5}
     overrides = {f'joints.{j}.clearance': loose for j in JOINTS} | {'start': 'centred'}
     machine = ms.load_scene('four_bar_clearance', overrides)
-    monkeypatch.setattr(event_loop, '_STEPS', event_loop._STEPS._replace(short_from=20))
+    monkeypatch.setattr(integrators, '_STEPS', integrators._STEPS._replace(short_from=20))
     whole = ms.simulate(machine, duration=0.08)
     assert whole.stats.switches > 30
     for pause in (0.02, 0.06):
