@@ -14,7 +14,14 @@ from mechanism_sim.keys.names import RESERVED, Names
 from mechanism_sim.keys.quantities import UnitValue
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics import formula
-from mechanism_sim.numerics.expressions import ExpressionNode, numbers, parse, unit_hint, unit_of
+from mechanism_sim.numerics.expressions import (
+    ExpressionNode,
+    check_bare_numbers,
+    numbers,
+    parse,
+    unit_hint,
+    unit_of,
+)
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.units import (
     QuantityValue,
@@ -166,6 +173,7 @@ def _check_units(
     """Refuse a formula whose units contradict each other or the wanted one, and `said` why."""
     try:
         found = unit_of(root, units, text)
+        check_bare_numbers(root, units, text)
     except InputError as error:
         raise InputError(f'{error}{said}') from error
     if unit is not None and found is not None and not alike(found, unit):
