@@ -366,7 +366,8 @@ class QuadratureTolerances(NamedTuple):
 class ExtremeTolerances(NamedTuple):
     """Search for the extremes of a function of time."""
 
-    #: of the size seen at a few nodes: an extreme found later is not much less
+    #: of the size seen at a few nodes: an extreme found later is not much less; what differs by
+    #: less in intervals that are alike is the same there
     glanced: float = 1e-10
     #: of the range in an interval: then its extreme is off by the square of that
     resolved: float = 1e-8

@@ -253,12 +253,21 @@ def to_si_text(value: object) -> QuantityValue:
     value = plain(value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return QuantityValue(to_si(value, ''), '')
+    if isinstance(value, str):
+        _refuse_comma(value, "write for example '64 mm'")
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
-    if not isinstance(value, str) or not match:
+    if not match:
         raise ValueError("is not a number with a unit: write for example '64 mm'")
-    _refuse_comma(value, "write for example '64 mm'")
     unit = _respelled(match[2].strip())
     return read_common(match[1], unit) if unit else QuantityValue(float(match[1]), '')
+
+
+def as_revolutions(value: Any) -> Any:
+    """A text in ``1/min`` as one in rpm, which it is where a rotational speed is wanted."""
+    match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
+    if match and _PER_MINUTE.fullmatch(_respelled(match[2].strip())):
+        return f'{match[1]} rpm'
+    return value
 
 
 def alike(a: str, b: str) -> bool:

@@ -143,10 +143,10 @@ class CommandNode:
         return found
 
     def topics(self) -> list[tuple[str, list[str]]]:
-        """Topics with their types, without those that serve actions."""
+        """Topics with their types, without hidden ones, as of actions."""
         self.settle()
         known = self.node.get_topic_names_and_types()
-        return [(name, types) for name, types in known if _ACTION_PARTS not in name]
+        return [(name, types) for name, types in known if '/_' not in name]
 
     def services(self) -> list[tuple[str, list[str]]]:
         """Services with their types, without those that serve actions."""

@@ -27,11 +27,12 @@ from mechanism_sim import strict_json
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.export.skeleton import bounds
+from mechanism_sim.export.stage import Swaying
 from mechanism_sim.messages.events import describe
 from mechanism_sim.pages import report
 from mechanism_sim.pages.assets import import_map, styles
 from mechanism_sim.pages.charts import sections
-from mechanism_sim.pages.recorded import Recorded, frames_at, recorded, times_of
+from mechanism_sim.pages.recorded import Recorded, recorded, times_of
 from mechanism_sim.results.cycle import is_steady
 
 ROOT = Path(__file__).parents[2]
@@ -154,7 +155,8 @@ def moving(run: Recorded) -> dict[str, Any]:
     end = min(record.end, record.start + (TURNS + 1e-9) * turn) if turn else record.end
     some = record.between(record.start, end) if end < record.end else record
     t = times_of(some, MOST)
-    frames = frames_at(some, run.stage, t)
+    view, sway = some.piece.view(t), Swaying(some.machine).take(some.history)(t)
+    frames = run.stage.frames(t, view.observed, view.modes, sway)
     none = np.zeros((len(t), 0, 2))
     frames = replace(
         frames, pins=none, pin_rates=none, walls=none, forces=none, feet=none,

@@ -80,8 +80,7 @@ function hear(index) {
 }
 
 function toggle() {
-  if (player.playing) player.pause();
-  else player.play();
+  player.toggle();
   by('play').textContent = player.playing ? 'Pause' : 'Play';
 }
 

@@ -9,6 +9,7 @@ from array import array
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -266,8 +267,9 @@ def drawn(
     t = instants(piece, start, end, _PER_TURN * abs(rate), _FEWEST, _MOST)
     chosen = [known[name] for name in known.choose(names)]
     own = [quantity for quantity in chosen if quantity.has_extremes and not quantity.cumulative]
-    spans, size = piece.motion.curve.spans(t[0], t[-1]), run.machine.mechanism.size
-    best = search(lambda x: _at(run, x, [quantity.name for quantity in own]), own, spans, size)
+    window, size = (float(t[0]), float(t[-1])), run.machine.mechanism.size
+    at = partial(_at, run, names=[quantity.name for quantity in own])
+    best = search(at, own, piece.motion, window, size)
     t = np.unique(np.concatenate([t, best.least_time, best.greatest_time, *(s.t for s in also)]))
     return sampled(run, names, t[(t >= start) & (t <= end)])
 

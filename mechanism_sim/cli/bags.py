@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any
 from mechanism_sim.cli.options import (
     Command,
     option,
-    print_json,
+    print_either,
     print_result,
     quantity,
     rate_option,
     read_workers,
     refuse_options,
     set_option,
+    several,
     skip_option,
     skipped_time,
     skipped_turns,
@@ -107,11 +108,8 @@ def _play(options: argparse.Namespace) -> int:
         time.sleep(options.delay)
         with progress.bar('play', length, quiet=options.json) as show:
             count = node.play(bag, topics, options.rate, start, options.clock, show)
-    if options.json:
-        print_json({'bag': options.bag, 'messages': count})
-    else:
-        print(f'{counted(count, "message")} of {options.bag} published')
-    return 0
+    text = f'{counted(count, "message")} of {options.bag} published'
+    return print_either(options, {'bag': options.bag, 'messages': count}, text)
 
 
 def _analyze(options: argparse.Namespace) -> int:
@@ -308,15 +306,11 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         '.csv, .wav, .uff or .tdms file: some of restitution, friction, radial, noise, or dotted '
         'paths',
     )  # fmt: skip
-    more.add_argument(
-        '--scene', action='append', default=[], metavar='SCENE', dest='scenes',
-        help='scene with machine and sensor, for each bag or all; that in the bag if not given',
-    )  # fmt: skip
+    text = 'scene with machine and sensor, for each bag or all; that in the bag if not given'
+    several(more, '--scene', 'SCENE', text, 'scenes')
     set_option(more)
-    more.add_argument(
-        '--range', action='append', default=[], metavar='NAME=LOW:HIGH', dest='ranges',
-        help="range of a parameter, for example 'radial=0.1 mm:0.4 mm'; several times",
-    )  # fmt: skip
+    text = "range of a parameter, for example 'radial=0.1 mm:0.4 mm'; several times"
+    several(more, '--range', 'NAME=LOW:HIGH', text, 'ranges')
     option(more, '--joint', 'J', 'the loose joint, where there are several')
     option(more, '--sensor', 'S', 'the sensor, where there are several; or a quantity')
     option(
@@ -351,7 +345,7 @@ def _detail_options(sub: argparse.ArgumentParser) -> None:
         ('wear', 'JOINT', 'impulses and sliding by direction on pin and bushing'),
         ('deviation', 'NAME', 'deviation of a quantity from that of the ideal machine'),
     ):
-        more.add_argument(f'--{name}', action='append', default=[], metavar=metavar, help=text)
+        several(more, f'--{name}', metavar, text)
     how = sub.add_argument_group('how')
     option(how, '--against', 'BAG', 'divide deviations by those of this other bag')
     option(how, '--band', 'A:B', "frequency band of envelopes, as '500 Hz:2 kHz'")

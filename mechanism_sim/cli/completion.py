@@ -15,9 +15,9 @@ from argcomplete.completers import DirectoriesCompleter, FilesCompleter
 from argcomplete.finders import safe_actions
 
 from mechanism_sim.catalogue import config_folder, scene_names, sweep_names
-from mechanism_sim.cli.options import NODE_NAMES
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.arguments import Once
+from mechanism_sim.nodes.classes import NODE_NAMES
 
 Completer = Callable[..., Any]
 

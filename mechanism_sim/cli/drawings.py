@@ -15,7 +15,7 @@ from mechanism_sim.cli.options import (
     look_options,
     measure_option,
     option,
-    print_json,
+    print_either,
     print_result,
     quantity,
     read_machine,
@@ -176,11 +176,7 @@ def _draw(options: argparse.Namespace) -> int:
         )
         picture = drawing.draw(found, t, options.positions, options.labels, options.magnify)
         figures.save(picture, file, cropped=True)
-    if options.json:
-        print_json({'scene': machine.name, 'file': str(file), 't': t})
-    else:
-        print(file)
-    return 0
+    return print_either(options, {'scene': machine.name, 'file': str(file), 't': t}, file)
 
 
 def _profile(options: argparse.Namespace) -> int:
@@ -230,12 +226,9 @@ def _export(options: argparse.Namespace) -> int:
         print(f'mechanism-sim: {sentence}', file=sys.stderr)
     if options.output:
         output.write_text(options.output, text)
-    if options.json:
-        where = {'file': options.output} if options.output else {'text': text}
-        print_json({'scene': machine.name, 'format': options.format, 'left_out': missing, **where})
-    else:
-        print(options.output or text.rstrip())
-    return 0
+    where = {'file': options.output} if options.output else {'text': text}
+    data = {'scene': machine.name, 'format': options.format, 'left_out': missing, **where}
+    return print_either(options, data, options.output or text.rstrip())
 
 
 def _exported(options: argparse.Namespace, machine: Machine) -> tuple[str, list[str]]:

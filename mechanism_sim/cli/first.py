@@ -7,7 +7,7 @@ import shlex
 import sys
 
 from mechanism_sim import output
-from mechanism_sim.cli.options import Command, option, print_json, set_option
+from mechanism_sim.cli.options import Command, option, print_either, set_option
 
 SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
@@ -50,12 +50,9 @@ def _import(options: argparse.Namespace) -> int:
         print(f'mechanism-sim: {sentence}', file=sys.stderr)
     if file:
         output.write_text(file, found.text)
-    if options.json:
-        where = {'file': options.output} if file else {'text': found.text}
-        print_json({'from': options.file, 'notes': list(found.notes), **where})
-    else:
-        print(file or found.text.rstrip())
-    return 0
+    where = {'file': options.output} if file else {'text': found.text}
+    data = {'from': options.file, 'notes': list(found.notes), **where}
+    return print_either(options, data, file or found.text.rstrip())
 
 
 def _new(options: argparse.Namespace) -> int:
@@ -63,13 +60,9 @@ def _new(options: argparse.Namespace) -> int:
 
     source = TEMPLATES.get(options.scene, options.scene)
     file = new_scene(options.name, source, options.overrides)
-    if options.json:
-        print_json({'file': str(file), 'from': source})
-        return 0
-    print(f'{file} is a copy of {source}, with comments. Next:')
-    for command in ('check', 'draw', 'solve'):
-        print(f'  mechanism-sim {command} {shlex.quote(str(file))}')
-    return 0
+    next_ = [f'  mechanism-sim {x} {shlex.quote(str(file))}' for x in ('check', 'draw', 'solve')]
+    text = '\n'.join([f'{file} is a copy of {source}, with comments. Next:', *next_])
+    return print_either(options, {'file': str(file), 'from': source}, text)
 
 
 def completion_script(shell: str) -> str:

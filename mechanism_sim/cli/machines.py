@@ -9,6 +9,7 @@ from mechanism_sim.cli.options import (
     Command,
     flag,
     option,
+    print_either,
     print_json,
     print_result,
     read_machine,
@@ -43,13 +44,9 @@ def _scenes(options: argparse.Namespace) -> int:
         print_json(json_schema())
         return 0
     rows = scene_rows()
-    if options.json:
-        print_json(rows)
-    else:
-        width = max(len(row['name']) for row in rows)
-        for row in rows:
-            print(f'{row["name"]:{width}}  {row["title"]} ({row["level"]})')
-    return 0
+    width = max(len(row['name']) for row in rows)
+    lines = [f'{row["name"]:{width}}  {row["title"]} ({row["level"]})' for row in rows]
+    return print_either(options, rows, '\n'.join(lines))
 
 
 def _quantities(options: argparse.Namespace) -> int:
@@ -57,12 +54,9 @@ def _quantities(options: argparse.Namespace) -> int:
     from mechanism_sim.results.catalogue import catalogue  # noqa: PLC0415
 
     known = catalogue(read_machine(options, remarks=False)).values()
-    if options.json:
-        print_json([{'name': q.name, 'unit': q.unit, 'words': q.words} for q in known])
-    else:
-        rows = [('quantity', 'unit', ''), *((q.name, q.unit, q.words) for q in known)]
-        print('\n'.join(text_table.lines(rows, left=3)))
-    return 0
+    data = [{'name': q.name, 'unit': q.unit, 'words': q.words} for q in known]
+    rows = [('quantity', 'unit', ''), *((q.name, q.unit, q.words) for q in known)]
+    return print_either(options, data, '\n'.join(text_table.lines(rows, left=3)))
 
 
 def _check(options: argparse.Namespace) -> int:

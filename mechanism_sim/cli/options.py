@@ -28,26 +28,8 @@ Result = TypeVar('Result')
 Command = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
 """Adds a command: its name, what runs it and returns the exit code, its help."""
 
-NODE_CLASSES = {
-    'crank_drive': 'mechanism_sim.nodes.crank_drive:CrankDrive',
-    'linkage': 'mechanism_sim.nodes.lifecycle:LinkageNode',
-    'cam': 'mechanism_sim.nodes.lifecycle:CamNode',
-    'gear_train': 'mechanism_sim.nodes.lifecycle:GearTrain',
-    'geneva': 'mechanism_sim.nodes.lifecycle:GenevaNode',
-    'oscillator': 'mechanism_sim.nodes.oscillator:OscillatorNode',
-    'sensors': 'mechanism_sim.nodes.sensors:Sensors',
-    'display': 'mechanism_sim.nodes.display:Display',
-    'recorder': 'mechanism_sim.nodes.recorder:Recorder',
-    'loop_relay': 'mechanism_sim.nodes.loop_relay:LoopRelay',
-    'control_relay': 'mechanism_sim.nodes.control_relay:ControlRelay',
-    'view': 'mechanism_sim.pages.view:ViewNode',
-}
 TABLES = 'a .npz, .csv, .parquet, .xlsx or .mat file'
 """Endings of tables."""
-
-OUTSIDE = 'loop_relay', 'control_relay', 'view'
-NODE_NAMES = tuple(name for name in NODE_CLASSES if name not in OUTSIDE)
-"""Nodes of a run; the others are beside one, or `loop_relay` without any."""
 
 
 def option(parser: Options, flags: str, metavar: str, text: str, default: object = str) -> None:
@@ -313,6 +295,11 @@ def print_result(
     else:
         write(str(render(result)))
     return 0
+
+
+def print_either(options: argparse.Namespace, data: object, text: object) -> int:
+    """Print what is known in both forms, and return the exit code 0."""
+    return print_result(options, data, lambda _: data, lambda _: text)
 
 
 def quantity(option: str, text: str, *units: str) -> tuple[float, str]:

@@ -15,6 +15,7 @@ from mechanism_sim.cli.options import (
     option,
     overrides_of,
     path_of,
+    print_either,
     print_json,
     read_machine,
     read_measures,
@@ -91,20 +92,11 @@ def _report(options: argparse.Namespace) -> int:
     measures = read_measures(options, record.machine)
     with progress.bar('report', record.end, quiet=options.json) as show:
         size, found = write_page(record, file, source, digest, measures, show)
-    if options.json:
-        print_json(
-            {
-                'scene': record.machine.name,
-                'file': str(file),
-                'start': record.start,
-                'end': record.end,
-                'size': size,
-                **measured.to_json(found),
-            }
-        )
-    else:
-        print(file)
-    return 0
+    data = {
+        'scene': record.machine.name, 'file': str(file), 'start': record.start,
+        'end': record.end, 'size': size, **measured.to_json(found),
+    }  # fmt: skip
+    return print_either(options, data, file)
 
 
 def _compare(options: argparse.Namespace) -> int:
@@ -131,14 +123,12 @@ def _compare(options: argparse.Namespace) -> int:
         names.append(f'{Path(source).name}{" with " if more else ""}{", ".join(more)}')
     with progress.busy('drawing charts', quiet=options.json):
         page = write_comparison(records, names, file)
-    if options.json:
-        scenes = [{'path': path, 'values': values} for path, values in page.scenes.items()]
-        found = comparison.to_json(page.differences)
-        print_json({'file': str(file), 'runs': names, 'scenes': scenes, 'differences': found})
-    else:
-        print(comparison.render(page.differences, page.names))
-        print(file)
-    return 0
+    scenes = [{'path': path, 'values': values} for path, values in page.scenes.items()]
+    found = comparison.to_json(page.differences)
+    data = {'file': str(file), 'runs': names, 'scenes': scenes, 'differences': found}
+    return print_either(
+        options, data, f'{comparison.render(page.differences, page.names)}\n{file}'
+    )
 
 
 def _compared(options: argparse.Namespace) -> list[tuple[str, Sequence[str]]]:

@@ -15,7 +15,7 @@ from mechanism_sim.cli.options import (
     flag,
     look_options,
     option,
-    print_json,
+    print_either,
     print_result,
     quantity,
     refuse_options,
@@ -115,21 +115,19 @@ def _animate(options: argparse.Namespace) -> int:
     shown = FilmParts(options.lens, options.forces, options.path, options.labels)
     with progress.count('animate', len(chosen.t), quiet=options.json) as show:
         files, (width, height) = chosen.write(shown, size, show)
-    if options.json:
-        print_json({
-            'scene': record.machine.name, 'files': [str(file) for file in files],
-            'frames': len(chosen.t), 'fps': chosen.fps, 'start': chosen.start,
-            'end': chosen.end, 'speed': chosen.speed, 'width': width, 'height': height,
-        })  # fmt: skip
-    else:
-        where = f'{files[0]} to {files[-1].name}' if len(files) > 1 else files[0]
-        print(
-            f'{where}: {len(chosen.t)} frames of {width} by {height} pixels, '
-            f'{len(chosen.t) / chosen.fps:.3g} s at {chosen.fps:g} a second\n'
-            f'from {chosen.start:.6g} s to {chosen.end:.6g} s of a run of {record.end:.6g} s, '
-            f'at {chosen.speed:.3g} times real time'
-        )
-    return 0
+    data = {
+        'scene': record.machine.name, 'files': [str(file) for file in files],
+        'frames': len(chosen.t), 'fps': chosen.fps, 'start': chosen.start,
+        'end': chosen.end, 'speed': chosen.speed, 'width': width, 'height': height,
+    }  # fmt: skip
+    where = f'{files[0]} to {files[-1].name}' if len(files) > 1 else files[0]
+    text = (
+        f'{where}: {len(chosen.t)} frames of {width} by {height} pixels, '
+        f'{len(chosen.t) / chosen.fps:.3g} s at {chosen.fps:g} a second\n'
+        f'from {chosen.start:.6g} s to {chosen.end:.6g} s of a run of {record.end:.6g} s, '
+        f'at {chosen.speed:.3g} times real time'
+    )
+    return print_either(options, data, text)
 
 
 def _sound(options: argparse.Namespace) -> int:
@@ -342,17 +340,10 @@ def _write(
         drawn = lines.draw(chart(series, *titled, own, struck))
         for picture in pictures:
             figures.save(drawn, picture)
-    if options.json:
-        print_json({
-            'files': files,
-            'series': [
-                {'name': s.line, 'unit': s.unit, 'samples': len(s.t), 'ideal': s.ideal}
-                for s in series
-            ],
-        })  # fmt: skip
-    else:
-        print('\n'.join(files))
-    return 0
+    rows = [
+        {'name': s.line, 'unit': s.unit, 'samples': len(s.t), 'ideal': s.ideal} for s in series
+    ]
+    return print_either(options, {'files': files, 'series': rows}, '\n'.join(files))
 
 
 def _check_names(options: argparse.Namespace, machine: Machine) -> None:
@@ -378,12 +369,9 @@ def _charts(options: argparse.Namespace) -> int:
         known = {c.key: c for s in sections(record.between(start, end)) for c in s.charts}
         for name in options.what:
             check_known(name, known, f"the report has no chart '{name}'", 'its charts:')
-        files = figures.save_all([known[name] for name in options.what or known], path)
-    if options.json:
-        print_json({'files': [str(file) for file in files]})
-    else:
-        print('\n'.join(map(str, files)))
-    return 0
+        charts = [known[name] for name in options.what or known]
+        files = [str(file) for file in figures.save_all(charts, path)]
+    return print_either(options, {'files': files}, '\n'.join(files))
 
 
 def _list(options: argparse.Namespace, asked: Asked | AskedSignals, bag: Bag | None) -> int:
@@ -396,13 +384,10 @@ def _list(options: argparse.Namespace, asked: Asked | AskedSignals, bag: Bag | N
             f'mechanism-sim: topics that cannot be read are left out: {", ".join(left_out)}',
             file=sys.stderr,
         )
-    if options.json:
-        print_json([{'name': name, 'unit': unit} for name, unit in names])
-        return 0
+    data = [{'name': name, 'unit': unit} for name, unit in names]
     width = max((len(name) for name, _ in names), default=0)
-    for name, unit in names:
-        print(f'{name:{width}}  {unit}'.rstrip())
-    return 0
+    lines = [f'{name:{width}}  {unit}'.rstrip() for name, unit in names]
+    return print_either(options, data, '\n'.join(lines))
 
 
 def _size(text: str) -> int | tuple[int, int]:

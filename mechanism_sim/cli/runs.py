@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import (
-    NODE_CLASSES,
     TABLES,
     Command,
     flag,
@@ -31,6 +30,7 @@ from mechanism_sim.cli.options import (
     scene_options,
 )
 from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.nodes.classes import NODE_CLASSES, node_class
 from mechanism_sim.terminal import echo, print_notice
 
 if TYPE_CHECKING:
@@ -200,15 +200,38 @@ def _run(options: argparse.Namespace) -> int:
         print_json(plan.to_json())
         return 0
     _name_strangers(options.ros_args, [*plan.nodes, MONITOR])
+    stopped = _stopped(options.record)
+    ending.say_when_interrupted(stopped)
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
     if outcome.code == ending.INTERRUPTED:
-        ending.report_signal(f'interrupted at {outcome.duration:.6g} s of {end:.6g} s')
+        ending.report_signal(stopped(f' at {outcome.duration:.6g} s of {end:.6g} s'))
     if options.json:
         print_json(outcome.to_json())
     elif outcome.code == 0:
         echo(outcome.text())
     return ending.interrupted() if outcome.code == ending.INTERRUPTED else outcome.code
+
+
+def _stopped(bag: str | None) -> Callable[..., str]:
+    """What is said of a run that a signal ends; before all nodes are there it has no bag."""
+
+    def state() -> tuple[int, int] | None:
+        try:
+            found = Path(bag or '').stat()
+        except OSError:
+            return None
+        return (found.st_ino, found.st_mtime_ns) if found.st_size else None
+
+    before = state()
+
+    def words(when: str = '') -> str:
+        if not bag or state() != before:
+            return f'interrupted{when}'
+        kept = 'is as it was' if before else 'is not written'
+        return f"interrupted before all nodes were there: nothing is recorded, '{bag}' {kept}"
+
+    return words
 
 
 def _name_strangers(args: Sequence[str], nodes: Sequence[str]) -> None:
@@ -221,8 +244,6 @@ def _name_strangers(args: Sequence[str], nodes: Sequence[str]) -> None:
 
 
 def _node(options: argparse.Namespace) -> int:
-    from pkgutil import resolve_name  # noqa: PLC0415
-
     from mechanism_sim.nodes.process import main_of  # noqa: PLC0415
 
     if options.name is None:
@@ -233,7 +254,7 @@ def _node(options: argparse.Namespace) -> int:
             f"there is no node '{options.name}'{nearest(options.name, NODE_CLASSES)}; known are: "
             f'{", ".join(NODE_CLASSES)}'
         )
-    main_of(resolve_name(NODE_CLASSES[options.name]), [*options.rest, *options.ros_args])
+    main_of(node_class(options.name), [*options.rest, *options.ros_args])
     return 0
 
 

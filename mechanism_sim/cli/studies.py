@@ -13,7 +13,7 @@ from mechanism_sim.cli.options import (
     length_options,
     measure_option,
     option,
-    print_json,
+    print_either,
     print_result,
     quantity,
     read_machine,
@@ -122,16 +122,13 @@ def _periodic(options: argparse.Namespace) -> int:
     machine = read_machine(options)
     with progress.busy('periodic', options.json) as say:
         response = find_periodic(machine, options.longest, options.transient, progress=say)
-    if options.json:
-        print_json(studies.periodic_json(response))
-    elif response is None:
-        print(
-            f'no response that repeats within {options.longest} revolutions after '
-            f"{options.transient}; 'mechanism-sim statistics' gives its means"
-        )
-    else:
-        print(studies.periodic(response))
-    return 0
+    text = (
+        f'no response that repeats within {options.longest} revolutions after '
+        f"{options.transient}; 'mechanism-sim statistics' gives its means"
+    )
+    return print_either(
+        options, studies.periodic_json(response), studies.periodic(response) if response else text
+    )
 
 
 def _statistics(options: argparse.Namespace) -> int:
@@ -361,11 +358,10 @@ def _sweep(options: argparse.Namespace) -> int:
             figures.save(figures.paint(drawn.effects()), Path(options.effects))
         if options.plots:
             figures.save_all(drawn.charts(options.over, pareto), Path(options.plots))
-    if options.json:
-        print_json(report.to_json(summary, plan, rows))
-    else:
-        print(report.render(summary, plan, rows))
-    return 0
+    return print_result(
+        options, summary, lambda x: report.to_json(x, plan, rows),
+        lambda x: report.render(x, plan, rows),
+    )  # fmt: skip
 
 
 def _first_order(options: argparse.Namespace, plan: SweepPlan) -> int:

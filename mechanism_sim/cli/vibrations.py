@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from mechanism_sim.cli.options import (
     Command,
     Result,
+    flag,
     option,
     print_result,
     quantity,
@@ -29,10 +30,8 @@ def add(command: Command) -> None:
     scene_options(sub)
     option(sub, '--along', 'N', 'modes with the drive held at N angles of a turn', int)
     option(sub, '--speeds', 'A:B:N', "modes over N speeds of the drive, as '0 rpm:3000 rpm:31'")
-    sub.add_argument(
-        '--turning', action='store_true',
-        help='modes about the steady rotation under its torque, even if it could rest',
-    )  # fmt: skip
+    text = 'modes about the steady rotation under its torque, even if it could rest'
+    flag(sub, '--turning', text)
     option(sub, '-o --output', 'FILE', 'draw the shapes, or the frequencies over angle or speed')
     sub = command('response', _response, 'steady response to a harmonic force or base motion')
     scene_options(sub)

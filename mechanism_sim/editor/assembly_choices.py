@@ -27,10 +27,11 @@ def choices(document: Document, edits: list[Edit], picture: DocumentPicture) -> 
     except InputError:
         turn = None
     tree = picture.turn.mechanism
-    size = np.where([c in tree.displacements for c in tree.coordinates], tree.size, 1.0)
+    slides = [c in tree.displacements for c in tree.coordinates]
     if turn is not None:
         off = turn.q[:, 0] - picture.turn.q[:, 0]
-        off = np.where(size == 1.0, np.remainder(off + np.pi, 2.0 * np.pi) - np.pi, off / size)
+        turned = np.remainder(off + np.pi, 2.0 * np.pi) - np.pi
+        off = np.where(slides, off / picture.turn.scale, turned)
         if np.abs(off).max(initial=0.0) < _FAR:
             return []
     content = document.content()

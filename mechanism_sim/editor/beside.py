@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from mechanism_sim.editor import turn_chart, wear
-from mechanism_sim.editor.motion import Turn
+from mechanism_sim.editor.motion import UNSOLVED, Turn
 from mechanism_sim.editor.sketch import Edit, Poses, Sketch
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.schema import Scene
 
@@ -66,5 +64,5 @@ class BesideDocument:
         """The quantity of a machine that is charted; None if there is none."""
         try:
             return turn_chart.chart(turn, self._quantity)
-        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+        except UNSOLVED:
             return None

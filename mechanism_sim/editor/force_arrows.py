@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechanism_sim.editor.motion import IdealForces, Turn
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.editor.motion import UNSOLVED, IdealForces, Turn
 
 _BUDGET = 0.012
 """[s] of a frame, of 17 ms; where forces take it beyond, they come with one frame in `_SOME`."""
@@ -51,7 +50,7 @@ class ForceArrows:
             return {} if self._scale and turn else {'forces': None}
         try:
             known = turn.forces(1) if turn else None
-        except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError):
+        except UNSOLVED:
             known = None
         self._each = 1 if time.thread_time() < begun + _BUDGET else _SOME
         return {'forces': self._to_json(known) if known else None}

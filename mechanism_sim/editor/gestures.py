@@ -9,10 +9,20 @@ from typing import Any, NamedTuple
 
 from mechanism_sim.documents import texts_of
 from mechanism_sim.editor.rounding import degrees, place, rounded
-from mechanism_sim.editor.sketch import GONE, Edit, Grid, Handle, Pose, Poses, Sketch, point
+from mechanism_sim.editor.sketch import (
+    GONE,
+    Edit,
+    Grid,
+    Handle,
+    Pose,
+    Poses,
+    Sketch,
+    drives_of,
+    point,
+)
 from mechanism_sim.editor.tools import REFITS
 from mechanism_sim.planar.points import GROUND, Vector2
-from mechanism_sim.scene.schema import DrivePart, Scene
+from mechanism_sim.scene.schema import Scene
 
 _ON_AXIS = 0.02
 """Of the frame's length: a joint so near its axis stays on it."""
@@ -139,13 +149,8 @@ def starts(
     scene: Scene, found: Mapping[str, float], straight: Collection[str], grid: Grid
 ) -> list[Edit]:
     """Where drives begin, if that is not where their links are found to lie [rad, m]."""
-    drives: dict[str, tuple[tuple[str, ...], DrivePart]] = {
-        c: (('drives', c), drive) for c, drive in scene.drives.items()
-    }
-    if scene.drive:
-        drives[scene.drive.coordinate or 'crank'] = (('drive',), scene.drive)
     edits = []
-    for c, (path, drive) in drives.items():
+    for c, (path, drive) in drives_of(scene).items():
         if c not in found:
             continue
         guess = scene.rough[c].value if c in scene.rough else 0.0

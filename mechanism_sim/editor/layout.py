@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses, point
+from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses, drives_of, point
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND, rotate
 from mechanism_sim.scene.schema import Scene
@@ -18,11 +18,8 @@ def placed(scene: Scene, before: Mapping[str, Pose]) -> Poses:
 
     Joints are met from the ground on, and loops left as open as they are.
     """
-    drives = {**scene.drives}
-    if scene.drive:
-        drives[scene.drive.coordinate or 'crank'] = scene.drive
     given: dict[str, float] = {c: x.value for c, x in scene.rough.items()}
-    for c, drive in drives.items():
+    for c, (_, drive) in drives_of(scene).items():
         for start in (drive.start_angle, drive.start_position):
             given |= {} if start is None else {c: start}
     found: Poses = {GROUND: ORIGIN}

@@ -15,7 +15,8 @@ from numpy.polynomial import polynomial
 from mechanism_sim.arrays import Array
 from mechanism_sim.editor.layout import coordinates
 from mechanism_sim.editor.sketch import ORIGIN, Pose, Poses
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.export.stage import joints_json
 from mechanism_sim.planar.configuration import poses as poses_of
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.kinematics import Kinematics
@@ -29,6 +30,9 @@ INSTANTS = 73
 
 _STEPS = 12
 """Towards a place, of a machine that is pulled."""
+
+UNSOLVED = InputError, RunError, ArithmeticError, np.linalg.LinAlgError
+"""Errors where a machine cannot be assembled, or has no forces."""
 
 _LEAP = 0.6
 """[rad], or sizes of the machine, by which no coordinate goes from one instant to the next."""
@@ -138,6 +142,11 @@ class Turn:
         return bool(self.q.shape[1] > 1)
 
     @property
+    def scale(self) -> Array:
+        """A large change of each coordinate (n,): the size of the machine [m], or 1 rad."""
+        return self._kinematics.scale
+
+    @property
     def along(self) -> tuple[str, Array]:
         """The variable of a turn in words with its unit, and its values (N,) [°, mm, s]."""
         count = self.q.shape[1]
@@ -190,19 +199,11 @@ class Turn:
         known = cast(Any, _Known(tree.coordinates, names, machine.nominal.undetermined))
         none = np.zeros((0, len(t)), np.uint8)
         views = [JointView(tree, joint, known, o, none) for joint in tree.joints]
-        joints: list[dict[str, Any]] = []
-        feet: list[Array] = []
-        for view in views:
-            joint, foot = view.joint, {'foot': len(feet)}
-            if isinstance(joint, HigherPair):
-                feet.append(view.foot)
-            else:
-                foot = {}
-            named = {'name': joint.name, 'first': joint.first, 'link': joint.second}
-            joints.append({**named, 'at': list(joint.on_second), **foot})
+        feet = [view.foot for view in views if isinstance(view.joint, HigherPair)]
         found = np.nan_to_num([view.force for view in views], nan=0.0, posinf=0.0, neginf=0.0)
         at = np.nan_to_num(np.array(feet).reshape(len(feet), 2, len(t)))
-        return IdealForces(joints, found.transpose(2, 0, 1), at.transpose(2, 0, 1))
+        shown = joints_json(tree.joints)
+        return IdealForces(shown, found.transpose(2, 0, 1), at.transpose(2, 0, 1))
 
     def _ways(self) -> dict[str, Array]:
         """Values (N,) of the driven coordinates over a turn."""
@@ -243,10 +244,7 @@ class Turn:
             return first[:, None]  # nothing decides how it goes on
         if not np.isclose(first[held], ways[:, 0]).all():
             ways = ways + (first[held] - ways[:, 0])[:, None]
-        size = np.where(
-            [c in self.mechanism.displacements for c in self.mechanism.coordinates],
-            self.mechanism.size, 1.0,
-        )  # fmt: skip
+        size = self.scale
         alike = before is not None and before.mechanism.coordinates == self.mechanism.coordinates
         if before is not None and alike and before.q.shape[1] == INSTANTS:
             guess = before.q + (first - before.q[:, 0])[:, None]

@@ -11,9 +11,9 @@ import numpy as np
 
 from mechanism_sim.editor import drawing
 from mechanism_sim.editor.layout import placed
-from mechanism_sim.editor.motion import Turn
+from mechanism_sim.editor.motion import UNSOLVED, Turn
 from mechanism_sim.editor.sketch import ORIGIN, Handle, Poses, points_of
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import index
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.points import GROUND, Vector2
@@ -158,7 +158,7 @@ def pictured(
     """
     try:
         turn = Turn(machine or Machine(name, scene), near, old.turn, loops)
-    except (InputError, RunError, ArithmeticError, np.linalg.LinAlgError) as error:
+    except UNSOLVED as error:
         poses = placed(scene, near or old.poses)
         return DocumentPicture(scene, None, {**poses, **(near or {})}, str(error))
     return DocumentPicture(scene, turn, turn.start, '')

@@ -40,9 +40,9 @@ def with_value(text: str, path: Path, value: Any) -> str:
             return _put(text, key.start_mark.index, end, '\n'.join(rows).lstrip())
         return _put(text, start, end, _flow(value))
     whole = _nest(rest, value)
-    if (isinstance(node, yaml.ScalarNode) and node.value == '') or _is_empty(node):
+    if isinstance(node, yaml.ScalarNode | yaml.MappingNode) and not node.value:
         indent = 2 * (len(chain) - 1)
-        flat = key is None or _in_flow(chain[:-1]) or len(chain) > 2
+        flat = key is None or any(x.flow_style for x in chain[:-1]) or len(chain) > 2
         start, end = node.start_mark.index, node.end_mark.index
         rows = [x for k, v in whole.items() for x in _entry(k, v, indent)]
         put = f' {_flow(whole)}' if flat and start == end else _flow(whole)
@@ -146,14 +146,6 @@ def _in_lines(node: Any) -> bool:
     if isinstance(node, yaml.ScalarNode):
         return node.style in ('>', '|')
     return not node.flow_style
-
-
-def _is_empty(node: Any) -> bool:
-    return isinstance(node, yaml.MappingNode) and not node.value
-
-
-def _in_flow(chain: Sequence[Any]) -> bool:
-    return any(node.flow_style for node in chain)
 
 
 def _nest(path: Path, value: Any) -> Any:

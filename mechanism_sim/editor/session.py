@@ -312,13 +312,12 @@ class Session:
         if not turn.moves:  # whichever way its several motions let it
             before = turn.q[:, 0] if self._pulled is None else self._pulled
             self._pulled = turn.reached(before, link, at, _place(message))
-            poses = turn.poses_of(self._pulled)
-            self._send({'type': 'pose', 'instant': 0, 'poses': [poses[link] for link in links]})
-            return
-        x, y = turn.mechanism.locate_all(link, turn.q, at)
-        to = _place(message)
-        k = int(np.argmin(np.hypot(x - to[0], y - to[1])))
-        poses = turn.poses_at(k)
+            k, poses = 0, turn.poses_of(self._pulled)
+        else:
+            x, y = turn.mechanism.locate_all(link, turn.q, at)
+            to = _place(message)
+            k = int(np.argmin(np.hypot(x - to[0], y - to[1])))
+            poses = turn.poses_at(k)
         self._send({'type': 'pose', 'instant': k, 'poses': [poses[link] for link in links]})
 
     def _draw(self, message: Mapping[str, Any]) -> None:

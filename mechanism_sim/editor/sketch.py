@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from mechanism_sim.editor.rounding import degrees, place, rounded
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
-from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.schema import DrivePart, Scene
 
 GONE: Final = object()
 """Instead of a value: the key is removed."""
@@ -71,6 +71,16 @@ def point(scene: Scene, reference: str) -> tuple[str, str, Vector2] | None:
     return None if at is None or not known else (link, name, at)
 
 
+def drives_of(scene: Scene) -> dict[str, tuple[tuple[str, ...], DrivePart]]:
+    """Paths and keys of the drives of a scene, by the coordinates that they drive."""
+    found: dict[str, tuple[tuple[str, ...], DrivePart]] = {
+        c: (('drives', c), drive) for c, drive in scene.drives.items()
+    }
+    if scene.drive:
+        found[scene.drive.coordinate or 'crank'] = ('drive',), scene.drive
+    return found
+
+
 @dataclass(frozen=True)
 class Handle:
     """Handle that can be grabbed: a joint, or a point without one.
@@ -123,6 +133,13 @@ class Spot(NamedTuple):
     at: Vector2
     handle: Handle | None = None
     link: str = ''  #: under the pointer, where there is no handle
+
+    @property
+    def moving(self) -> str:
+        """The link that it is on, if that is not the ground; else empty."""
+        members = self.handle.members if self.handle else ()
+        links = [self.link] if self.link else [link for link, _ in members]
+        return next((link for link in links if link != GROUND), '')
 
 
 class Shaft(NamedTuple):

@@ -19,6 +19,8 @@ from mechanism_sim.memory import Reused
 from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact_sum, shift_powers
 from mechanism_sim.planar.drive import TWO_PI
 
+_ALIKE, _TINY = 2.0**-30, 1e-300  # of the largest term of a coordinate, and least size of one
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -79,6 +81,21 @@ class Motion:
         powers[:, :n], powers[:, n:, : states.shape[2]] = c.coefficients, states
         turns = np.pad(c.turns, ((0, 0), (0, states.shape[1])))
         return PiecewisePolynomial(c.start, c.start_low, c.duration, turns, powers)
+
+    @property
+    def alike(self) -> NDArray[np.intp]:
+        """Numbers (m,) of segments: one number for those that move alike but for whole turns.
+
+        Their coefficients agree on a grid, which is coarser than rounding.
+        """
+        c = self.rows
+        powers = c.coefficients * c.duration[:, None, None] ** np.arange(c.coefficients.shape[2])
+        sizes = np.abs(powers).max(axis=(0, 2), initial=_TINY)[:, None]
+        parts = [np.round(powers / sizes / _ALIKE), self.modes, self.approach, self.torques]
+        parts += [self.acting] if self.acting.size else []
+        keys = np.hstack([x.reshape(len(c), -1) for x in parts]) + 0.0  # no zero is negative
+        known: dict[bytes, int] = {}
+        return np.array([known.setdefault(key.tobytes(), len(known)) for key in keys], np.intp)
 
     def _of_rows(self, rows: PiecewisePolynomial, kept: slice) -> Motion:
         """Some of the segments, of which `rows` has coordinates and states."""

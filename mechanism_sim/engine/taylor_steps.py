@@ -14,8 +14,9 @@ from mechanism_sim.engine.clock import horner
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
-from mechanism_sim.engine.events import ends_meet
+from mechanism_sim.engine.events import Mode, ends_meet
 from mechanism_sim.engine.integrators import Integrators
+from mechanism_sim.engine.present_state import rate_of
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.step_check import StepCheck
 from mechanism_sim.engine.step_rows import StepRows
@@ -224,13 +225,40 @@ class TaylorSteps:
         step than to its end, or on the point where it bisects; and the root of a step that ends
         within its own error of an impact lies just behind it.
         """
-        missed = self._missed(guard)
+        missed, fell, until = self._missed(guard), None, math.inf
         while missed is not None and h > _STEPS.shortest * self.longest:
+            if missed == fell and guard is None and h == until:
+                break
+            fell, until = missed, self._time_of_fall(missed, h)
             self._singular.return_to(tau)
-            h = self._taken(tau, _STEPS.shorter * h)
+            h = self._taken(tau, until)
             guard = self._system.fired(self._pars)
             missed = self._missed(guard)
         return h, guard if missed is None or guard is not None else missed
+
+    def _time_of_fall(self, guard: int, h: float) -> float:
+        """When a guard fell in a step of length `h` [s], or before, by its own series.
+
+        An open gap that begins a rounding below zero and opens falls when it closes again: to come
+        near that by ever shorter steps instead takes some ten of them.
+        """
+        series = self._ta.tc[self._system.width + 1 + guard]
+        value = [k * x for k, x in enumerate(series.tolist())][1:]
+        modes = self._gaps.modes
+        flies = guard < len(modes) and modes[guard] == Mode.FREE_FLIGHT
+
+        def fallen(t: float) -> bool:
+            return horner(value, t) <= 0.0 and not (flies and rate_of(value, t) >= 0.0)
+
+        early = _STEPS.shorter * h
+        if self._system.compliant or not fallen(h):
+            return early
+        shortest = _STEPS.shortest * self.longest
+        while h > shortest and fallen(early):
+            h, early = early, _STEPS.shorter * early
+        while early < (middle := 0.5 * (early + h)) < h:
+            early, h = (early, middle) if fallen(middle) else (middle, h)
+        return h
 
     def _missed(self, guard: int | None) -> int | None:
         """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""

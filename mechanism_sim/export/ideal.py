@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, cycle, pairwise
 from typing import Literal
 
 import numpy as np
@@ -250,6 +250,7 @@ class Solid:
     size : lengths along x, y, z of a box; radius and length of a cylinder [m]
     at : its middle in the link's frame [m]; z is only for the eye, links lie side by side
     turn : of a box about z [rad]
+    colour : red, green and blue, the same on the whole link
     """
 
     link: str
@@ -257,6 +258,7 @@ class Solid:
     size: tuple[float, ...]
     at: tuple[float, float, float]
     turn: float = 0.0
+    colour: str = ''
 
 
 def solids(machine: Machine) -> list[Solid]:
@@ -287,7 +289,9 @@ def solids(machine: Machine) -> list[Solid]:
             found += _guide(joint, layers, thick, mechanism.size, ideal.guided(joint)[0])
         else:
             found += _discs(joint, layers, thick)
-    return list(dict.fromkeys(found))  # a gear in two meshes is one disc
+    colours = dict(zip(layers, chain(COLOURS, cycle(COLOURS[1:])), strict=False))
+    # a gear in two meshes is one disc
+    return [replace(solid, colour=colours[solid.link]) for solid in dict.fromkeys(found)]
 
 
 def _corners(joints: tuple[Joint, ...], link: str) -> Array:

@@ -13,9 +13,10 @@ def text(*numbers: float) -> str:
     return ' '.join(repr(float(x)) for x in numbers)
 
 
-def comment(parent: Element, sentence: str) -> None:
-    """A sentence in a comment, where no two hyphens may meet."""
-    parent.append(ElementTree.Comment(f' {re.sub("-+", "-", sentence)} '))
+def comment(parent: Element, *sentences: str) -> None:
+    """Sentences in comments, where no two hyphens may meet."""
+    for sentence in sentences:
+        parent.append(ElementTree.Comment(f' {re.sub("-+", "-", sentence)} '))
 
 
 def written(root: Element) -> str:

@@ -12,7 +12,6 @@ from typing import TypeGuard
 from xml.etree.ElementTree import SubElement
 
 from mechanism_sim.export.ideal import (
-    COLOURS,
     WORLD,
     Ideal,
     Solid,
@@ -77,9 +76,7 @@ class _MjcfWriter:
         self._joints: dict[str, Element] = {}
         self._step = time_step(ideal.machine)
         self.root = Element('mujoco', model=ideal.machine.name)
-        comment(self.root, ideal.machine.scene.title)
-        for sentence in left_out(ideal.machine):
-            comment(self.root, sentence)
+        comment(self.root, ideal.machine.scene.title, *left_out(ideal.machine))
         SubElement(self.root, 'compiler', angle='radian', inertiafromgeom='false')
         options = SubElement(
             self.root, 'option', timestep=text(self._step), gravity=text(*self._m.gravity, 0.0),
@@ -90,7 +87,7 @@ class _MjcfWriter:
                    solimp='0.9999 0.9999 1 0.5 1')  # fmt: skip
         world = SubElement(self.root, 'worldbody')
         self._sites(world, GROUND)
-        self._geometry(world, GROUND, COLOURS[0])
+        self._geometry(world, GROUND)
         self._bodies(world, GROUND)
         self._tendons = Element('tendon')
         self._equality = Element('equality')
@@ -125,7 +122,7 @@ class _MjcfWriter:
 
     def _bodies(self, parent: Element, link: str) -> None:
         """Elements of a link; depth first, in which order MuJoCo counts joints too."""
-        for k, body in enumerate(self._m.bodies):
+        for body in self._m.bodies:
             floats = body.name in self._m.floating
             if link != (GROUND if floats else self._m.parent(body.name)):
                 continue
@@ -141,7 +138,7 @@ class _MjcfWriter:
             else:
                 self._joint(child, body.name)
             self._sites(child, body.name)
-            self._geometry(child, body.name, COLOURS[1 + k % (len(COLOURS) - 1)])
+            self._geometry(child, body.name)
             self._bodies(child, body.name)
 
     def _joint(self, body: Element, link: str) -> None:
@@ -191,13 +188,13 @@ class _MjcfWriter:
                 if owner == link:
                     SubElement(body, 'site', name=element.name, pos=text(*at, 0.0))
 
-    def _geometry(self, body: Element, link: str, colour: str) -> None:
+    def _geometry(self, body: Element, link: str) -> None:
         """For the eye only: nothing collides."""
         for solid in self._drawn:
             if solid.link == link:
                 SubElement(body, 'geom', type=solid.kind, size=_half(solid),
                            pos=text(*solid.at), euler=text(0.0, 0.0, solid.turn),
-                           rgba=f'{colour} 1', contype='0', conaffinity='0')  # fmt: skip
+                           rgba=f'{solid.colour} 1', contype='0', conaffinity='0')  # fmt: skip
 
     def _connect(self, joint: Revolute) -> None:
         one, other, at = joint.first, joint.second, joint.on_first

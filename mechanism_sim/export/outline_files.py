@@ -9,11 +9,8 @@ from xml.etree import ElementTree
 from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
 
-#: half the length of a line of the mark at the shaft [mm]
-#: [mm]
-MARGIN = 5.0
-LINE = 0.25
-CROSS = 3.0
+#: around the picture, width of a line, half the length of a line of the mark at a shaft [mm]
+MARGIN, LINE, CROSS = 5.0, 0.25, 3.0
 
 
 def to_dxf(outline: Outline) -> str:
@@ -71,7 +68,10 @@ def to_svg(outline: Outline) -> str:
         _draw(lines, edge, {'stroke-width': f'{LINE}'})
     for guide in outline.guides:
         _draw(lines, guide, thin)
-    crosses = (_cross(1e3 * x, -1e3 * y) for x, y in outline.shafts)
+    centres = ((1e3 * x, -1e3 * y) for x, y in outline.shafts)
+    crosses = (
+        f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}' for x, y in centres
+    )
     shaft = {'id': 'shaft', 'd': ''.join(crosses)}
     ElementTree.SubElement(lines, 'path', {**shaft, 'stroke-width': f'{LINE / 2}'})
     return ElementTree.tostring(root, encoding='unicode')
@@ -86,10 +86,6 @@ def _draw(parent: ElementTree.Element, part: Polygon | Circle, style: dict[str, 
         ElementTree.SubElement(parent, 'circle', {**shape, **style})
     else:
         ElementTree.SubElement(parent, 'path', {'id': part.name, 'd': _path(part), **style})
-
-
-def _cross(x: float, y: float) -> str:
-    return f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}'
 
 
 def _path(curve: Polygon) -> str:

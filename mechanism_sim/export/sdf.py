@@ -9,7 +9,6 @@ from __future__ import annotations
 from xml.etree.ElementTree import SubElement
 
 from mechanism_sim.export.ideal import (
-    COLOURS,
     WORLD,
     Ideal,
     Solid,
@@ -37,19 +36,17 @@ def to_sdf(machine: Machine) -> str:
     check_names(machine)
     ideal = Ideal(machine)
     root = Element('sdf', version=VERSION)
-    comment(root, machine.scene.title)
-    for sentence in left_out(machine):
-        comment(root, sentence)
+    comment(root, machine.scene.title, *left_out(machine))
     world = SubElement(root, 'world', name=f'world_of_{machine.name}')
     physics = SubElement(world, 'physics', name='fine', type='ode')
     _leaves(physics, max_step_size=text(time_step(machine)), real_time_factor='1')
     _leaves(world, gravity=text(*machine.scene.gravity, 0.0))
     model = SubElement(world, 'model', name=machine.name)
     drawn = solids(machine)
-    _link(model, ideal, Body(GROUND, 1.0, 1.0, (0.0, 0.0)), drawn, COLOURS[0])
+    _link(model, ideal, Body(GROUND, 1.0, 1.0, (0.0, 0.0)), drawn)
     _joint(model, f'{WORLD}_{GROUND}', 'fixed', WORLD, GROUND, pose='0 0 0 0 0 0')
-    for k, body in enumerate(ideal.mechanism.bodies):
-        _link(model, ideal, body, drawn, COLOURS[1 + k % (len(COLOURS) - 1)])
+    for body in ideal.mechanism.bodies:
+        _link(model, ideal, body, drawn)
     for link in ideal.mechanism.tree_joints:
         _lower_pair(model, ideal.mechanism.tree_joints[link], link)
     for joint in ideal.closing:
@@ -78,7 +75,7 @@ def left_out(machine: Machine) -> list[str]:
     return [*found, 'all links start at rest']
 
 
-def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: str) -> None:
+def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid]) -> None:
     """A link where it is at the start."""
     x, y, angle = ideal.poses[body.name]
     link = SubElement(model, 'link', name=body.name)
@@ -97,7 +94,7 @@ def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid], colour: 
         else:
             _leaves(shape, radius=text(solid.size[0]), length=text(solid.size[1]))
         material = SubElement(visual, 'material')
-        _leaves(material, ambient=f'{colour} 1', diffuse=f'{colour} 1')
+        _leaves(material, ambient=f'{solid.colour} 1', diffuse=f'{solid.colour} 1')
 
 
 def _lower_pair(model: Element, joint: Joint, child: str) -> None:

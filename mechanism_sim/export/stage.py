@@ -219,7 +219,7 @@ class Stage:
             'coil': COIL.tolist(),
             'scale': dict(zip(('length', 'text'), scale_of(self.skeleton, width), strict=True)),
             'bendings': {link: x.to_json() for link, x in self.skeleton.bendings.items()},
-            'joints': [self._joint(joint) for joint in self.joints],
+            'joints': joints_json(self.joints),
             'force_scale': self.force_scale,
             'lens': {'play': PLAY, 'half': HALF},
             'force': round_below(0.12 * width / self.force_scale) if self.force_scale else 0.0,
@@ -306,17 +306,6 @@ class Stage:
                 found.append(view.place(joint.second, joint.on_second) + along)
         return np.array(found)
 
-    def _joint(self, joint: Joint) -> dict[str, Any]:
-        """Where its force is shown: at a point of its second link, or at one of the feet."""
-        foot = {'foot': self.moving.index(joint)} if joint in self.moving else {}
-        return {
-            'name': joint.name,
-            'first': joint.first,
-            'link': joint.second,
-            'at': list(joint.on_second),
-            **foot,
-        }
-
     def _frame(self, name: str) -> dict[str, Any]:
         cog, springs = self.skeleton.mounts[name]
         return {'name': name, 'cog': list(cog), 'springs': list(springs)}
@@ -393,6 +382,16 @@ class Swaying:
             return found
 
         return sway
+
+
+def joints_json(joints: Sequence[Joint]) -> list[dict[str, Any]]:
+    """Where their forces are shown: at a point of the second link, or at the next of the feet."""
+    moving, found = [joint for joint in joints if isinstance(joint, HigherPair)], []
+    for joint in joints:
+        foot = {'foot': moving.index(joint)} if joint in moving else {}
+        named = {'name': joint.name, 'first': joint.first, 'link': joint.second}
+        found.append({**named, 'at': list(joint.on_second), **foot})
+    return found
 
 
 def stage_of(machine: Machine, observed: Observation, sway: Array | None = None) -> Stage:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from xml.etree.ElementTree import SubElement
 
-from mechanism_sim.export.ideal import COLOURS, WORLD, Solid, check_names, frame_of, solids, way
+from mechanism_sim.export.ideal import WORLD, Solid, check_names, frame_of, solids, way
 from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute, Weld
@@ -39,15 +39,12 @@ def to_urdf(machine: Machine, prefix: str = '') -> str:
     check_names(machine)
     mechanism = machine.mechanism
     robot = Element('robot', name=machine.name)
-    comment(robot, machine.scene.title)
-    for sentence in [*left_out(machine), *closing(machine)]:
-        comment(robot, sentence)
+    comment(robot, machine.scene.title, *left_out(machine), *closing(machine))
     drawn = solids(machine)
-    _link(robot, prefix + WORLD, None, drawn, COLOURS[0])
+    _link(robot, prefix + WORLD, None, drawn)
     tree = _Tree(robot, mechanism, prefix)
-    for k, body in enumerate(mechanism.bodies):
-        colour = COLOURS[1 + k % (len(COLOURS) - 1)]
-        _link(robot, prefix + body.name, body, drawn, colour)
+    for body in mechanism.bodies:
+        _link(robot, prefix + body.name, body, drawn)
         if body.name in mechanism.floating:
             tree.float_free(body)
         else:
@@ -293,7 +290,7 @@ class _Tree:
         return joint
 
 
-def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid], colour: str) -> None:
+def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid]) -> None:
     """A link with its mass and what is seen of it; the ground without a body."""
     link = SubElement(robot, 'link', name=name)
     if body is not None and body.mass:
@@ -313,7 +310,7 @@ def _link(robot: Element, name: str, body: Body | None, drawn: list[Solid], colo
             radius, length = (text(x) for x in solid.size)
             SubElement(geometry, 'cylinder', radius=radius, length=length)
         material = SubElement(visual, 'material', name=f'colour of {name}')
-        SubElement(material, 'color', rgba=f'{colour} 1')
+        SubElement(material, 'color', rgba=f'{solid.colour} 1')
 
 
 def _origin(parent: Element, xyz: tuple[float, ...], yaw: float) -> None:

@@ -14,15 +14,15 @@ from typing import Any, Protocol
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.ideal import WORLD
-from mechanism_sim.messages import MessageError, action_class, message_class, service_class, stamp
+from mechanism_sim.messages import MessageError, action_class, message_class, stamp
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import (
     ActionServer,
     CancelResponse,
-    Parameter,
     ReentrantCallbackGroup,
 )
-from mechanism_sim.nodes.scene_values import OVERRIDES, SCENE, Content, next_machine
+from mechanism_sim.nodes.scene_values import SCENE, Content, next_machine
+from mechanism_sim.nodes.services import SIMULATION, SLOPPY, answered, serve, uri_of
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.nodes.spawning import Spawned
 from mechanism_sim.planar.inverse_dynamics import Observation
@@ -31,14 +31,11 @@ from mechanism_sim.scene.start_pose import Planar, check_start, start_values
 # LoadWorld.Response
 UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR, UNSUPPORTED_ELEMENTS = 101, 102, 103, 106
 INVALID_POSE = 101  # SetEntityState.Response
-PACKAGE = 'simulation_interfaces'
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
 STEPS = 'steps'
 ROUNDING = 1e-12
 """Of times, relative: steps that end with the run are not beyond it; and of poses."""
-SLOPPY = 1e-3
-"""Of the norm of a quaternion, as others write it with a few digits."""
 
 
 class Observable(Protocol):
@@ -57,9 +54,9 @@ class Links:
 
     def __init__(self, node: SimulationNode) -> None:
         self._node = node
-        self._result = message_class(f'{PACKAGE}/msg/Result')
-        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
-        self._bounds = message_class(f'{PACKAGE}/msg/Bounds')
+        self._result = message_class(f'{SIMULATION}/msg/Result')
+        self._category = message_class(f'{SIMULATION}/msg/EntityCategory')
+        self._bounds = message_class(f'{SIMULATION}/msg/Bounds')
 
     @property
     def names(self) -> list[str]:
@@ -83,20 +80,20 @@ class Links:
         r = self._result
         if filters.tags.tags or filters.bounds.type != self._bounds.TYPE_EMPTY:
             reason = 'links have no tags and no bounds: filter by name and category'
-            return _answer(response, r.RESULT_FEATURE_UNSUPPORTED, reason)
+            return _is_good(response, reason, r.RESULT_FEATURE_UNSUPPORTED)
         try:
             re.compile(filters.filter)
         except re.error as error:
             reason = f'filter {filters.filter!r} is not a regular expression: {error}'
-            return _answer(response, r.RESULT_OPERATION_FAILED, reason)
-        return _answer(response, r.RESULT_OK)
+            return _is_good(response, reason)
+        return _is_good(response)
 
     def known(self, link: str, response: Any) -> bool:
         """True if there is such a link; the response says which there are."""
         if link in self.names:
-            return _answer(response, self._result.RESULT_OK)
+            return _is_good(response)
         reason = f'there is no link {link!r}; known are {", ".join(self.names)}'
-        return _answer(response, self._result.RESULT_NOT_FOUND, reason)
+        return _is_good(response, reason, self._result.RESULT_NOT_FOUND)
 
 
 class EntityNames:
@@ -104,12 +101,9 @@ class EntityNames:
 
     def __init__(self, drive: Drive, machines: Mapping[str, Spawned]) -> None:
         self._drive, self._machines, self._links = drive, machines, Links(drive)
-        self._category = message_class(f'{PACKAGE}/msg/EntityCategory')
-        for short, name, answer in (
-            ('GetEntities', 'get_entities', self._list),
-            ('GetEntityInfo', 'get_entity_info', self._describe),
-        ):
-            drive.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
+        self._category = message_class(f'{SIMULATION}/msg/EntityCategory')
+        answers = {'get_entities': self._list, 'get_entity_info': self._describe}
+        serve(drive, SIMULATION, answers)
 
     def _list(self, request: Any, response: Any) -> Any:
         if self._links.accepted(request.filters, response):
@@ -121,7 +115,7 @@ class EntityNames:
         if spawned := self._machines.get(request.entity):
             info.category.category = self._category.CATEGORY_ROBOT
             info.description = f'machine {spawned.uri}, its nodes in {spawned.namespace}'
-            _answer(response, message_class(f'{PACKAGE}/msg/Result').RESULT_OK)
+            answered(response)
         elif self._links.known(request.entity, response):
             info.category.category = self._category.CATEGORY_DYNAMIC_OBJECT
             info.description = f'link of {self._drive.machine.name}'
@@ -140,12 +134,9 @@ class Entities:
             self._links = Links(node)
         except MessageError:
             return  # the drive says so
-        self._state_class = message_class(f'{PACKAGE}/msg/EntityState')
-        for short, name, answer in (
-            ('GetEntitiesStates', 'get_entities_states', self._list_states),
-            ('GetEntityState', 'get_entity_state', self._report),
-        ):
-            node.create_service(service_class(f'{PACKAGE}/srv/{short}'), name, answer)
+        self._state_class = message_class(f'{SIMULATION}/msg/EntityState')
+        answers = {'get_entities_states': self._list_states, 'get_entity_state': self._report}
+        serve(node, SIMULATION, answers)
 
     def _list_states(self, request: Any, response: Any) -> Any:
         if self._links.accepted(request.filters, response) and self._begun(response):
@@ -182,13 +173,13 @@ class Entities:
         if self._integration.begun:
             return True
         reason = 'the run has not begun: play or step it, or try again in a moment'
-        code = message_class(f'{PACKAGE}/msg/Result').RESULT_INCORRECT_STATE
-        return _answer(response, code, reason)
+        code = message_class(f'{SIMULATION}/msg/Result').RESULT_INCORRECT_STATE
+        return _is_good(response, reason, code)
 
 
-def _answer(response: Any, code: int, reason: str = '') -> bool:
-    """Write the result; whether it is good."""
-    response.result.result, response.result.error_message = code, reason
+def _is_good(response: Any, reason: str = '', code: int | None = None) -> bool:
+    """Write the result; true if it is good."""
+    answered(response, reason, code)
     return not reason
 
 
@@ -201,52 +192,48 @@ class Worlds:
 
     def __init__(self, drive: Drive, control: SimulationControl) -> None:
         self._drive, self._control = drive, control
-        self._result = message_class(f'{PACKAGE}/msg/Result')
-        self._world = message_class(f'{PACKAGE}/msg/WorldResource')
-        group = ReentrantCallbackGroup()
-        for short, name, answer in (
-            ('GetAvailableWorlds', 'get_available_worlds', self._list),
-            ('GetCurrentWorld', 'get_current_world', self._report),
-            ('LoadWorld', 'load_world', self._load),
-            ('SetEntityState', 'set_entity_state', self._place),
-        ):
-            kind = service_class(f'{PACKAGE}/srv/{short}')
-            drive.create_service(kind, name, answer, callback_group=group)
+        self._result = message_class(f'{SIMULATION}/msg/Result')
+        self._world = message_class(f'{SIMULATION}/msg/WorldResource')
+        answers = {
+            'get_available_worlds': self._list,
+            'get_current_world': self._report,
+            'load_world': self._load,
+            'set_entity_state': self._place,
+        }
+        serve(drive, SIMULATION, answers, callback_group=ReentrantCallbackGroup())
 
     def _list(self, request: Any, response: Any) -> Any:
         if request.filter.tags:
             reason = 'scenes have no tags: leave the filter empty'
-            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+            return answered(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         response.worlds = [self._describe(name) for name in scene_names()]
-        return self._answer(response, '')
+        return answered(response)
 
     def _report(self, _request: Any, response: Any) -> Any:
         response.world = self._describe(self._drive.value(SCENE), self._drive.machine.name)
-        return self._answer(response, '')
+        return answered(response)
 
     async def _load(self, request: Any, response: Any) -> Any:
         drive, control = self._drive, self._control
         resource = getattr(request, 'world_resource', request)  # before release 2: in the request
-        uri = resource.uri.removeprefix('file://')
-        if not uri:
-            code = UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE
-            reason = 'uri must be the name of a scene or the path of a YAML file'
-            return self._answer(response, reason, code)
+        uri, reason, code = uri_of(resource, UNSUPPORTED_FORMAT, NO_RESOURCE)
+        if reason:
+            return answered(response, reason, code)
         if reason := await control.refusal():
-            return self._answer(response, reason)
+            return answered(response, reason)
         asked = Content(uri, '')
         try:
             asked.load()
         except InputError as error:
-            return self._answer(response, str(error), RESOURCE_PARSE_ERROR)
+            return answered(response, str(error), RESOURCE_PARSE_ERROR)
         try:
             next_machine(drive.machine, asked)
         except InputError as error:
-            return self._answer(response, str(error), UNSUPPORTED_ELEMENTS)
+            return answered(response, str(error), UNSUPPORTED_ELEMENTS)
         await drive.spawning.clear()
         if not (reason := await self._begin(asked)):
             response.world = self._describe(uri, drive.machine.name)
-        return self._answer(response, reason)
+        return answered(response, reason)
 
     async def _place(self, request: Any, response: Any) -> Any:
         """Let the next run begin with a link in a pose, and with a velocity."""
@@ -255,16 +242,16 @@ class Worlds:
             return response
         if getattr(request, 'set_acceleration', False):
             reason = 'accelerations follow from forces: set pose and twist only'
-            return self._answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+            return answered(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := await control.refusal():
-            return self._answer(response, reason)
+            return answered(response, reason)
         if drive.playing or drive.announced > 0.0:
             reason = 'links are set at the start of a run only: stop first (state 0)'
-            return self._answer(response, reason, self._result.RESULT_INCORRECT_STATE)
+            return answered(response, reason, self._result.RESULT_INCORRECT_STATE)
         state = request.state
         if (frame := state.header.frame_id) not in ('', drive.frame(WORLD)):
             reason = f'frame {frame!r}: states are taken in {drive.frame(WORLD)!r}'
-            return self._answer(response, reason, INVALID_POSE)
+            return answered(response, reason, INVALID_POSE)
         pose = velocity = None
         try:
             if getattr(request, 'set_pose', True):  # before release 2 all is set
@@ -278,8 +265,8 @@ class Worlds:
             asked = Content(before.scene, '\n'.join(lines))
             check_start(next_machine(drive.machine, asked), link, pose, velocity)
         except InputError as error:
-            return self._answer(response, str(error), INVALID_POSE)
-        return self._answer(response, await self._begin(asked) if asked != before else '')
+            return answered(response, str(error), INVALID_POSE)
+        return answered(response, await self._begin(asked) if asked != before else '')
 
     async def _begin(self, content: Content) -> str:
         """Begin a run of other content, stopped; why it cannot be, empty if it is done."""
@@ -294,16 +281,12 @@ class Worlds:
         return str(reason)
 
     def _set(self, content: Content) -> None:
-        values = zip((SCENE, OVERRIDES), content, strict=True)
-        self._drive.set_parameters_atomically([Parameter(n, value=x) for n, x in values])
+        self._drive.set_parameters_atomically(content.parameters())
 
     def _describe(self, uri: str, name: str = '') -> Any:
         world = self._world(name=name or uri)
         world.world_resource.uri = uri
         return world
-
-    def _answer(self, response: Any, reason: str, code: int | None = None) -> Any:
-        return self._control.answer(response, reason, code)
 
 
 def _planar_pose(pose: Any) -> Planar:
@@ -338,27 +321,26 @@ class SimulationControl:
         if drive.value('leader'):
             return  # a spawned machine does what the simulation does
         try:
-            self._features = message_class(f'{PACKAGE}/msg/SimulatorFeatures')
+            self._features = message_class(f'{SIMULATION}/msg/SimulatorFeatures')
         except MessageError as error:
             drive.get_logger().warning(f'no services to control the simulation: {error}')
             return
-        self._result = message_class(f'{PACKAGE}/msg/Result')
-        self._state = message_class(f'{PACKAGE}/msg/SimulationState')
+        self._result = message_class(f'{SIMULATION}/msg/Result')
+        self._state = message_class(f'{SIMULATION}/msg/SimulationState')
         self._origin, self._steps = 0.0, 0
         # Reports of partners must come through while a callback waits for them.
         group = ReentrantCallbackGroup()
-        for short, name, answer in (
-            ('GetSimulatorFeatures', 'get_simulator_features', self._report_features),
-            ('GetSimulationState', 'get_simulation_state', self._report_state),
-            ('SetSimulationState', 'set_simulation_state', self._set_state),
-            ('StepSimulation', 'step_simulation', self._step),
-            ('ResetSimulation', 'reset_simulation', self._reset),
-        ):
-            kind = service_class(f'{PACKAGE}/srv/{short}')
-            drive.create_service(kind, name, answer, callback_group=group)
+        answers = {
+            'get_simulator_features': self._report_features,
+            'get_simulation_state': self._report_state,
+            'set_simulation_state': self._set_state,
+            'step_simulation': self._step,
+            'reset_simulation': self._reset,
+        }
+        serve(drive, SIMULATION, answers, callback_group=group)
         self._action = ActionServer(
             drive,
-            action_class(f'{PACKAGE}/action/SimulateSteps'),
+            action_class(f'{SIMULATION}/action/SimulateSteps'),
             'simulate_steps',
             self._simulate_steps,
             callback_group=group,
@@ -392,22 +374,22 @@ class SimulationControl:
             response.state.state = s.STATE_PLAYING
         else:
             response.state.state = s.STATE_STOPPED if self.stopped else s.STATE_PAUSED
-        return self.answer(response, '')
+        return answered(response)
 
     async def _set_state(self, request: Any, response: Any) -> Any:
         """Play, pause, stop (pause and reset) or quit; answers when all partners are there."""
         s, drive, asked = self._state, self._drive, request.state.state
         if asked == s.STATE_QUITTING and drive.final:
-            return self.answer(response, '')
+            return answered(response)
         ending = asked in (s.STATE_PAUSED, s.STATE_QUITTING)
         if reason := await self.refusal(during_steps=ending):
-            return self.answer(response, reason)
+            return answered(response, reason)
         if asked == s.STATE_PLAYING:
             if drive.playing:
                 return self._already(response, 'playing')
             if drive.announced >= drive.duration:
                 reason = f'the run is at its end, at {drive.duration:.9g} s: reset it first'
-                return self.answer(response, reason, STATE_TRANSITION_ERROR)
+                return answered(response, reason, STATE_TRANSITION_ERROR)
             self.stopped = False
             drive.play()
         elif asked == s.STATE_PAUSED:
@@ -421,7 +403,7 @@ class SimulationControl:
                 return self._already(response, 'stopped')
             drive.pause()
             if reason := await self.alone('a reset', drive.start_over()):
-                return self.answer(response, reason)
+                return answered(response, reason)
             self.stopped = True
         elif asked == s.STATE_QUITTING:
             drive.pause()
@@ -431,15 +413,15 @@ class SimulationControl:
                 f'state {asked} cannot be set; known are stopped ({s.STATE_STOPPED}), playing '
                 f'({s.STATE_PLAYING}), paused ({s.STATE_PAUSED}), quitting ({s.STATE_QUITTING})'
             )
-            return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
-        return self.answer(response, '')
+            return answered(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+        return answered(response)
 
     async def _step(self, request: Any, response: Any) -> Any:
         """Steps of a paused simulation; answers when they are done."""
         steps = int(request.steps)
         if reason := await self.refusal() or self._no_steps(steps):
-            return self.answer(response, reason)
-        return self.answer(response, await self.alone(STEPS, self._go(steps)))
+            return answered(response, reason)
+        return answered(response, await self.alone(STEPS, self._go(steps)))
 
     async def _reset(self, request: Any, response: Any) -> Any:
         """Back to time 0, in a run of its own; what was recorded stays in its bag."""
@@ -449,34 +431,34 @@ class SimulationControl:
                 f'scope {scope}: time and state are reset together only; use 0, {both}, {spawned} '
                 'or 255'
             )
-            return self.answer(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
+            return answered(response, reason, self._result.RESULT_FEATURE_UNSUPPORTED)
         if reason := await self.refusal():
-            return self.answer(response, reason)
+            return answered(response, reason)
         if scope & spawned:
             await self._drive.spawning.clear()
         if not scope & both:
-            return self.answer(response, '')
-        return self.answer(response, await self.alone('a reset', self._drive.start_over()))
+            return answered(response)
+        return answered(response, await self.alone('a reset', self._drive.start_over()))
 
     async def _simulate_steps(self, goal: Any) -> Any:
         """Steps one by one, with feedback after each."""
-        kind = action_class(f'{PACKAGE}/action/SimulateSteps')
+        kind = action_class(f'{SIMULATION}/action/SimulateSteps')
         steps, result = int(goal.request.steps), kind.Result()
         if reason := await self.refusal() or self._no_steps(steps):
             goal.abort()
-            return self.answer(result, reason)
+            return answered(result, reason)
         for done in range(1, steps + 1):
             if goal.is_cancel_requested:
                 goal.canceled()
-                return self.answer(result, f'cancelled after {done - 1} steps')
+                return answered(result, f'cancelled after {done - 1} steps')
             if reason := await self.alone(STEPS, self._go(1)):
                 goal.abort()
-                return self.answer(result, reason)
+                return answered(result, reason)
             goal.publish_feedback(
                 kind.Feedback(completed_steps=done, remaining_steps=steps - done)
             )
         goal.succeed()
-        return self.answer(result, '')
+        return answered(result)
 
     # --- what they have in common -------------------------------------------------------------
 
@@ -525,12 +507,4 @@ class SimulationControl:
         return ''
 
     def _already(self, response: Any, state: str) -> Any:
-        return self.answer(response, f'it is {state} already', ALREADY_IN_TARGET_STATE)
-
-    def answer(self, response: Any, reason: str, code: int | None = None) -> Any:
-        """Fill the result of a response: good without a reason."""
-        r = self._result
-        if code is None:
-            code = r.RESULT_OPERATION_FAILED if reason else r.RESULT_OK
-        response.result.result, response.result.error_message = code, reason
-        return response
+        return answered(response, f'it is {state} already', ALREADY_IN_TARGET_STATE)

@@ -332,8 +332,7 @@ class ContentPropagation:
     async def _set(self, client: Client, content: Content) -> str:
         if not client.service_is_ready():
             return f'the service {client.service_name} is not available'
-        values = zip((SCENE, OVERRIDES), content, strict=True)
-        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values]
+        parameters = [parameter.to_parameter_msg() for parameter in content.parameters()]
         answer: Any = await client.call_async(self._kind.Request(parameters=parameters))
         return '' if answer.result.successful else str(answer.result.reason)
 

@@ -93,6 +93,16 @@ class DescribedNode(Node):
         )
         self.declare_parameter(name, '', descriptor)
 
+    def declare_frames(self) -> None:
+        """Declare what is put before names of frames: the namespace, unless told otherwise."""
+        space = self.get_namespace().strip('/')
+        prefix = f'{space}/' if space else ''
+        self.declare('frame_prefix', prefix, 'Before the name of every frame', read_only=True)
+
+    def frame(self, link: str) -> str:
+        """Name of the frame of a link."""
+        return f'{self.value("frame_prefix")}{link}'
+
     def name_strangers(self) -> None:
         """Warn of parameters it is launched with that are nearly, but not quite, its own.
 

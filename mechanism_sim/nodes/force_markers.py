@@ -240,7 +240,7 @@ class ForceMarkers:
         frames = self._stage.frames(t, o, modes, sway)
         writers = [
             *self._arrows(frames), *self._pins(frames), *self._walls(frames),
-            *self._coils(frames), *self._strings(frames), *self._bent(frames), *self._sway(frames),
+            *self._lines(frames), *self._bent(frames), *self._sway(frames),
         ]  # fmt: skip
         markers = [made for made, _ in writers]
         for i, time in enumerate(t.tolist()):
@@ -392,28 +392,19 @@ class ForceMarkers:
 
         return made, write
 
-    def _coils(self, frames: StageFrames) -> Iterator[Any]:
-        """Springs as zigzags."""
-        s = self._symbol
-        for k, ends in enumerate(self._stage.skeleton.coiled(frames.poses, frames.sway)):
-            made = marker('springs', k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
+    def _lines(self, frames: StageFrames) -> Iterator[Any]:
+        """Springs as zigzags, and ropes as straight lines."""
+        s, skeleton = self._symbol, self._stage.skeleton
+        springs, ropes = skeleton.coiled(frames.poses, frames.sway), strung(skeleton, frames.poses)
+        for name, lines in (('springs', springs), ('ropes', ropes)):
+            for k, ends in enumerate(lines):
+                made = marker(name, k, self._world, Marker.LINE_STRIP, STEEL, (0.2 * s, 0.0, 0.0))
 
-            def write(i: int, made: Any = made, ends: Any = ends) -> None:
-                line = coil(ends[i, 0], ends[i, 1], s)
-                made.points = [Point(x=x, y=y) for x, y in line.tolist()]
+                def write(i: int, made: Any = made, ends: Any = ends, name: str = name) -> None:
+                    line = coil(ends[i, 0], ends[i, 1], s) if name == 'springs' else ends[i]
+                    made.points = [Point(x=x, y=y) for x, y in line.tolist()]
 
-            yield made, write
-
-    def _strings(self, frames: StageFrames) -> Iterator[Any]:
-        """Ropes as straight lines."""
-        size = (0.2 * self._symbol, 0.0, 0.0)
-        for k, ends in enumerate(strung(self._stage.skeleton, frames.poses)):
-            made = marker('ropes', k, self._world, Marker.LINE_STRIP, STEEL, size)
-
-            def write(i: int, made: Any = made, ends: Any = ends) -> None:
-                made.points = [Point(x=x, y=y) for x, y in ends[i].tolist()]
-
-            yield made, write
+                yield made, write
 
     def _bent(self, frames: StageFrames) -> Iterator[Any]:
         """Elastic links, in their frames."""

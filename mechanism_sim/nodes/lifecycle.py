@@ -15,6 +15,7 @@ from mechanism_sim.nodes.following import MotionFollower, Schedule
 from mechanism_sim.nodes.integration import Integration
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import RESULTS
+from mechanism_sim.nodes.services import serve
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.results.run import prepare
 
@@ -124,14 +125,15 @@ class Lifecycle:
             for name in ('State', 'Transition', 'TransitionDescription', 'TransitionEvent')
         )
         self._events = node.create_publisher(self._event, '~/transition_event', RESULTS)
-        for short, name, answer in (
-            ('ChangeState', 'change_state', self._change),
-            ('GetState', 'get_state', self._report),
-            ('GetAvailableStates', 'get_available_states', self._list_states),
-            ('GetAvailableTransitions', 'get_available_transitions', self._list_possible),
-            ('GetAvailableTransitions', 'get_transition_graph', self._list_all),
-        ):
-            node.create_service(service_class(f'{PACKAGE}/srv/{short}'), f'~/{name}', answer)
+        answers = {
+            '~/change_state': self._change,
+            '~/get_state': self._report,
+            '~/get_available_states': self._list_states,
+            '~/get_available_transitions': self._list_possible,
+        }
+        serve(node, PACKAGE, answers)
+        kind = service_class(f'{PACKAGE}/srv/GetAvailableTransitions')
+        node.create_service(kind, '~/get_transition_graph', self._list_all)
 
     def _change(self, request: Any, response: Any) -> Any:
         asked = request.transition

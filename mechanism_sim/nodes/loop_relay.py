@@ -20,7 +20,7 @@ from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.load import without_clearance
-from ros_interfaces.stamps import NANOSECONDS
+from ros_interfaces.stamps import nanoseconds
 
 DRIVERS = 'driver_states'
 """Topic on which the driving joints are told (sensor_msgs/JointState)."""
@@ -41,9 +41,7 @@ class LoopRelay(DescribedNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('loop_relay', parameters)
-        space = self.get_namespace().strip('/')
-        prefix = f'{space}/' if space else ''
-        self.declare('frame_prefix', prefix, 'Before the name of every frame', read_only=True)
+        self.declare_frames()
         moves = self.declare('publish_tf', True, 'Publish the frames of the links', read_only=True)
         self._answered, self._refused = 0, ''
         machine = without_clearance(Content.declare(self).load())
@@ -64,19 +62,15 @@ class LoopRelay(DescribedNode):
             found = drive_range(kinematics, at.q, reach)
             self._limits = {self._driven[0]: (found.low, found.high)} if found.limited else {}
         self._states = self.create_publisher(JointState, 'joint_states', RESULTS)
-        frames = publications.transforms(plan.ideal, self._frame) if moves else None
-        self._frames = frames
+        self._frames = publications.transforms(plan.ideal, self.frame) if moves else None
         self._tf = self.create_publisher(TFMessage, '/tf', RESULTS) if moves else None
         for topic, text in (
-            ('robot_description', to_urdf(machine, self._frame(''))),
+            ('robot_description', to_urdf(machine, self.frame(''))),
             ('driver_description', drivers_urdf(machine, self._driven, self._limits)),
         ):
             self.create_publisher(String, topic, LATCHED).publish(String(data=text))
         self.create_subscription(JointState, DRIVERS, self._take, RESULTS)
         self.publish_diagnostics()
-
-    def _frame(self, link: str) -> str:
-        return f'{self.value("frame_prefix")}{link}'
 
     def _take(self, message: Any) -> None:
         """Answer the states of the driving joints with those of all."""
@@ -102,7 +96,7 @@ class LoopRelay(DescribedNode):
         answer.header.stamp = stamp
         self._states.publish(answer)
         if self._frames and self._tf:
-            at = np.array([stamp.sec * NANOSECONDS + stamp.nanosec])
+            at = np.array([nanoseconds(stamp)])
             publish_all(self._tf, self._frames(at, q[None]))
         self._answered, self._refused = self._answered + 1, ''
 

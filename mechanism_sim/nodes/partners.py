@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import secrets
 import time
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from mechanism_sim.errors import RunError
+from mechanism_sim.messages import Float64
 from mechanism_sim.nodes.described_node import DescribedNode
 
-SETTLE = 0.3  # [s] until a node that has joined can be sure to see who was there before
+SETTLE = 0.3  # [s] until a process that has joined can be sure to see who was there before
+_JOINED: WeakKeyDictionary[Any, float] = WeakKeyDictionary()  # [s] by the context of the process
+_BEGAN = '_began'  # above the topics of runs that begin: ROS hides what is called so
 SAY_AFTER, SAY_AGAIN = 2.0, 30.0
 """[s] after which a node says for whom it waits, and after which it says so again."""
 
@@ -45,6 +50,7 @@ class Partners:
         self._seen: set[str] = set()
         self._different = ''
         self.alone = False
+        self._mark: Any = None
         self._missing_since: dict[str, float] = {}
         self._said: dict[str, float] = {}  # [s] when it was last said for whom this node waits
 
@@ -101,11 +107,16 @@ class Partners:
     def expect(self) -> None:
         """Wait for them from now on."""
         now = time.monotonic()
-        self._deadline, self._settled = now + self._node.value('partner_timeout'), now + SETTLE
+        self._deadline = now + self._node.value('partner_timeout')
+        self._settled = _JOINED.setdefault(self._node.context, now) + SETTLE
 
     def gathered(self) -> bool:
         """True when all are there; RunError if one never comes, or is of another version."""
-        name, now, present = self._node.get_name(), time.monotonic(), self._refuse_others(1)
+        name, now, present = self._node.get_name(), time.monotonic(), self._present()
+        # who has come first is not held up by those who will find that they have not
+        known = self.names if self._mark else [name, *self.names]
+        self._refuse(present, dict.fromkeys(known, 1))
+        self.alone = now > self._settled
         # One that was there may have done its part and left before this node is ready, or before
         # the graph had it.
         self._seen.update(present)
@@ -131,23 +142,37 @@ class Partners:
         listener, topic = unheard or ('', '')
         raise RunError(f"{said} '{listener}' to subscribe to {topic}; start it, or leave it out")
 
-    def came_first(self) -> bool:
-        """True when it is sure that no partner was there before this node; RunError if one was."""
-        self._refuse_others(0)
-        return self.alone
+    def show_start(self) -> None:
+        """Let others see when this node began, before they see the node."""
+        name = f'{_BEGAN}/t{time.time_ns():020}_{secrets.token_hex(4)}'
+        self._mark = self._node.create_publisher(Float64, name, 1)
 
-    def _refuse_others(self, ours: int) -> list[str]:
-        """Names of the nodes in the graph; RunError if more than so many are of one partner."""
-        now, present = time.monotonic(), self._present()
+    def came_first(self) -> bool:
+        """True when it is sure that no partner was there before this node; RunError if one was.
+
+        Of nodes that begin at the same time, the first waits until the others have left.
+        """
+        name, present, now = self._node.get_name(), self._present(), time.monotonic()
+        others = present.count(name) > 1
+        waits = others and self._is_first() and now <= self._deadline
+        self._refuse(present, dict.fromkeys(self.names, 0) | {name: len(present) if waits else 1})
+        return now > self._settled and not others
+
+    def _is_first(self) -> bool:
+        """True if none that shows when it began did so earlier."""
+        own: str = self._mark.topic_name
+        topics, above = self._node.get_topic_names_and_types(), f'{own.rpartition("/")[0]}/'
+        return own == min([own, *(topic for topic, _ in topics if topic.startswith(above))])
+
+    def _refuse(self, present: list[str], most: dict[str, int]) -> None:
+        """RunError if more than so many nodes of one name are in the graph."""
         self.alone = False
-        for name, most in ((self._node.get_name(), 1), *((p, ours) for p in self.names)):
-            if present.count(name) > most:
+        for name, count in most.items():
+            if present.count(name) > count:
                 raise RunError(
                     f"another '{name}' is running in this domain: end it, or give this run a "
                     'domain of its own (ROS_DOMAIN_ID=1), or a namespace (--namespace left)'
                 )
-        self.alone = now > self._settled
-        return present
 
     def check_presence(self) -> None:
         """Raise RunError if one has left before it had finished."""

@@ -12,16 +12,15 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import Clock, MessageError, message_class
 from mechanism_sim.nodes.middleware import (
     DurabilityPolicy,
-    HistoryPolicy,
     MiddlewareError,
     Node,
     Publisher,
     QoSProfile,
-    ReliabilityPolicy,
     init,
     leave,
 )
 from mechanism_sim.nodes.partners import SETTLE
+from mechanism_sim.nodes.qos import profile_of
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.terminal import print_notice
 from ros_interfaces.names import InvalidNameError
@@ -133,7 +132,7 @@ class BagPlayer:
         self._refuse_others([t for t in topics if t in bag.topics] + ['/clock'] * bool(clock))
         publishers = {
             name: self._node.create_publisher(
-                message_class(bag.topics[name].type), name, _profile(bag.topics[name].qos)
+                message_class(bag.topics[name].type), name, profile_of(bag.topics[name].qos)
             )
             for name in topics
             if name in bag.topics
@@ -190,20 +189,3 @@ def _clock(stamp: int) -> Any:
     message = Clock()
     message.clock.sec, message.clock.nanosec = divmod(stamp, 1_000_000_000)
     return message
-
-
-def _profile(qos: Any) -> QoSProfile:
-    """The profile under which a topic was recorded."""
-    if qos is None:
-        return QoSProfile(depth=10)
-    words = {word.lower() for word in (qos.reliability, qos.durability, qos.history)}
-    return QoSProfile(
-        depth=max(int(qos.depth), 1),
-        history=HistoryPolicy.KEEP_ALL if 'keep_all' in words else HistoryPolicy.KEEP_LAST,
-        reliability=ReliabilityPolicy.BEST_EFFORT
-        if 'best_effort' in words
-        else ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL
-        if 'transient_local' in words
-        else DurabilityPolicy.VOLATILE,
-    )

@@ -9,6 +9,7 @@ from mechanism_sim.nodes.middleware import (
     QoSProfile,
     ReliabilityPolicy,
 )
+from mechanism_sim.recording.rosbag2 import Qos
 
 #: Results: the publisher waits for slow subscribers, nothing is lost.
 RESULTS = QoSProfile(
@@ -35,3 +36,23 @@ CLOCK_HEARD = QoSProfile(
 
 #: by the delivery of a topic
 PROFILES: dict[Delivery, QoSProfile] = {'results': RESULTS, 'latched': LATCHED, 'clock': CLOCK}
+
+
+def policies(profile: QoSProfile) -> Qos:
+    """A profile as a bag has it: its policies by name."""
+    named = {x: getattr(profile, x).name.lower() for x in ('reliability', 'durability', 'history')}
+    return Qos(**named, depth=profile.depth)
+
+
+def profile_of(qos: Qos | None) -> QoSProfile:
+    """The profile under which a topic of a bag was recorded; the usual one where none is known."""
+    if qos is None:
+        return QoSProfile(depth=10)
+    words = {word.lower() for word in (qos.reliability, qos.durability, qos.history)}
+    best_effort, latched = 'best_effort' in words, 'transient_local' in words
+    return QoSProfile(
+        depth=max(int(qos.depth), 1),
+        history=HistoryPolicy.KEEP_ALL if 'keep_all' in words else HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )

@@ -14,9 +14,8 @@ from mechanism_sim.messages import Progress, serialize, type_name
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.described_node import Diagnosis
 from mechanism_sim.nodes.middleware import Parameter, QoSProfile, Timer
-from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS
+from mechanism_sim.nodes.qos import CLOCK_HEARD, PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
-from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.runs import next_bag
 from mechanism_sim.recording.writer import FLUSH_PERIOD, BagWriter
 from ros_interfaces.stamps import NANOSECONDS, nanoseconds
@@ -99,13 +98,7 @@ class Recorder(SimulationNode):
 
     def _add_topics(self) -> None:
         for topic, (kind, qos) in self._topics.items():
-            policies = Qos(
-                qos.reliability.name.lower(),
-                qos.durability.name.lower(),
-                qos.history.name.lower(),
-                qos.depth,
-            )
-            self.writer.add_topic(topic, type_name(kind), policies)
+            self.writer.add_topic(topic, type_name(kind), policies(qos))
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)

@@ -8,20 +8,16 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import ending
 from mechanism_sim.messages.part_states import integrator_of, kinds_of
 from mechanism_sim.messages.topics import topics_of
-from mechanism_sim.nodes.crank_drive import CrankDrive
-from mechanism_sim.nodes.display import Display
-from mechanism_sim.nodes.lifecycle import CamNode, GearTrain, GenevaNode, LinkageNode
+from mechanism_sim.nodes.classes import node_class
 from mechanism_sim.nodes.middleware import Parameter, backend
-from mechanism_sim.nodes.oscillator import OscillatorNode
 from mechanism_sim.nodes.pace import BEHIND
 from mechanism_sim.nodes.process import report_end, run_nodes
-from mechanism_sim.nodes.qos import PROFILES, RESULTS
-from mechanism_sim.nodes.sensors import Sensors
+from mechanism_sim.nodes.qos import PROFILES, RESULTS, policies
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.runs import next_bag, realtime_factor
 from mechanism_sim.scene import Machine
@@ -30,30 +26,8 @@ from mechanism_sim.units import counted
 if TYPE_CHECKING:
     import subprocess
 
-
-from typing import Any
-
 Show = Callable[[float, float, int], None]
 """Called with simulated time [s], real-time factor and number of impacts so far."""
-
-
-def _recorder(parameters: list[Parameter]) -> SimulationNode:
-    from mechanism_sim.nodes.recorder import Recorder  # noqa: PLC0415 - a run may have no bag
-
-    return Recorder(parameters)
-
-
-NODES: dict[str, Callable[[list[Parameter]], SimulationNode]] = {
-    'crank_drive': CrankDrive,
-    'linkage': LinkageNode,
-    'cam': CamNode,
-    'gear_train': GearTrain,
-    'geneva': GenevaNode,
-    'oscillator': OscillatorNode,
-    'sensors': Sensors,
-    'display': Display,
-    'recorder': _recorder,
-}
 
 MONITOR = 'monitor'
 """The node of a run that shows how far it is."""
@@ -130,18 +104,17 @@ class NodePlan:
     def to_json(self) -> dict[str, object]:
         """The nodes with their parameters, and the topics with their quality of service."""
         topics = topics_of(self.machine, self.display)
-        qualities = {topic.name: PROFILES[topic.delivery] for topic in topics} | {
-            'progress': RESULTS
-        }
+        profiles = {topic.name: PROFILES[topic.delivery] for topic in topics}
+        qualities = {name: policies(x) for name, x in (profiles | {'progress': RESULTS}).items()}
         return {
             'duration': self.duration,
             'nodes': {node: self.options(node) for node in self.nodes},
             'topics': {
                 name: {
-                    'history': qos.history.name.lower(),
+                    'history': qos.history,
                     'depth': qos.depth,
-                    'reliability': qos.reliability.name.lower(),
-                    'durability': qos.durability.name.lower(),
+                    'reliability': qos.reliability,
+                    'durability': qos.durability,
                 }
                 for name, qos in qualities.items()
             },
@@ -165,7 +138,7 @@ class Outcome:
     realtime_factor: float  #: by `run_time`
     realtime_factor_asked: float  #: 0: as fast as it goes
     impacts: int
-    sent: dict[str, int]  #: messages by topic, as the nodes counted them
+    sent: dict[str, int]  #: messages by topic, as the nodes but the recorder counted them
     bag: str | None  #: of the last run
     earlier_bags: list[str]  #: of those that a reset ended
     middleware: str  #: 'rclpy' or 'zenoh'
@@ -193,6 +166,7 @@ class Outcome:
 
 def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     """Make a run; `processes` gives each node a process of its own."""
+    made = {} if processes else {name: node_class(name) for name in plan.nodes}
     began = time.monotonic()
     first = Path(plan.record) if plan.record else None
     taken: set[Path] = set()  # names that a bag of a later run does not get
@@ -201,19 +175,25 @@ def run(plan: NodePlan, processes: bool, show: Show | None = None) -> Outcome:
     monitors: list[Monitor] = []
 
     def watch() -> Monitor:
+        # First the network, with its router, then those who join it.
         monitors.append(Monitor(plan.parameters(MONITOR), show))
+        # Nodes of another run would be taken for these until these are there.
+        while not monitors[0].partners.came_first():
+            time.sleep(LOOK)
         return monitors[0]
 
     if processes:
         code = _in_processes(plan, watch)
     else:
         code = run_nodes(
-            lambda: [watch(), *(NODES[name](plan.parameters(name)) for name in plan.nodes)],
+            lambda: [watch(), *(node(plan.parameters(name)) for name, node in made.items())],
             ros_args=plan.ros_args,
         )
     monitor = monitors[0] if monitors else None
     sent: dict[str, int] = {}
     for message in monitor.partners.reports.values() if monitor else ():
+        if message.node == 'recorder':
+            continue  # its own reports, which are in no bag
         for topic, count in zip(message.topics, message.counts, strict=True):
             sent[topic] = sent.get(topic, 0) + int(count)
     simulated, took = (monitor.time, monitor.run_time) if monitor else (0.0, 0.0)
@@ -300,11 +280,7 @@ def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:
     children: list[_Children] = []
 
     def make() -> list[Monitor]:
-        # First the network, with its router, then those who join it.
         monitors.append(watch())
-        # Nodes of another run would be taken for these until these are there.
-        while not monitors[0].partners.came_first():
-            time.sleep(LOOK)
         children.append(_Children(plan))
         return monitors
 
@@ -340,6 +316,7 @@ class Monitor(SimulationNode):
         self._show = show
         self._shown = 0.0
         self._heard = time.monotonic()
+        self.partners.show_start()
         self.join()
 
     def on_progress(self, message: Any) -> None:

@@ -40,6 +40,10 @@ class Content(NamedTuple):
         given = {p.name: lines_of(p.value) for p in parameters if p.name in (SCENE, OVERRIDES)}
         return Content(given.get(SCENE, self.scene), given.get(OVERRIDES, self.overrides))
 
+    def parameters(self) -> list[Parameter]:
+        """The parameters of which it is the values."""
+        return [Parameter(n, value=x) for n, x in zip((SCENE, OVERRIDES), self, strict=True)]
+
     @property
     def lines(self) -> list[str]:
         """The overrides, each ``PATH=VALUE``."""

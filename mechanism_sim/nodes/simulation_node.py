@@ -63,9 +63,7 @@ class SimulationNode(DescribedNode):
         self.active = True
         self.counts: Counter[str] = Counter()
         self.partners = Partners(self)
-        space = self.get_namespace().strip('/')
-        prefix = f'{space}/' if space else ''
-        self.declare('frame_prefix', prefix, 'Before the name of every frame', read_only=True)
+        self.declare_frames()
         self._content = Content.declare(self)
         self.add_on_set_parameters_callback(self._judge_content)
         about = 'Length of the run [s]; 0: that of the scene, or one revolution'
@@ -80,10 +78,6 @@ class SimulationNode(DescribedNode):
     def run(self) -> int:
         """Number of the run."""
         return self.partners.run
-
-    def frame(self, link: str) -> str:
-        """Name of the frame of a link."""
-        return f'{self.value("frame_prefix")}{link}'
 
     @cached_property
     def machine(self) -> Machine:

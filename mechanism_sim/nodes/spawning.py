@@ -26,7 +26,6 @@ from mechanism_sim.messages import (
     TFMessage,
     TransformStamped,
     message_class,
-    service_class,
 )
 from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.nodes.drive import Drive
@@ -34,13 +33,12 @@ from mechanism_sim.nodes.middleware import Future, ReentrantCallbackGroup
 from mechanism_sim.nodes.partners import GONE_AFTER
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
+from mechanism_sim.nodes.services import SIMULATION, SLOPPY, answered, serve, uri_of
 
-PACKAGE = 'simulation_interfaces'
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
 # SpawnEntity.Response and SpawnEntities.Response
 NAME_NOT_UNIQUE, NAME_INVALID, UNSUPPORTED_FORMAT, NO_RESOURCE, NAMESPACE_INVALID = range(101, 106)
 RESOURCE_PARSE_ERROR, INVALID_POSE, ENTITIES_SPAWN_FAILED = 106, 109, 150
-NEAR = 1e-3  # of the norm of a quaternion that others have written with a few digits
 
 
 class LeadingDrive:
@@ -135,18 +133,16 @@ class Spawning:
         if drive.value('leader'):
             return
         try:
-            self._result = message_class(f'{PACKAGE}/msg/Result')
+            self._result = message_class(f'{SIMULATION}/msg/Result')
         except MessageError:
             return  # `SimulationControl` says so
-        group = ReentrantCallbackGroup()
-        for short, name, answer in (
-            ('GetSpawnables', 'get_spawnables', self._list),
-            ('SpawnEntity', 'spawn_entity', self._spawn),
-            ('SpawnEntities', 'spawn_entities', self._spawn_all),
-            ('DeleteEntity', 'delete_entity', self._delete),
-        ):
-            kind = service_class(f'{PACKAGE}/srv/{short}')
-            drive.create_service(kind, name, answer, callback_group=group)
+        answers = {
+            'get_spawnables': self._list,
+            'spawn_entity': self._spawn,
+            'spawn_entities': self._spawn_all,
+            'delete_entity': self._delete,
+        }
+        serve(drive, SIMULATION, answers, callback_group=ReentrantCallbackGroup())
         self._places = drive.create_publisher(TFMessage, '/tf_static', LATCHED)
         drive.create_timer(0.1, self._look)
 
@@ -176,48 +172,43 @@ class Spawning:
     # --- services ----------------------------------------------------------------------------
 
     def _list(self, _request: Any, response: Any) -> Any:
-        kind = message_class(f'{PACKAGE}/msg/Spawnable')
+        kind = message_class(f'{SIMULATION}/msg/Spawnable')
         for name in scene_names():
             found = kind()
             getattr(found, 'entity_resource', found).uri = name  # before release 2: its own
             response.spawnables.append(found)
-        return self._answer(response)
+        return answered(response)
 
     async def _spawn(self, request: Any, response: Any) -> Any:
         code, reason, name = await self._add(request)
         response.entity_name = name
-        return self._answer(response, code, reason)
+        return answered(response, reason, code)
 
     async def _spawn_all(self, request: Any, response: Any) -> Any:
-        kind = message_class(f'{PACKAGE}/msg/SpawnResult')
+        kind = message_class(f'{SIMULATION}/msg/SpawnResult')
         for asked in request.spawn_requests:
             response.results.append(await self._spawn(asked, kind()))
         failed = [r.result.error_message for r in response.results if r.result.error_message]
-        return self._answer(response, ENTITIES_SPAWN_FAILED * bool(failed), '; '.join(failed))
+        code = ENTITIES_SPAWN_FAILED if failed else None
+        return answered(response, '; '.join(failed), code)
 
     async def _delete(self, request: Any, response: Any) -> Any:
         if request.entity not in self.machines:
             known = ', '.join(self.machines) or 'none'
             reason = f'there is no spawned machine {request.entity!r}; there are {known}'
-            return self._answer(response, self._result.RESULT_NOT_FOUND, reason)
+            return answered(response, reason, self._result.RESULT_NOT_FOUND)
         await self._remove(request.entity)
-        return self._answer(response)
-
-    def _answer(self, response: Any, code: int = 0, reason: str = '') -> Any:
-        response.result.result = code or self._result.RESULT_OK
-        response.result.error_message = reason
-        return response
+        return answered(response)
 
     # --- machines ----------------------------------------------------------------------------
 
-    async def _add(self, request: Any) -> tuple[int, str, str]:
+    async def _add(self, request: Any) -> tuple[int | None, str, str]:
         """Add a machine: code and reason of a refusal, and its name."""
         drive = self._drive
         resource = getattr(request, 'entity_resource', request)
-        uri = resource.uri.removeprefix('file://')
-        if not uri:
-            reason = 'uri must be the name of a scene or the path of a YAML file'
-            return UNSUPPORTED_FORMAT if resource.resource_string else NO_RESOURCE, reason, ''
+        uri, reason, code = uri_of(resource, UNSUPPORTED_FORMAT, NO_RESOURCE)
+        if reason:
+            return code, reason, ''
         await drive.until_ready()
         if drive.final:
             reason = f'the run ends by itself at {drive.announced:.9g} s: start it with hold'
@@ -249,7 +240,7 @@ class Spawning:
         self._waiting.append((name, drive.announced, there))
         if not await there:
             return self._result.RESULT_OPERATION_FAILED, f'{name!r} has ended: see its log', ''
-        return 0, '', name
+        return None, '', name
 
     def _placed(self, pose: Any, below: str) -> tuple[Any, str]:
         """Transform of the world of a machine, or why it cannot be there."""
@@ -260,7 +251,7 @@ class Spawning:
         at, turn = found.transform.translation, pose.pose.orientation
         at.x, at.y, at.z = pose.pose.position.x, pose.pose.position.y, pose.pose.position.z
         found.transform.rotation = turn
-        good = abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) <= NEAR
+        good = abs(math.hypot(turn.x, turn.y, turn.z, turn.w) - 1.0) <= SLOPPY
         return found, '' if good else 'the orientation is no unit quaternion'
 
     def _start(self, name: str, uri: str, space: str, integrator: str, transform: Any) -> None:

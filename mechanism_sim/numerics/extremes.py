@@ -172,7 +172,12 @@ class ExtremeSearch:
         )
 
     def add(
-        self, functions: Functions, start: Array, end: Array, glance: Glance | None = None
+        self,
+        functions: Functions,
+        start: Array,
+        end: Array,
+        glance: Glance | None = None,
+        alike: NDArray[np.intp] | None = None,
     ) -> None:
         """Look through intervals (m,) [s], ends included, on each of which all is smooth.
 
@@ -180,14 +185,20 @@ class ExtremeSearch:
         ----------
         functions : values (C, K n) at times (K, n), of which each row lies in one interval
         glance : values (C, 5 K) at Chebyshev nodes of some intervals, or of more around them
+        alike : (m,) numbers of intervals: functions that agree at these nodes in two of one number
+            agree throughout, and are looked into once
         """
-        done = 0
+        count = 0 if alike is None else int(alike.max(initial=-1)) + 1
+        done, shapes = 0, np.full((len(self._group), count, len(_FEW)), np.nan)
         while done < len(start):
             block = slice(done, done + _GLANCE)
             a, b = start[block], end[block]
             done += len(a)
             few = a[:, None] + (b - a)[:, None] * _FEW
-            bound = self._glanced(glance(block) if glance else functions(few))
+            values = glance(block) if glance else functions(few)
+            bound = self._glanced(values)
+            if alike is not None:
+                bound[self._repeated(values, alike[block], shapes)] = -np.inf
             left = np.arange(len(a))
             while True:
                 above = ~(bound[:, left] <= self._limit[:, None])
@@ -211,6 +222,25 @@ class ExtremeSearch:
         above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
         bound = _bounds(c, _GRID[: len(_FEW), ::3], above, self._highest)
         return np.where(bound < seen[:, None], -np.inf, bound)
+
+    def _repeated(
+        self, values: Array, alike: NDArray[np.intp], shapes: Array
+    ) -> NDArray[np.bool_]:
+        """Whether heights (2 C, K) are those of an interval before, by values (C, 5 K) at nodes.
+
+        `shapes` (C, numbers, 5) has what is known of each number, and gets what is new.
+        """
+        values = values.reshape(len(self._group), -1, len(_FEW))
+        new, first = np.unique(alike, return_index=True)
+        unknown = np.isnan(shapes[:, new]).all(axis=(0, 2))
+        shapes[:, new[unknown]] = values[:, first[unknown]]
+        sizes = self._largest.copy()
+        seen = np.fmax.reduce(np.abs(values), axis=(1, 2), where=np.isfinite(values), initial=0.0)
+        np.maximum.at(sizes, self._group, seen)
+        off = np.abs(values - shapes[:, alike]).max(axis=2)
+        same = off <= _EXTREMES.glanced * sizes[self._group][:, None]
+        same[:, first[unknown]] = False
+        return np.tile(same, (2, 1))
 
     def _look_through(self, functions: Functions, a: Array, b: Array) -> None:
         count = len(self._group)

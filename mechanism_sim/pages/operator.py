@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mechanism_sim.messages import MessageError, message_class, service_class
-from mechanism_sim.nodes.control import PACKAGE
 from mechanism_sim.nodes.middleware import Client, Node, Parameter, ReentrantCallbackGroup
 from mechanism_sim.nodes.scene_values import OVERRIDES, Content, lines_of
+from mechanism_sim.nodes.services import SIMULATION
 from mechanism_sim.pages.controls import DRIVE, Control
 
 PLAYING, PAUSED = 1, 2
@@ -28,27 +28,27 @@ class Operator:
 
     async def state(self) -> int | None:
         """Playing, paused or stopped (0); None if nobody says."""
-        answer = await self._call(f'{PACKAGE}/srv/GetSimulationState', 'get_simulation_state')
+        answer = await self._call(f'{SIMULATION}/srv/GetSimulationState', 'get_simulation_state')
         return None if isinstance(answer, str) else int(answer.state.state)
 
     async def go(self, state: int) -> str:
         """Play or pause."""
         try:
-            kind = message_class(f'{PACKAGE}/msg/SimulationState')
+            kind = message_class(f'{SIMULATION}/msg/SimulationState')
         except MessageError as error:
             return str(error)
         return _outcome(await self._call(
-            f'{PACKAGE}/srv/SetSimulationState', 'set_simulation_state', state=kind(state=state)
+            f'{SIMULATION}/srv/SetSimulationState', 'set_simulation_state', state=kind(state=state)
         ))  # fmt: skip
 
     async def step(self, steps: int) -> str:
         """So many steps of a paused run."""
-        kind = f'{PACKAGE}/srv/StepSimulation'
+        kind = f'{SIMULATION}/srv/StepSimulation'
         return _outcome(await self._call(kind, 'step_simulation', steps=steps))
 
     async def reset(self) -> str:
         """Back to time 0."""
-        return _outcome(await self._call(f'{PACKAGE}/srv/ResetSimulation', 'reset_simulation'))
+        return _outcome(await self._call(f'{SIMULATION}/srv/ResetSimulation', 'reset_simulation'))
 
     async def values(self, owner: str, names: Sequence[str]) -> list[Any]:
         """Values of parameters of a node; none if it does not say."""

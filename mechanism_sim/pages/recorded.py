@@ -94,13 +94,6 @@ def recorded(record: Record, show: Callable[[float, int], None] | None = None) -
     return Recorded(record, stage, StageFrames.joined(parts), kept, hardest, left_out)
 
 
-def frames_at(record: Record, stage: Stage, t: Array) -> StageFrames:
-    """A run at times t (N,) [s]."""
-    sway = Swaying(record.machine).take(record.history)
-    view = record.piece.view(t)
-    return stage.frames(t, view.observed, view.modes, sway(t))
-
-
 def together(*runs: Recorded) -> tuple[Recorded, ...]:
     """Several runs on stages that hold all of them."""
     low = np.min([run.stage.low for run in runs], axis=0)

@@ -26,7 +26,9 @@ from mechanism_sim.pages.live import Live
 from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
 from mechanism_sim.pages.server import PORT, Command, Mailbox, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'live'
+MODULES = (
+    'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'wire', 'live',
+)  # fmt: skip
 
 #: Nobody waits for a page: what it is too slow for is dropped.
 NEWEST = QoSProfile(

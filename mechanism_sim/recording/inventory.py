@@ -140,7 +140,7 @@ def render_info(bag: BagInfo) -> str:
         'scene': bag.scene or 'not recorded',
         kind: f'{bag.duration:.6g} s, from {instant(bag.start, 6)} s to {instant(bag.end, 6)} s',
         'recorded': _pace(bag),
-        'messages': f'{bag.messages} on {len(bag.topics)} topics',
+        'messages': f'{bag.messages} on {len(bag.topics)} topics{_uncounted(bag)}',
         'complete': _state(bag),
         'written by': _author(bag),
     }
@@ -152,6 +152,14 @@ def render_info(bag: BagInfo) -> str:
         line = f'{name:<{widths[0]}}  {count:>{widths[1]}}  {kind:<{widths[2]}}  {delivery}'
         lines.append(line.rstrip())
     return '\n'.join(lines)
+
+
+def _uncounted(bag: BagInfo) -> str:
+    """What is left out where nodes have counted, as by `run` and `analyze`: it may be lost."""
+    ours, named = bag.library == 'mechanism_sim', {t.name: t.count for t in bag.topics}
+    if not (ours and (clock := named.get('/clock'))):
+        return ''
+    return f'; run and analyze count {bag.messages - clock}: those of /clock may get lost'
 
 
 def _pace(bag: BagInfo) -> str:

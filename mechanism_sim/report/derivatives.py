@@ -5,32 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mechanism_sim import strict_json
 from mechanism_sim.derivatives.flow import CHATTER
 from mechanism_sim.report.sections import Section
 from mechanism_sim.results.derivatives import RunDerivative
 from mechanism_sim.results.measures import Measured
+from mechanism_sim.strict_json import plain
 
 
 def to_json(found: Mapping[str, RunDerivative], measures: Sequence[Measured]) -> dict[str, Any]:
     """The key ``derivatives``: of the final state, impacts and measures, in SI units."""
     return {
         'derivatives': {
-            path: {
-                'final': strict_json.plain(d.final),
+            path: plain({
+                'final': d.final,
                 'impacts': [
-                    {
-                        't': strict_json.plain(float(t)),
-                        'normal_impulse': strict_json.plain(float(p)),
-                    }
+                    {'t': float(t), 'normal_impulse': float(p)}
                     for t, p in zip(d.impacts['t'], d.impacts['normal_impulse'], strict=True)
                 ],
-                'measures': strict_json.plain(_by_name(d, measures)),
-                'limits': [strict_json.plain(limit) for limit in d.limits],
-            }
+                'measures': _by_name(d, measures),
+                'limits': d.limits,
+            })
             for path, d in found.items()
         }
-    }
+    }  # fmt: skip
 
 
 def sections(found: Mapping[str, RunDerivative], measures: Sequence[Measured]) -> list[Section]:

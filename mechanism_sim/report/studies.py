@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # each is slow to load, and a command needs but one
     from mechanism_sim.studies.statistics import Statistics
 
 _MEAN = 'mean', 'half_width', 'unit'
+_HORIZON = 'time', 'digits', 'left', 'limit'
 _STABLE = {
     True: 'stable',
     False: 'unstable',
@@ -208,7 +209,7 @@ def exponents_json(found: LyapunovExponents) -> dict[str, object]:
         'revolutions': found.revolutions,
         'skipped': found.skipped,
         'exponents': [
-            {'value': plain(x), 'low': plain(x - half), 'high': plain(x + half)}
+            plain({'value': x, 'low': x - half, 'high': x + half})
             for x, half in zip(found.values, found.half_widths, strict=True)
         ],
         'horizon': plain(found.horizon),
@@ -227,11 +228,4 @@ def horizon_section(found: Horizon) -> Section:
 
 def horizon_json(found: Horizon) -> dict[str, object]:
     """JSON of it: the key ``horizon``; its time is null where digits hold to the end."""
-    return {
-        'horizon': {
-            'time': plain(found.time),
-            'digits': plain(found.digits),
-            'left': plain(found.left),
-            'limit': plain(found.limit),
-        }
-    }
+    return {'horizon': plain({key: getattr(found, key) for key in _HORIZON})}

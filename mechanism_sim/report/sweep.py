@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -149,12 +148,7 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
             share = f'{100.0 * e.share:.1f} %' if math.isfinite(e.share) else 'none'
             row = [e.factor, e.measure, unit, _text(scale * e.effect), share]
             if indices:
-                row += [
-                    f'{i[0]:.3f}{f" ({i[1]:.2f} to {i[2]:.2f})" * math.isfinite(i[1])}'
-                    if i
-                    else ''
-                    for i in (e.first, e.total)
-                ]
+                row += [_index(i) if i else '' for i in (e.first, e.total)]
             table.append(row)
         lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
     for x in exceedances(plan, rows):
@@ -225,13 +219,11 @@ def first_order_json(found: FirstOrder) -> dict[str, object]:
     return {
         'runs': found.runs,
         'measures': {
-            s.measure: plain(
-                asdict(s)
-                | {
-                    'enough': s.enough,
-                    'contributions': {c.factor: asdict(c) for c in s.contributions},
-                }
-            )
+            s.measure: plain(s)
+            | {
+                'enough': s.enough,
+                'contributions': {c.factor: plain(c) for c in s.contributions},
+            }
             for s in found.stacks
         },
     }
@@ -502,7 +494,7 @@ def unit_of(plan: SweepPlan, path: str) -> tuple[str, float]:
 
 
 def response_surface(
-    places: Array, values: Array, i: int, j: int, fine: int = 40
+    places: Array, values: Array, i: int, j: int
 ) -> tuple[Array, Array, Array] | None:
     """Values (m, n) over columns i (n,) and j (m,) of `places` (N, k), the others at their means.
 
@@ -521,6 +513,7 @@ def response_surface(
     if len(values) < 1.5 * terms.shape[1]:
         return None
     fit = np.linalg.lstsq(terms, values, rcond=None)[0]
+    fine = 40
     x, y = (np.linspace(places[:, k].min(), places[:, k].max(), fine) for k in (i, j))
     grid = np.zeros((fine * fine, places.shape[1]))
     grid[:, i] = np.tile((x - mean[i]) / half[i], fine)

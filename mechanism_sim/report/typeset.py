@@ -52,10 +52,11 @@ class Typesetter:
     def __init__(self, equations: MachineEquations) -> None:
         self.equations = equations
         moving = [s for triple in equations.coordinates for s in triple]
-        listed = (*moving, *equations.parameters, *equations.variables)
+        self._listed = (*moving, *equations.parameters, *equations.variables)
         # every form needs the text, if only for its length; a law of a cam takes seconds
         self._text = cache(_Text().doprint)
-        self._latex = cache(_Latex({'symbol_names': {s.symbol: s.latex for s in listed}}).doprint)
+        names = {s.symbol: s.latex for s in self._listed}
+        self._latex = cache(_Latex({'symbol_names': names}).doprint)
 
     def equation_text(self, equation: Equation) -> str:
         """``left = right``."""
@@ -146,7 +147,29 @@ class Typesetter:
 
     def html(self) -> str:
         """A page with formulas as MathML, which needs no other file."""
-        return mathml_page(self.equations, list(self._tables()))
+        eq, printer = self.equations, _MathML(self._listed)
+        out = [
+            '<!DOCTYPE html>', '<html lang="en"><head><meta charset="utf-8">',
+            f'<title>{escape(eq.title)}</title><style>{_STYLE}</style></head><body>',
+            f'<h1>{escape(eq.title)}</h1>',
+            f'<p>Scene <code>{escape(eq.scene)}</code>, level {escape(eq.level)}.</p>',
+        ]  # fmt: skip
+        for heading, symbols in self._tables():
+            out += [f'<h2>{heading}</h2>', '<table>']
+            for s in symbols:
+                out.append(
+                    f'<tr><td><math>{_marked(s)}</math></td><td>{escape(" ".join(_value(s)))}</td>'
+                    f'<td>{escape(s.meaning)}</td></tr>'
+                )
+            out.append('</table>')
+        for part in eq.parts:
+            out.append(f'<h2>{escape(part.heading)}</h2>')
+            for e in part.equations:
+                set_ = ''.join(printer.equation(e))
+                out.append(f'<math display="block"><mrow>{set_}</mrow></math>')
+                out += [f'<p>{escape(e.note)}</p>'] if e.note else []
+            out += [f'<p>{escape(text)}</p>' for text in part.notes]
+        return '\n'.join([*out, '</body></html>', ''])
 
     def _repr_latex_(self) -> str:
         """For notebooks: every part with its equations, set."""
@@ -290,6 +313,16 @@ class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]
             r'<mi>(\w+)</mi>', lambda m: self._markup.get(m[1], m[0]), self.doprint(expression)
         )
 
+    def equation(self, equation: Equation) -> Iterator[str]:
+        """Both sides, term by term in their order."""
+        for side, between in ((equation.left, ''), (equation.right, '<mo>=</mo>')):
+            yield between
+            for k, term in enumerate(side):
+                negative = bool(sympy.sympify(term).could_extract_minus_sign())
+                if k or negative:
+                    yield '<mo>-</mo>' if negative else '<mo>+</mo>'
+                yield self.set(-term if negative else term)
+
 
 def _marked(known: Symbol) -> str:
     """A symbol: its letter with dots, its indices below."""
@@ -305,45 +338,3 @@ def _marked(known: Symbol) -> str:
         base = f'<mover accent="true">{base}<mo>{dots}</mo></mover>'
     below = re.sub(r'\\mathrm|[{}\\]', '', index).replace(',', ', ').replace('  ', ' ')
     return f'<msub>{base}<mtext>{escape(below)}</mtext></msub>' if below else base
-
-
-def mathml_page(equations: MachineEquations, tables: list[tuple[str, tuple[Symbol, ...]]]) -> str:
-    """The page, which needs no other file."""
-    listed = [s for triple in equations.coordinates for s in triple]
-    listed += [*equations.parameters, *equations.variables]
-    printer = _MathML(listed)
-    out = [
-        '<!DOCTYPE html>', '<html lang="en"><head><meta charset="utf-8">',
-        f'<title>{escape(equations.title)}</title><style>{_STYLE}</style></head><body>',
-        f'<h1>{escape(equations.title)}</h1>',
-        f'<p>Scene <code>{escape(equations.scene)}</code>, level {escape(equations.level)}.</p>',
-    ]  # fmt: skip
-    for heading, symbols in tables:
-        out += [f'<h2>{heading}</h2>', '<table>']
-        for s in symbols:
-            value = '' if s.value is None else repr(s.value)
-            out.append(
-                f'<tr><td><math>{_marked(s)}</math></td><td>{value} {escape(s.unit)}</td>'
-                f'<td>{escape(s.meaning)}</td></tr>'
-            )
-        out.append('</table>')
-    for part in equations.parts:
-        out.append(f'<h2>{escape(part.heading)}</h2>')
-        for e in part.equations:
-            out.append(
-                f'<math display="block"><mrow>{"".join(_mathml_of(printer, e))}</mrow></math>'
-            )
-            out += [f'<p>{escape(e.note)}</p>'] if e.note else []
-        out += [f'<p>{escape(text)}</p>' for text in part.notes]
-    return '\n'.join([*out, '</body></html>', ''])
-
-
-def _mathml_of(printer: _MathML, equation: Equation) -> Iterator[str]:
-    """Both sides, term by term in their order."""
-    for side, between in ((equation.left, ''), (equation.right, '<mo>=</mo>')):
-        yield between
-        for k, term in enumerate(side):
-            negative = bool(sympy.sympify(term).could_extract_minus_sign())
-            if k or negative:
-                yield '<mo>-</mo>' if negative else '<mo>+</mo>'
-            yield printer.set(-term if negative else term)

@@ -222,14 +222,16 @@ class Cycle(plotting.Rich):
     def _extremes(self) -> dict[str, Extremes]:
         known = catalogue(self.machine)
         names = [n for n in self.names if known[n].has_extremes and n not in self.unbounded]
-        spans = self.solution.motion.curve.spans(float(self.t[0]), float(self.t[-1]))
+        motion, window = self.solution.motion, (float(self.t[0]), float(self.t[-1]))
         size, drive = self.machine.mechanism.size, f'position.{self.drive}'
         ends: dict[str, Extremes] = {}
         for cumulative in (False, True):
             own = [known[n] for n in names if known[n].cumulative == cumulative]
             if not own:
                 continue
-            found = search(partial(self.at, names=[q.name for q in own]), own, spans, size)
+            found = search(
+                partial(self.at, names=[q.name for q in own]), own, motion, window, size
+            )
             low, high = (
                 map(Extreme, values.tolist(), t.tolist(), self.at(t, [drive])[drive].tolist())
                 for values, t in (

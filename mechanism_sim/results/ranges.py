@@ -97,7 +97,8 @@ def travel(machine: Machine, motion: Motion) -> float:
 def search(
     at: Callable[[Array], Mapping[str, Array]],
     wanted: Sequence[Quantity],
-    spans: tuple[Array, Array],
+    motion: Motion,
+    window: tuple[float, float],
     size: float,
 ) -> ExtremeSearch:
     """The search for the extremes of columns, done; limits at events count, from both sides.
@@ -105,7 +106,8 @@ def search(
     Parameters
     ----------
     at : the columns (K,) at any instants (K,) [s]
-    spans : first and last times (m,) [s] of intervals between events
+    motion : which they are of
+    window : first and last instant [s]
     """
 
     def values(t: Array) -> Array:
@@ -114,7 +116,11 @@ def search(
 
     found = search_of(wanted, size)
     if wanted:
-        found.add(values, *spans)
+        start, end = motion.curve.spans(*window)
+        alike = motion.alike[motion.curve.locate(0.5 * (start + end))]
+        # those that the window cuts are like no other
+        alike[[0, -1]] = alike.max() + 1 + np.arange(2)
+        found.add(values, start, end, alike=alike)
     return found
 
 

@@ -81,6 +81,12 @@ def unit_at(scene: Part, path: str) -> str:
 
 def value_at(scene: Part, path: str) -> tuple[Any, str]:
     """Value at a dotted path of a scene, None where there is none, and its `unit_at`."""
+    value, units = units_at(scene, path)
+    return value, units[0] if len(units) == 1 else ''
+
+
+def units_at(scene: Part, path: str) -> tuple[Any, tuple[str, ...]]:
+    """Value at a dotted path of a scene, and the SI units of which it has one."""
     value: Any = scene
     units: tuple[str, ...] = ()
     for name in path.split('.'):
@@ -88,7 +94,7 @@ def value_at(scene: Part, path: str) -> tuple[Any, str]:
             keys = {field.alias or key: key for key, field in type(value).model_fields.items()}
             key = keys.get(name, name)
             if key not in type(value).model_fields:
-                return None, ''
+                return None, ()
             known = facts_of(type(value).model_fields[key]).quantities
             units = tuple(dict.fromkeys(unit for note in known for unit in note.units))
             value = getattr(value, key)
@@ -99,10 +105,8 @@ def value_at(scene: Part, path: str) -> tuple[Any, str]:
         elif isinstance(value, list | tuple) and name.isdecimal() and int(name) < len(value):
             value = value[int(name)]
         else:
-            return None, ''
-    if isinstance(value, QuantityValue) and value.unit:
-        return value, value.unit
-    return value, units[0] if len(units) == 1 else ''
+            return None, ()
+    return value, (value.unit,) if isinstance(value, QuantityValue) and value.unit else units
 
 
 def _range(bounds: Mapping[str, str]) -> list[str]:

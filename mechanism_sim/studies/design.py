@@ -7,7 +7,7 @@ makes values of them.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,15 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, quoted
-from mechanism_sim.units import alike, product, to_si_text
+from mechanism_sim.units import (
+    QuantityValue,
+    alike,
+    as_revolutions,
+    has_decimal_comma,
+    product,
+    to_si,
+    to_si_text,
+)
 
 LATIN_HYPERCUBE, SOBOL, RANDOM, INDICES = 'latin_hypercube', 'sobol', 'random', 'sobol_indices'
 KINDS = {
@@ -28,7 +36,7 @@ SIGMAS = 3.0
 """Standard deviations in T of `A +- T`, which is normal and cut off at A - T and A + T."""
 
 _TOLERANCE = re.compile(r'\s*(.+?)\s*(?:\+-|\+/-|±)\s*(.+?)\s*')
-_NUMBER = r'(?:\d+(?:[.,]\d+)*\.?|\.\d+)(?:[eE][+-]?\d+)?'  # decimal commas are refused later
+_NUMBER = r'(?:\d+(?:[.,]\d+)*\.?|[.,]\d+)(?:[eE][+-]?\d+)?'  # decimal commas are refused later
 _SIDE = re.compile(rf'(?<!\d[eE])(?<!\^)[+-]\s*{_NUMBER}|(?<=[\s/])0(?:[.,]0*)?(?=[\s/]|$)')
 """A deviation as on a drawing, of which 0 has no sign: in ``50 mm +0.2/-0.1`` there are two."""
 _PART = re.compile(rf'([+-]?\s*{_NUMBER})\s*(.*)')
@@ -54,6 +62,19 @@ class Factor(NamedTuple):
     unit: str
     distribution: Any
 
+    def check_unit(self, units: Sequence[str]) -> None:
+        """Refuse another unit than those of the key that is varied, if they are known."""
+        wrong = None
+        for unit in units if self.unit else ():
+            try:
+                to_si(f'1 {self.unit}', unit)
+            except ValueError as error:
+                wrong = wrong or error
+            else:
+                return
+        if wrong:
+            raise InputError(f'vary.{self.path}: {quoted(self.text)} {wrong}') from wrong
+
 
 def factor(path: str, given: Any) -> Factor:
     """A factor as a sweep file has it."""
@@ -67,13 +88,12 @@ def factor(path: str, given: Any) -> Factor:
         ((kind, values),) = given.items()
     count = {'uniform': 2, 'normal': 2, 'tolerance': 2, 'sides': 3, 'triangular': 3}.get(kind)
     if not isinstance(values, list | tuple) or len(values) != count:
+        if isinstance(given, str) and has_decimal_comma(given):
+            _read(path, given)
         raise InputError(f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}')
     numbers, units = [], []
     for value in values:
-        try:
-            number, unit = to_si_text(value)
-        except ValueError as error:
-            raise InputError(f'vary.{path}: {quoted(value)} {error}') from error
+        number, unit = _read(path, value)
         numbers.append(number)
         units.append(unit)
     if not all(alike(units[0], unit) for unit in units):
@@ -99,6 +119,14 @@ def factor(path: str, given: Any) -> Factor:
         found = stats.uniform(a, b - a) if kind == 'uniform' else stats.triang(shape, a, b - a)
     text = given if isinstance(given, str) else f'{kind} {", ".join(map(str, values))}'
     return Factor(path, text, product(units[0], ''), found)
+
+
+def _read(path: str, value: Any) -> QuantityValue:
+    """A number of a distribution; 1/min are revolutions, as a scene has them."""
+    try:
+        return to_si_text(as_revolutions(value))
+    except ValueError as error:
+        raise InputError(f'vary.{path}: {quoted(value)} {error}') from error
 
 
 def _parts(*texts: str) -> list[str] | None:

@@ -26,7 +26,7 @@ from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, Source, span
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.facts import unit_at, value_at
+from mechanism_sim.scene.facts import unit_at, units_at, value_at
 from mechanism_sim.scene.files import (
     SceneContent,
     check_scene,
@@ -249,6 +249,8 @@ def read_plan(
                 if repetition * file.nudge:  # the drive a little further at the start
                     machine = started_at(machine, machine.drive.start[0] + repetition * file.nudge)
                 nudged = machine.scene
+                for f in factors if not runs else ():
+                    f.check_unit(units_at(nudged, f.path)[1])
                 asked = [*taken, *_of_scene(path.name, machine, taken)]
                 read = [] if file.windows else of_sensors(machine, asked)
                 if named not in measured:

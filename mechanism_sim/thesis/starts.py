@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.sections import Section, text
-from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
@@ -74,12 +73,10 @@ def _follow(name: str, scene: Scene, revolutions: float) -> Row:
     """When contact is first lost in any joint [s], and the impacts of the run."""
     run = stream(Machine(name, scene), revolutions=revolutions)
     lost: list[float] = []
-    run.finish([lambda piece: lost.extend(_losses(piece))])
+    run.finish([
+        lambda piece: lost.extend(x.t for x in piece.modes if x.mode == Mode.FREE_FLIGHT)
+    ])  # fmt: skip
     return {'lost': min(lost, default=None), 'impacts': run.totals.impacts}
-
-
-def _losses(piece: Piece) -> list[float]:
-    return [change.t for change in piece.modes if change.mode == Mode.FREE_FLIGHT]
 
 
 def render(found: Sequence[StartAngle]) -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
+from builders import weightless
 
 import mechanism_sim as ms
 from mechanism_sim.engine import event_loop
@@ -67,6 +70,30 @@ def test_a_run_whose_contacts_mostly_slide_is_that_by_equations_in_which_they_ma
         np.testing.assert_allclose(
             *(run.sample(t, name)[name] for run in (found, known)), atol=1e-6
         )
+
+
+@pytest.mark.parametrize(('height', 'speed'), [(2e-7, -1e-3), (-1e-13, 1e-6), (-1e-9, 1e-4)])
+def test_a_gap_that_begins_below_zero_falls_when_it_closes_again(height, speed) -> None:
+    """Of a ball above a floor, in closed form; heyoka sees no zero of what never was positive."""
+    g = 9.81
+    machine = weightless(
+        gravity=[0.0, -g],
+        links={'ball': {'mass': 1.0}},
+        joints={
+            'guide': {'prismatic': ['ground', 'ball'], 'axis': '90 deg', 'stops': {'lower': 0.0}}
+        },
+        initial={'position': {'ball': 0.1}},
+    )
+    run = machine.start()
+    falls = (speed + math.sqrt(speed**2 + 2.0 * g * height)) / g if height > 0.0 else speed / g
+    run._state[:] = height, speed
+    run._ta.time = 0.0
+    run._ta.reset_cooldowns()
+    h = 3.0 * falls
+    run._integrators.main.step(h, True)
+    assert run._steps._time_of_fall(0, h) == pytest.approx(falls, rel=1e-9)
+    early = 0.9 * falls
+    assert run._steps._time_of_fall(0, early) < early
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def held():
 def test_what_would_stop_again_within_a_rounding_of_its_place_stays(held, way, braking):
     """``v^2 = 2 a s`` with the pull against friction one way, and with it the other."""
     present, switching = held._present, held._contacts.switching
-    limit = math.sqrt(2.0 * present.rounding * braking / MASS)
+    limit = math.sqrt(2.0 * present.system.rounding * braking / MASS)
     for share, row in ((0.95, HOLDS), (1.05, int(way > 0.0))):
         switching.set_rows((HOLDS,))
         present.v[:] = share * limit * way

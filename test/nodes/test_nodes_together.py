@@ -26,10 +26,11 @@ from mechanism_sim.export.urdf import to_urdf
 from mechanism_sim.messages import Clock, Float64, Impact, JointState, Log, service_class
 from mechanism_sim.messages.part_states import KINDS
 from mechanism_sim.nodes import commands, control_relay, middleware, pace, partners, publications
+from mechanism_sim.nodes.classes import node_class
 from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor
 from mechanism_sim.nodes.process import report_end
 from mechanism_sim.nodes.qos import RESULTS
-from mechanism_sim.nodes.run import NODES, NodePlan
+from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.stamps import nanoseconds
@@ -91,7 +92,7 @@ def nodes_of(
         for name in chosen:
             given = [p for p in plan.parameters(name) if p.name != 'partners']
             others = Parameter('partners', value=','.join(n for n in chosen if n != name))
-            made[name] = NODES[name]([*given, others, *more.get(name, [])])
+            made[name] = node_class(name)([*given, others, *more.get(name, [])])
         yield made
     finally:
         for node in made.values():
@@ -150,7 +151,7 @@ def test_parameters_that_list_texts_are_arrays_or_one_text(tmp_path):
     more = {'scene': SCENE, 'duration': 0.02, 'overrides': values}
     names = ['crank_drive', 'linkage', 'recorder']
     made = {
-        name: NODES[name](
+        name: node_class(name)(
             [
                 *(Parameter(key, value=value) for key, value in more.items()),
                 Parameter('partners', value=[n for n in names if n != name]),
@@ -181,10 +182,10 @@ def test_an_error_that_ends_a_node_is_in_rosout(network):
     ended = network.start("""
         from mechanism_sim.nodes.middleware import Parameter
         from mechanism_sim.nodes.process import run_nodes
-        from mechanism_sim.nodes.run import NODES
+        from mechanism_sim.nodes.classes import node_class
         given = {'partners': 'crank_drive', 'partner_timeout': 1.0}
         parameters = [Parameter(name, value=value) for name, value in given.items()]
-        print('code', run_nodes(lambda: [NODES['linkage'](parameters)]))
+        print('code', run_nodes(lambda: [node_class('linkage')(parameters)]))
     """)
     try:
         spin_until(listener, lambda: any(log.level == FATAL for log in heard))
@@ -622,7 +623,7 @@ def test_closed_forms_are_published_alike_however_short_the_law_is_known(
 )
 def test_a_node_that_waits_says_for_whom(monkeypatch, capsys, names, said):
     monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
-    linkage = NODES['linkage']([Parameter('partners', value=names)])
+    linkage = node_class('linkage')([Parameter('partners', value=names)])
     lines: list[str] = []
 
     def told() -> bool:

@@ -28,8 +28,8 @@ from running import ROOT, TIMEOUT, environment, ros_found, run_json
 import mechanism_sim as ms
 from mechanism_sim import nodes
 from mechanism_sim.analysis.summary import analyze
-from mechanism_sim.cli import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.messages import PUBLIC, own_messages, type_hash
+from mechanism_sim.nodes.classes import NODE_CLASSES, NODE_NAMES
 from mechanism_sim.nodes.run import NodePlan
 from mechanism_sim.packages import EXTRAS, REQUIRED, distribution
 from mechanism_sim.recording.reader import read_bag

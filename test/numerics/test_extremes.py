@@ -162,3 +162,42 @@ def test_what_is_equal_but_for_rounding_costs_little():
     _, _, high, at, calls = searched(lambda t: np.cos(2.0 * np.pi * (t - 0.35)), edges)
     assert (high, at) == pytest.approx((1.0, 0.35), abs=1e-8)
     assert calls < 12 * len(edges)
+
+
+def test_intervals_that_are_alike_are_looked_into_once():
+    """Four hundred turns cost 5 evaluations an interval, and hide no function that differs."""
+    edges = np.arange(0.0, 100.125, 0.25)
+    alike = np.arange(400) % 4
+    kinds = {
+        'repeats': lambda t: np.cos(2.0 * np.pi * (t - 0.35)),
+        'grows': lambda t: np.cos(2.0 * np.pi * (t - 0.35)) + 1e-6 * np.floor(t),
+    }
+    found = {}
+    for name, function in kinds.items():
+        calls = 0
+
+        def counted(t, function=function):
+            nonlocal calls
+            calls += t.size
+            return function(t.ravel())[None]
+
+        search = ExtremeSearch(['value'])
+        search.add(counted, edges[:-1], np.nextafter(edges[1:], -np.inf), alike=alike)
+        found[name] = search.greatest[0], search.greatest_time[0], calls / len(alike)
+    assert found['repeats'] == pytest.approx((1.0, 0.35, 5.3), abs=0.3)
+    assert found['grows'][:2] == pytest.approx((1.0 + 99e-6, 99.35), abs=1e-8)
+
+
+def test_turns_of_a_steady_drive_are_alike():
+    """The pieces of twenty turns fall into those of two, and the last has the extremes of one."""
+    many = ms.cycle('four_bar_nominal', periods=20)
+    pieces = many.solution.motion.alike
+    assert len(set(pieces.tolist())) < len(pieces) / 10
+    one = ms.cycle('four_bar_nominal').extremes()
+    for name, ends in many.extremes().items():
+        if name not in {'position.crank', 'energy.dissipated'}:
+            assert ends.least.value == pytest.approx(one[name].least.value, rel=1e-9, abs=1e-9)
+            assert ends.greatest.value == pytest.approx(
+                one[name].greatest.value, rel=1e-9, abs=1e-9
+            )
+    assert many.extremes()['position.crank'].greatest.value == pytest.approx(40.0 * np.pi)

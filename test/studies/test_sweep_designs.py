@@ -268,6 +268,9 @@ def test_the_share_beyond_a_limit_is_that_of_the_distribution():
         ('1e-10 m +1e-12/-1e-12', 0.99e-10, 1.01e-10, 'm'),
         ('50 mm ±0.2', 0.0498, 0.0502, 'm'),
         ('220 +- 0.2 mm', 0.2198, 0.2202, 'm'),
+        ('300 1/min +- 30 1/min', 9.0 * math.pi, 11.0 * math.pi, 'rad/s'),
+        ('300 1/min +30/-15', 9.5 * math.pi, 11.0 * math.pi, 'rad/s'),
+        ('300 /min +- 30 rpm', 9.0 * math.pi, 11.0 * math.pi, 'rad/s'),
     ],
 )
 def test_deviations_are_written_as_on_drawings(text, low, high, unit):
@@ -397,6 +400,14 @@ def test_names_of_matlab_are_unique_and_short():
             r"'\+0,2 mm' has a decimal comma.* as in \+0.2",
         ),
         ('vary:\n  links.bar.cog: 3,5 +- 0.2 mm', "'3,5 mm' has a decimal comma"),
+        (
+            'vary:\n  links.bar.cog: +,5/-,2 mm',
+            r"'\+,5/-,2 mm' has a decimal comma, .* as in \+.5",
+        ),
+        ('vary:\n  links.bar.cog: 3 mm +,5/-,2', r"'\+,5 mm' has a decimal comma, .* as in \+.5"),
+        ('vary: {drive.speed: 5 mm +- 1 mm}', "has the unit 'm'"),
+        ('vary: {drive.speed: 5 Hz +- 1 Hz}', "'5 Hz \\+- 1 Hz' has the unit 'Hz'"),
+        ('vary: {links.bar.cog: 30 rpm +- 1 rpm}', "has the unit 'rad/s'"),
         ("limits: {peak: '>< 3 N m'}", 'is not a number'),
     ],
 )

@@ -1,9 +1,10 @@
 import { Stage, words } from 'stage';
-import { add, arrow, line } from 'svg';
+import { add, arrow, carried, line } from 'svg';
 
 const NEAR = 14; // [pixels] within which a handle is caught
 const STILL = 4; // [pixels] that a click may move
 const ROOM = 70; // [pixels] around what is fitted
+const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 /**
  * The sheet on which a machine is drawn: what is seen of it, and what the pointer grabs.
@@ -222,19 +223,16 @@ export class Canvas {
   }
 
   /** Where a mark is [m]. */
-  #place({ link, at: [x, y] }) {
-    const [a, b, angle] = this.#pose(link);
-    const [c, s] = [Math.cos(angle), Math.sin(angle)];
-    return [a + c * x - s * y, b + s * x + c * y];
+  #place({ link, at }) {
+    return carried(this.#pose(link), at);
   }
 
   /** Where the arrow of a force ends: a millimetre per newton, as far as that can be seen. */
-  #tip({ link, arrow: [fx, fy], turned }, [x, y]) {
-    const angle = turned ? this.#pose(link)[2] : 0;
-    const [c, s] = [Math.cos(angle), Math.sin(angle)];
-    const far = Math.hypot(fx, fy) * this.scale;
+  #tip({ link, arrow: force, turned }, [x, y]) {
+    const [fx, fy] = carried([0, 0, turned ? this.#pose(link)[2] : 0], force);
+    const far = Math.hypot(...force) * this.scale;
     const times = (Math.min(Math.max(far, 24), 260) / far) * this.scale;
-    return [x + times * (c * fx - s * fy), y - times * (s * fx + c * fy)];
+    return [x + times * fx, y - times * fy];
   }
 
   /** Lines of a round distance, and how far apart they are. */
@@ -350,7 +348,7 @@ export class Canvas {
   }
 
   #key(event, handle) {
-    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    const way = WAYS[event.key];
     if (way) {
       event.preventDefault();
       event.stopPropagation();
@@ -380,7 +378,7 @@ export class Canvas {
   /** Keys on the sheet itself: arrows move the pen. */
   #write(event) {
     if (!this.at || event.target !== this.over || event.ctrlKey || event.altKey || event.metaKey) return;
-    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+    const way = WAYS[event.key];
     if (!way && event.key !== 'Enter') return;
     event.preventDefault();
     event.stopPropagation();

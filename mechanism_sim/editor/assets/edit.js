@@ -3,12 +3,11 @@ import { Curves } from 'curves';
 import { Fields } from 'fields';
 import { lensOf } from 'lens';
 import { Wear, LengthOfRun } from 'wear';
-import { Player, Recording } from 'player';
+import { Player, Recording, nearest, showPlaying } from 'player';
 import { words } from 'stage';
-import { quantity } from 'svg';
+import { carried, quantity } from 'svg';
+import { connected, say } from 'wire';
 
-const AGAIN = 1000; // [ms] until a lost connection is tried again
-const SAID = 6000; // [ms] that a message stays
 const TYPED = 400; // [ms] after which text that is being typed is told
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
 const TURN = 4; // [s] of ours that a run takes at first, or longer
@@ -26,12 +25,10 @@ const TOOLS = new Map(GROUPS.flatMap(({ tools }) => tools.map((tool) => [tool.na
 
 const by = (id) => document.getElementById(id);
 const root = document.documentElement;
-let socket = null;
 let state = null;
 let run = null; // recording, player, message
 let shown = null; // the state or the frame of a drag that is drawn
 let pressed = null; // forces of ideal joints over a turn, or at its start
-let quiet = 0;
 let typed = 0; // a timer, while text is typed that was not told
 let held = null; // what is asked for goes with the next message
 let drawing = null; // where a part begins
@@ -44,7 +41,12 @@ const canvas = new Canvas(by('under'), by('stage'), by('over'), gesture);
 const fields = new Fields(by('outline'), by('fields'), ask);
 const wear = new Wear(ask);
 const lengthOfRun = new LengthOfRun(ask);
-const heard = { state: show, frame, pose, forces, checked, progress, run: ran, worn, problem, said: ({ text }) => say(text), busy };
+const heard = { state: show, frame, pose, forces, checked, progress, run: ran, worn, problem, said: ({ text }) => announce(text), busy };
+const send = connected(`/live${window.location.search}`, heard, () => {
+  if (state) announce('The editor has ended; this page tries to reconnect.');
+  flying = false;
+  by('text').readOnly = true;
+});
 start();
 
 function start() {
@@ -89,7 +91,6 @@ function start() {
     tellText();
     if (state?.changed || fields.typed) event.preventDefault();
   });
-  connect();
 }
 
 function paletteButton({ name, key: letter, icon, hint }) {
@@ -101,29 +102,14 @@ function paletteButton({ name, key: letter, icon, hint }) {
   return button;
 }
 
-function connect() {
-  socket = new WebSocket(`ws://${window.location.host}/live${window.location.search}`);
-  socket.addEventListener('message', ({ data }) => {
-    const message = JSON.parse(data);
-    heard[message.type]?.(message);
-  });
-  socket.addEventListener('close', () => {
-    if (state) say('The editor has ended; this page tries to reconnect.');
-    flying = false;
-    by('text').readOnly = true;
-    setTimeout(connect, AGAIN);
-  });
-}
-
 function ask(message) {
   by('said').hidden = true; // of what was asked for before
   if (held) held.push(message);
-  else if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  else send(message);
 }
 
 /** Shows that something takes long, which is done elsewhere: the page goes on meanwhile. */
 function busy(news) {
-  root.dataset.busy = news.busy ? '1' : '';
   by('busy').hidden = !news.busy;
 }
 
@@ -250,11 +236,8 @@ function tell(text = '') {
   root.dataset.problem = problem;
 }
 
-function say(text) {
-  by('said').textContent = text;
-  by('said').hidden = false;
-  clearTimeout(quiet);
-  quiet = setTimeout(() => { by('said').hidden = true; }, SAID);
+function announce(text) {
+  say(text);
   if (flying) {
     flying = false;
     waiting = null;
@@ -306,9 +289,7 @@ function ran({ data, number }) {
   for (const shape of data.stage.shapes) shape.colour = state.stage.colours[shape.link] ?? -1;
   run = { recording, data, player: new Player(recording, instant) };
   by('play').disabled = by('scrub').disabled = by('speed').disabled = false;
-  const wanted = Math.log(length() / TURN);
-  const far = SPEEDS.map((x) => Math.abs(Math.log(x) - wanted));
-  run.player.speed = SPEEDS[far.indexOf(Math.min(...far))];
+  run.player.speed = nearest(SPEEDS, length() / TURN);
   by('speed').replaceChildren(...SPEEDS.map((x) => new Option(`${x}×`, x, false, x === run.player.speed)));
   by('time').textContent = `${Number(length().toPrecision(4))} s`;
   const titles = { force: 'Largest forces', drive: 'Largest efforts of drives', impacts: 'Impacts', hardest: 'Hardest impact' };
@@ -345,12 +326,9 @@ function lenses(recording, stage) {
 /** Paths that only a run knows: of points of a machine that nothing drives, or not alone. */
 function traces(recording, { links }) {
   const instants = Array.from({ length: 400 }, (_, i) => recording.at(recording.start + (i / 399) * length()));
-  return Object.fromEntries(Object.entries(shown.traced).map(([key, [link, [px, py]]]) => {
+  return Object.fromEntries(Object.entries(shown.traced).map(([key, [link, at]]) => {
     const i = links.indexOf(link);
-    return [key, instants.map(({ poses: { [i]: [x, y, angle] } }) => {
-      const [c, s] = [Math.cos(angle), Math.sin(angle)];
-      return [x + c * px - s * py, y + s * px + c * py];
-    })];
+    return [key, instants.map(({ poses: { [i]: pose } }) => carried(pose, at))];
   }));
 }
 
@@ -363,9 +341,8 @@ function instant(now) {
   canvas.pose(now);
   by('scrub').value = (now.t - run.recording.start) / length();
   by('time').textContent = `${now.t.toPrecision(4)} s`;
-  root.dataset.playing = run.player.playing ? '1' : '';
+  showPlaying(run.player.playing);
   root.dataset.time = now.t;
-  by('play').setAttribute('aria-label', run.player.playing ? 'pause' : 'play');
 }
 
 /** Between the machine that is edited and the one that runs. */
@@ -377,19 +354,14 @@ function playing(on) {
     canvas.choose(state.path);
   } else if (run) {
     run.player.playing = false;
-    root.dataset.playing = '';
-    by('play').setAttribute('aria-label', 'play');
+    showPlaying(false);
   }
 }
 
 function toggle() {
   if (!run) return;
-  if (run.player.playing) {
-    run.player.pause();
-    return;
-  }
-  playing(true);
-  run.player.play();
+  if (!run.player.playing) playing(true);
+  run.player.toggle();
 }
 
 // --- what is asked for ----------------------------------------------------------------------

@@ -1,7 +1,7 @@
 import { words } from 'stage';
 
 /** An HTML element. */
-function html(name, attributes = {}, ...inner) {
+export function html(name, attributes = {}, ...inner) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
   made.append(...inner);

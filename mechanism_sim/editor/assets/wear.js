@@ -1,15 +1,9 @@
+import { html } from 'fields';
 import { words } from 'stage';
 import { quantity } from 'svg';
 
 const [LEAST, MOST] = [1e-5, 3e-3]; // [m] of radial clearance that the slider reaches
 const TITLES = { force: 'force', drive: 'effort of', impacts: 'impacts', hardest: 'hardest impact' };
-
-function element(name, attributes = {}, ...inner) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...inner);
-  return made;
-}
 
 /** A slider that wears a pin, and the loads of the run before and after. */
 export class Wear {
@@ -23,19 +17,19 @@ export class Wear {
     const names = Object.keys(pins);
     if (!names.length) return;
     if (!names.includes(this.joint)) Object.assign(this, { joint: names.find((name) => pins[name]) ?? names.at(-1), radial: 0 });
-    this.choice = element('select', { id: 'wear-joint', 'aria-label': 'pin that wears' },
+    this.choice = html('select', { id: 'wear-joint', 'aria-label': 'pin that wears' },
       ...names.map((name) => new Option(words(name), name, false, name === this.joint)));
     const now = this.radial || pins[this.joint] || LEAST;
-    this.slider = element('input', { type: 'range', id: 'wear-radial', min: Math.log(LEAST), max: Math.log(MOST),
+    this.slider = html('input', { type: 'range', id: 'wear-radial', min: Math.log(LEAST), max: Math.log(MOST),
       step: 'any', value: Math.log(now), 'aria-label': 'radial clearance after wear' });
-    this.size = element('output', { for: 'wear-radial' }, this.radial ? quantity(this.radial, 'm') : 'as drawn');
-    this.table = element('div', { id: 'worn', role: 'status' });
+    this.size = html('output', { for: 'wear-radial' }, this.radial ? quantity(this.radial, 'm') : 'as drawn');
+    this.table = html('div', { id: 'worn', role: 'status' });
     for (const each of [this.choice, this.slider]) each.disabled = true;
     this.choice.addEventListener('change', () => { this.joint = this.choice.value; this.#run(); });
     this.slider.addEventListener('input', () => { this.size.textContent = quantity(this.#value(), 'm'); });
     this.slider.addEventListener('change', () => this.#run());
-    host.replaceChildren(element('h3', {}, 'Wear of a pin'),
-      element('div', { class: 'wear' }, this.choice, this.slider, this.size), this.table);
+    host.replaceChildren(html('h3', {}, 'Wear of a pin'),
+      html('div', { class: 'wear' }, this.choice, this.slider, this.size), this.table);
   }
 
   /** There is a run to compare with. */
@@ -48,7 +42,7 @@ export class Wear {
   compare(before, { joint, radial, figures, problem }) {
     if (!this.table || joint !== this.joint) return;
     if (problem) {
-      this.table.replaceChildren(element('p', { class: 'wrong' }, problem));
+      this.table.replaceChildren(html('p', { class: 'wrong' }, problem));
       return;
     }
     const key = ([what, name]) => (what === 'hardest' ? what : `${what} ${name}`);
@@ -59,11 +53,11 @@ export class Wear {
       const was = old.get(key(figure))?.[2];
       const ratio = was && value !== null ? `× ${Number((value / was).toPrecision(3))}` : '';
       const cells = [was === undefined ? '–' : shown(was, unit), shown(value, unit), ratio];
-      return element('tr', { 'data-worn': key(figure) }, element('th', {}, `${TITLES[what]} ${words(name)}`.trim()),
-        ...cells.map((text) => element('td', {}, String(text))));
+      return html('tr', { 'data-worn': key(figure) }, html('th', {}, `${TITLES[what]} ${words(name)}`.trim()),
+        ...cells.map((text) => html('td', {}, String(text))));
     });
-    const heads = ['', 'before', `${quantity(radial, 'm')}`, ''].map((text) => element('th', {}, text));
-    this.table.replaceChildren(element('table', {}, element('tr', {}, ...heads), ...rows));
+    const heads = ['', 'before', `${quantity(radial, 'm')}`, ''].map((text) => html('th', {}, text));
+    this.table.replaceChildren(html('table', {}, html('tr', {}, ...heads), ...rows));
   }
 
   #value() {
@@ -86,9 +80,9 @@ export class LengthOfRun {
 
   /** @param {HTMLElement} host @param {string} given in the scene */
   show(host, given) {
-    this.field = element('input', { id: 'duration', value: given, spellcheck: 'false', autocomplete: 'off', size: '9' });
+    this.field = html('input', { id: 'duration', value: given, spellcheck: 'false', autocomplete: 'off', size: '9' });
     this.field.addEventListener('change', () => this.ask({ type: 'set', path: ['duration'], text: this.field.value }));
-    host.replaceChildren(element('label', { class: 'length' }, 'Length of the run ', this.field));
+    host.replaceChildren(html('label', { class: 'length' }, 'Length of the run ', this.field));
   }
 
   /** @param {number} end [s] of the run that is there */

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from mechanism_sim.editor.rounding import degrees, rounded
-from mechanism_sim.editor.sketch import GONE, Edit, Sketch, Spot, point
+from mechanism_sim.editor.sketch import GONE, Edit, Sketch, Spot, drives_of, point
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.points import GROUND
 
 _MOTOR = {
     'induction': {
@@ -24,10 +23,8 @@ Without its own inertia it would turn links of grams, and slip within microsecon
 
 def _driven(sketch: Sketch, start: Spot) -> tuple[str, bool]:
     """The link on which a drive is put, and whether that slides."""
-    link = start.link
-    if not link and start.handle:
-        link = next((x for x, _ in start.handle.members if x != GROUND), '')
-    if not link or link == GROUND:
+    link = start.moving
+    if not link:
         raise InputError('a drive is put on a link that turns or slides: press on it')
     slides = any(
         j.kind == 'prismatic' and (x := point(sketch.scene, j.points[1])) and x[0] == link
@@ -36,19 +33,11 @@ def _driven(sketch: Sketch, start: Spot) -> tuple[str, bool]:
     return link, slides
 
 
-def _drive_of(sketch: Sketch, link: str) -> tuple[str, ...]:
-    """The path of the drive of a link; empty if it has none."""
-    scene = sketch.scene
-    if link in scene.drives:
-        return 'drives', link
-    return ('drive',) if scene.drive and (scene.drive.coordinate or 'crank') == link else ()
-
-
 def _drive(sketch: Sketch, start: Spot, _: Spot) -> list[Edit]:
     """Constant speed of the link on which it is put."""
     scene = sketch.scene
     link, slides = _driven(sketch, start)
-    if _drive_of(sketch, link):
+    if link in drives_of(scene):
         raise InputError(f'{link} is driven already')
     drive = {'speed': '100 mm/s' if slides else '60 rpm'}
     rough = scene.rough.get(link)
@@ -65,16 +54,14 @@ def _motor(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
     link, slides = _driven(sketch, start)
     if slides:
         raise InputError(f'{link} slides, and a motor turns: put it on a link that turns')
-    path = _drive_of(sketch, link)
-    edits = [] if path else _drive(sketch, start, end)
-    path = path or edits[0].path
     keys = ('speed', 'acceleration', 'position', 'moves', 'swing', 'profile', 'torque')
-    given = getattr(sketch.scene, 'drives', {}).get(link) or sketch.scene.drive
-    if edits:  # the drive that is made
-        value = {k: v for k, v in edits[0].value.items() if k != 'speed'}
-        edits[0] = Edit(path, {**value, 'motor': dict(_MOTOR)})
+    path, given = drives_of(sketch.scene).get(link, ((), None))
+    if given is None:
+        made, *edits = _drive(sketch, start, end)
+        value = {k: v for k, v in made.value.items() if k != 'speed'}
+        edits.insert(0, Edit(made.path, {**value, 'motor': dict(_MOTOR)}))
     else:
-        old = [k for k in keys if given is not None and k in given.model_fields_set]
+        old = [k for k in keys if k in given.model_fields_set]
         edits = [Edit((*path, 'motor'), dict(_MOTOR)), *(Edit((*path, k), GONE) for k in old)]
     lasts = [Edit(('duration',), '2 s')] if sketch.scene.duration is None else []
     return [*edits, *sketch.masses(), *lasts]

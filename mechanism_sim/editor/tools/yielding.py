@@ -6,16 +6,13 @@ from mechanism_sim.editor.rounding import place
 from mechanism_sim.editor.sketch import Edit, Sketch, Spot
 from mechanism_sim.editor.tool import Tool, register
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.points import GROUND
 
 
 def _elastic(sketch: Sketch, start: Spot, _end: Spot) -> list[Edit]:
     """A bar of steel, a thirtieth as high as it is long, two thirds of that wide."""
-    link = start.link
-    if not link and start.handle:
-        link = next((x for x, _ in start.handle.members if x != GROUND), '')
+    link = start.moving
     given = sketch.scene.links.get(link)
-    if given is None or link == GROUND or given.length is None:
+    if given is None or given.length is None:
         raise InputError('a link bends between its ends: press on a bar with a length')
     if given.elastic:
         raise InputError(f'{link} is elastic already')

@@ -2,7 +2,7 @@ import * as equations from 'equations';
 import { Curves } from 'curves';
 import { IdealMotion, pointOf } from 'ideal_motion';
 import { keys } from 'keys';
-import { Player } from 'player';
+import { Player, showPlaying } from 'player';
 import { Sliders } from 'sliders';
 import { Stage, words } from 'stage';
 import { onResize, quantity, step } from 'svg';
@@ -42,11 +42,11 @@ for (const [group, key] of choices) {
 for (const times of SPEEDS) by('speed').add(new Option(`${times}×`, times, times === 1, times === 1));
 by('quantity').addEventListener('change', chart);
 by('speed').addEventListener('change', pace);
-by('play').addEventListener('click', toggle);
+by('play').addEventListener('click', () => player.toggle());
 by('reset').addEventListener('click', reset);
 by('scrub').addEventListener('input', () => seek(motion.low + Number(by('scrub').value) * (motion.high - motion.low)));
 for (const layer of ['names', 'paths']) by(layer).addEventListener('change', layers);
-keys({ ' ': toggle, ArrowLeft: () => player.step(-1), ArrowRight: () => player.step(1), Escape: reset,
+keys({ ' ': () => player.toggle(), ArrowLeft: () => player.step(-1), ArrowRight: () => player.step(1), Escape: reset,
   Home: () => seek(motion.low), End: () => seek(motion.high) });
 zoomable(by('stage'), () => [stage].filter(Boolean));
 draw();
@@ -303,8 +303,7 @@ function show(frame, shown) {
   by('drive').textContent = written(frame.u);
   const [, , unit, of] = chosen() ?? [];
   if (of) by('now').textContent = `${number(of(frame, motion))} ${unit}`;
-  document.documentElement.dataset.playing = shown?.playing ? '1' : '';
-  by('play').setAttribute('aria-label', shown?.playing ? 'pause' : 'play');
+  showPlaying(shown?.playing);
 }
 
 function seek(u) {
@@ -317,9 +316,4 @@ function pace() {
   const ways = motion.full ? (end - start) / TURN : 1;
   player.speed = (Number(by('speed').value) * (end - start)) / (ways * PERIOD);
   player.loop = [start, end];
-}
-
-function toggle() {
-  if (player.playing) player.pause();
-  else player.play();
 }

@@ -218,7 +218,6 @@ class Slit extends Glass {
     const lean = (0.5 * this.scale * tilt) / this.half;
     this.body.setAttribute('transform',
       `matrix(1 0 ${lean.toFixed(5)} 1 ${(this.scale * off).toFixed(3)} 0)`);
-    this.body.dataset.tilt = tilt;
     this.body.dataset.x = this.two ? off : right;
     this.words.textContent = this.said[frame.touching[this.index]];
     this.values.textContent = this.two

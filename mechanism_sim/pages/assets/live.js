@@ -1,25 +1,26 @@
 import { keys } from 'keys';
 import { lensOf } from 'lens';
+import { showPlaying } from 'player';
 import { Stage, words } from 'stage';
 import { Stream } from 'stream';
 import { Strip } from 'strip';
 import { Sliders } from 'sliders';
+import { connected, say } from 'wire';
 import { zoomable } from 'zoom';
 
-const AGAIN = 1000; // [ms] until a lost connection is tried again
-const SAID = 6000; // [ms] that a message stays
 const SECONDS = 4; // of ours, in a strip
 
 const by = (id) => document.getElementById(id);
 const html = document.documentElement;
-let socket = null;
 let shown = null; // what is shown of a machine: stage, stream, lens, strips
 let state = {};
-let quiet = 0;
 let wanted = null; // playing or not, as it was asked for, until the run says the same
 
 const sliders = new Sliders(by('sliders'), (path, value) => ask({ type: 'set', path, value }));
 const heard = { stage: begin, frames, state: tell, waiting, message: refused };
+const ask = connected('/live', heard, () => {
+  if (shown) say('The view has ended; this page tries to reconnect.');
+});
 
 start();
 
@@ -38,23 +39,6 @@ function start() {
     requestAnimationFrame(tick);
   };
   requestAnimationFrame(tick);
-  connect();
-}
-
-function connect() {
-  socket = new WebSocket(`ws://${window.location.host}/live`);
-  socket.addEventListener('message', ({ data }) => {
-    const message = JSON.parse(data);
-    heard[message.type]?.(message);
-  });
-  socket.addEventListener('close', () => {
-    if (shown) say('The view has ended; this page tries to reconnect.');
-    setTimeout(connect, AGAIN);
-  });
-}
-
-function ask(message) {
-  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 
 function waiting({ starting }) {
@@ -154,22 +138,14 @@ function refused({ text, path }) {
 function tell(news) {
   state = news;
   if (state.playing === wanted) wanted = null;
-  html.dataset.playing = state.playing ? '1' : '';
   html.dataset.run = state.run;
   by('factor').textContent = state.factor === null ? '' : `${Number(state.factor.toPrecision(2))} ×`;
   by('impacts').textContent = state.impacts;
   by('struck').hidden = !shown?.joint && !state.impacts;
-  by('play').setAttribute('aria-label', state.playing ? 'pause' : 'play');
+  showPlaying(state.playing);
   by('play').disabled = by('reset').disabled = !state.operable;
   by('step').disabled = !state.operable || state.playing;
   sliders.set(state.values, state.operable);
-}
-
-function say(text) {
-  by('said').textContent = text;
-  by('said').hidden = false;
-  clearTimeout(quiet);
-  quiet = setTimeout(() => { by('said').hidden = true; }, SAID);
 }
 
 function layers() {

@@ -26,6 +26,18 @@ export function search(values, x) {
   return low;
 }
 
+/** That of some positive numbers whose ratio to a wanted one is nearest to 1. */
+export function nearest(all, wanted) {
+  const far = (x) => Math.abs(Math.log(x / wanted));
+  return all.reduce((a, b) => (far(b) < far(a) ? b : a));
+}
+
+/** Shows on the button of a page, and says to its styles, whether it plays. */
+export function showPlaying(playing) {
+  document.documentElement.dataset.playing = playing ? '1' : '';
+  document.getElementById('play').setAttribute('aria-label', playing ? 'pause' : 'play');
+}
+
 /** A run between its instants. */
 export class Recording {
   /** @param {Object} data with `stage`, `frames` and `impacts` as `Recorded.to_json` has them */
@@ -168,6 +180,11 @@ export class Player {
   pause() {
     this.playing = false;
     this.seek(this.now);
+  }
+
+  toggle() {
+    if (this.playing) this.pause();
+    else this.play();
   }
 
   /** @param {number} t [s]; the nearest there is */

@@ -2,7 +2,7 @@ import { Charts, loadPlotly } from 'charts';
 import { Curves } from 'curves';
 import { keys } from 'keys';
 import { lensOf } from 'lens';
-import { Player, Recording } from 'player';
+import { Player, Recording, nearest, showPlaying } from 'player';
 import { Stage, words } from 'stage';
 import { zoomable } from 'zoom';
 
@@ -47,7 +47,7 @@ function start() {
   ticks();
   choose(0);
   layers();
-  by('play').addEventListener('click', toggle);
+  by('play').addEventListener('click', () => player.toggle());
   by('back').addEventListener('click', () => step(-1));
   by('on').addEventListener('click', () => step(1));
   by('scrub').addEventListener('input', () => {
@@ -63,7 +63,7 @@ function start() {
     charts?.light(kind === 'link' ? link : label || link);
   });
   by('stage').addEventListener('pointerleave', () => charts?.light());
-  keys({ ' ': toggle, ArrowLeft: () => step(-1), ArrowRight: () => step(1),
+  keys({ ' ': () => player.toggle(), ArrowLeft: () => step(-1), ArrowRight: () => step(1),
     Home: () => seek(recording.start), End: () => seek(recording.end), Escape: () => loop(null) });
   zoomable(by('stage'), () => [stage, ...others.map(({ ghost }) => ghost)]);
   window.addEventListener('beforeprint', () => charts?.paper());
@@ -126,9 +126,8 @@ function show(frame, shown) {
   by('drive').textContent = drive(frame.drive);
   by('shown').textContent = `Shown at ${by('time').textContent}, ${
     words(data.stage.main)} ${by('drive').textContent.trim()}.`;
-  document.documentElement.dataset.playing = shown?.playing ? '1' : '';
   document.documentElement.dataset.time = frame.t;
-  by('play').setAttribute('aria-label', shown?.playing ? 'pause' : 'play');
+  showPlaying(shown?.playing);
 }
 
 function drive(value) {
@@ -146,9 +145,7 @@ function digits() {
 /** Fills in the speeds. @returns {number} that at which a turn takes some seconds */
 function speeds() {
   const turn = data.turn ?? (recording.end - recording.start) / 2;
-  const wanted = Math.log(turn / TURN);
-  const far = SPEEDS.map((speed) => Math.abs(Math.log(speed) - wanted));
-  const first = SPEEDS[far.indexOf(Math.min(...far))];
+  const first = nearest(SPEEDS, turn / TURN);
   for (const speed of SPEEDS.filter((x) => x >= Math.min(first, SLOWEST))) {
     by('speed').add(new Option(`${speed}×`, speed, speed === first, speed === first));
   }
@@ -200,11 +197,6 @@ function loop(span) {
   by('loop').textContent = span ? `loop ${player.loop.map((t) => t.toFixed(digits())).join(' to ')} s ×` : '';
   charts?.zoom(player.loop);
   if (span) player.seek(player.loop[0]);
-}
-
-function toggle() {
-  if (player.playing) player.pause();
-  else player.play();
 }
 
 function step(count) {

@@ -1,4 +1,4 @@
-import { add, arrow, line, onResize, quantity } from 'svg';
+import { add, arrow, carried, line, onResize, quantity } from 'svg';
 
 /** Units of the drawing in a symbol, the size of a joint. */
 const SYMBOL = 10;
@@ -88,10 +88,8 @@ export class Stage {
 
   /** A point of a link in the drawing. @returns {number[]} */
   place(frame, link, at) {
-    const [x0, y0, angle, ...bends] = this.#pose(frame, link);
-    const [x, y] = this.#bent(link, at, bends);
-    const [c, s] = [Math.cos(angle), Math.sin(angle)];
-    return this.point([x0 + c * x - s * y, y0 + s * x + c * y]);
+    const pose = this.#pose(frame, link);
+    return this.point(carried(pose, this.#bent(link, at, pose.slice(3))));
   }
 
   /** A point of the world in the drawing. @returns {number[]} */
@@ -204,8 +202,7 @@ export class Stage {
   #swayed(frame, k, [x, y]) {
     const [dx, dy, angle] = frame.sway[k];
     const [cx, cy] = this.frames[k].cog;
-    const [c, s] = [Math.cos(angle), Math.sin(angle)];
-    return [cx + dx + c * (x - cx) - s * (y - cy), cy + dy + s * (x - cx) + c * (y - cy)];
+    return carried([cx + dx, cy + dy, angle], [x - cx, y - cy]);
   }
 
   #pose(frame, link) {

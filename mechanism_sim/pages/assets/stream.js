@@ -1,4 +1,4 @@
-import { Recording } from 'player';
+import { Recording, nearest } from 'player';
 
 const TURN = 2 * Math.PI;
 const NONE = { t: [], hardest: 0 };
@@ -83,8 +83,7 @@ export class Stream {
     const wanted = seconds * (this.usual || asked || 1);
     if (!this.spanned || Math.abs(Math.log2(wanted / this.spanned)) > 1.2) {
       const ten = 10 ** Math.floor(Math.log10(wanted));
-      this.spanned = ten * [1, 2, 5, 10].reduce((a, b) => (
-        Math.abs(Math.log(b * ten / wanted)) < Math.abs(Math.log(a * ten / wanted)) ? b : a));
+      this.spanned = nearest([1, 2, 5, 10].map((x) => x * ten), wanted);
     }
     return this.spanned;
   }

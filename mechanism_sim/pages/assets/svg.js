@@ -22,6 +22,12 @@ export function line(points, closed = false) {
   return `M${places.join('L')}${closed ? 'Z' : ''}`;
 }
 
+/** A point of a link in the world. @param {number[]} pose x, y and angle @param {number[]} at */
+export function carried([x, y, angle], [px, py]) {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  return [x + c * px - s * py, y + s * px + c * py];
+}
+
 /**
  * An arrow as a filled path; nothing where it is too short to be seen.
  * @param {number[]} from @param {number[]} to @param {number} thick width of its shaft

@@ -264,10 +264,14 @@ def polar(
     words: str = 'size',
 ) -> Chart:
     """A round chart that has all of its curves."""
-    largest = max((float(np.nanmax(c.y)) for c in curves if len(c.y)), default=0.0) or 1.0
-    size = Axis(words, unit, 0.0, 1.08 * largest)
+    size = Axis(words, unit, 0.0, rim(curves))
     panel = Panel(DIRECTION, size, tuple(curves), form='polar', height=ROUND)
     return Chart(key, title, (panel,), 'polar', joint, width=1.4 * ROUND)
+
+
+def rim(curves: Sequence[ChartCurve]) -> float:
+    """The size at the edge of a round panel that has all of its curves."""
+    return 1.08 * (max((float(np.nanmax(c.y)) for c in curves if len(c.y)), default=0.0) or 1.0)
 
 
 def whole(count: float) -> float:

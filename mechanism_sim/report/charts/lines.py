@@ -31,6 +31,7 @@ from mechanism_sim.report.charts.chart import (
     ChartCurve,
     Over,
     Panel,
+    rim,
 )
 from mechanism_sim.report.charts.thinning import Envelope, SampledLine, tallest, thin
 from mechanism_sim.results.catalogue import catalogue
@@ -184,8 +185,7 @@ def panels(
 def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
     """Round over a direction; true to scale if it shows the path of a point."""
     if over.axis is DIRECTION:
-        largest = max((float(np.nanmax(c.y)) for c in panel.curves if len(c.y)), default=0.0)
-        y = replace(panel.y, low=0.0, high=1.08 * (largest or 1.0))
+        y = replace(panel.y, low=0.0, high=rim(panel.curves))
         return replace(panel, y=y, form='polar', height=ROUND, scale='')
     path = over.of.startswith('position.') and over.of.endswith('.x')
     if path and all(n.startswith('position.') and n.endswith('.y') for n in names):
