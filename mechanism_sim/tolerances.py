@@ -254,6 +254,8 @@ class StepTolerances(NamedTuple):
     unfelt: float = 1e-4
     #: of the size of the machine: distance at which the ends of a force element meet
     meet: float = 1e-6
+    #: of a state, and as an absolute value: if a formula has no value there, it ends here
+    beside: float = 1e-9
     #: steps in a row that are shorter than the time rounds, after which a run is at its end
     stalled: int = 8
     #: of its scale: size of a state of first order that grows without limit; squared, of its rate

@@ -125,7 +125,7 @@ class Desk:
 
     def put(self, message: Any) -> bool:
         """Take a message of a page, from any thread; False if there are too many."""
-        size = 200 + sum(len(x) for x in message.values() if isinstance(x, str))
+        size = 200 + len(str(message))
         if self._came.qsize() > _WAITING[0] or self._waiting + size > _WAITING[1]:
             return False
         self._waiting += size

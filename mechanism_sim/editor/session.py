@@ -105,6 +105,8 @@ class Session:
         if kind not in acts:
             return
         try:
+            if first := message.get('first'):  # being typed, as somebody saves
+                acts[str(first['type'])](first)
             acts[kind](message)
         except (InputError, RunError) as error:
             self._say(str(error))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
@@ -19,7 +20,7 @@ from mechanism_sim.engine.present_state import rate_of
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.step_check import StepCheck
 from mechanism_sim.engine.step_rows import StepRows
-from mechanism_sim.errors import RunError
+from mechanism_sim.errors import RunError, quoted
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.protocols import Directed
 from mechanism_sim.tolerances import TOLERANCES
@@ -33,6 +34,7 @@ _NEAR_ROOT = TOLERANCES.guards.near_root * TOLERANCES.guards.watch_scale
 
 _UNWATCHED = (0.0, 1.0, 0.0)
 _ROOT = 'where a root reaches 0 it has no slope: write sqrt(max(x, 0))'
+_KEPT = 'keep it in its range, as max(x, 1e-6) does, or of rates x^2 + 1e-6'
 
 
 class PendingStep(NamedTuple):
@@ -290,10 +292,37 @@ class TaylorSteps:
                     f'is {known.scale * y:.6g} and its rate {known.scale * float(rate):.6g}'
                     f'{f"; {_ROOT}" if math.isnan(rate) else ""}'
                 )
+        if said := self._out_of_range(time):
+            return RunError(said)
         far = ', or its elastic links bend too far' if self._system.mechanism.having(Beam) else ''
-        if self._system.states:
-            far += f'; {_ROOT}'
         return RunError(
             f'the integration broke down at t = {time:.9g} s: the state '
             f'became infinite; the mechanism may be at a singular position{far}'
         )
+
+    def _out_of_range(self, time: float) -> str:
+        """Sentence on a formula without a value here, or right beside; empty if there is none."""
+        system, present = self._system, self._present
+        texts = system.equations.frames.texts
+        if not texts:
+            return ''
+        known = [x for _, x in texts.values()]
+        slopes = [sum(hy.diff(x, v) for v in hy.get_variables(x)) for x in known]
+        values = system.run.compile_now([*known, *slopes])
+        here = present.evaluate(values)
+        moved = np.diag(_STEPS.beside * (1.0 + np.abs(present.now)))
+        moved = moved[:, [*range(system.width), -1]]  # the state, and the time
+        places = present.now[:, None] + np.hstack([moved, -moved])
+        beside = values(np.ascontiguousarray(places))
+        for k, (key, (text, _)) in enumerate(texts.items()):
+            value, others = here[k], beside[k]
+            ends = not np.isfinite([*others, here[len(known) + k]]).all()
+            if ends and math.isfinite(value):
+                said = f'is at the end of its range at t = {time:.9g} s, where it has no slope'
+            elif ends or abs(value) > 2.0 * np.abs(others).min():  # a pole, but for rounding
+                said = f'has no value at t = {time:.9g} s'
+            else:
+                continue
+            hint = _ROOT if key.startswith('states:') else _KEPT
+            return f'{key.replace(":", ".")}: the formula {quoted(text)} {said}; {hint}'
+        return ''

@@ -103,7 +103,8 @@ class FormulaScope:
             {name: curve.scale for name, curve in self.tables.items() if curve.cyclic},
             size,
         )
-        return formula.expression(text, words)
+        frames.texts[key] = text, (found := formula.expression(text, words))
+        return found
 
     def _turned(
         self, frames: Frames, link: str

@@ -438,6 +438,26 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
     return ''
 
 
+def check_bare_numbers(node: ExpressionNode, units: Mapping[Any, str | None], text: str) -> None:
+    """Refuse a number without a unit beside what has one: `unit_of` lets it have any.
+
+    Zero needs none, nor does what stands beside an angle.
+    """
+    for part in node.walk():
+        if (part.name if part.kind == 'call' else part.kind) not in _ALIKE:
+            continue
+        sides = part.args[part.kind == 'if' :]
+        given = [u for x in sides if (u := unit_of(x, units, text)) and not alike(u, '')]
+        for x in sides if given else ():
+            own = {n.kind for n in x.walk()}
+            if own <= _CONSTANT and unit_of(x, units, text) is None and numbers(x, {}) != 0.0:
+                lone = own <= {'number', 'negative'}
+                raise InputError(
+                    f'{x.text} in {quoted(text)} has no unit beside what is in {given[0]}: write '
+                    f'{x.text if lone else f"({x.text})*1"} {given[0]}'
+                )
+
+
 def _unit_of_power(unit: str, power: float, text: str) -> str:
     if not unit or power == int(power):
         return product('', unit, int(power))
@@ -454,6 +474,7 @@ _ALIKE = {
     'max': 'in max', 'hypot': 'in hypot',
 }  # fmt: skip
 """Operations of like units, in words."""
+_CONSTANT = {'number', 'pi', 'negative', '+', '-', '*', '/', '**'}
 
 
 # --- numbers -------------------------------------------------------------------------------------

@@ -81,6 +81,8 @@ class Frames:
         Names of the switches that hold, or do not hold, over a good part of a turn each time.
     formulas : set
         Names of the loads that formulas give, which may be steep anywhere.
+    texts : dict
+        Of formulas, with their expressions, by the keys of their parameters.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class Frames:
         self.slips: set[str] = set()
         self.wide: set[str] = set()
         self.formulas: set[str] = set()
+        self.texts: dict[str, tuple[str, hy.expression]] = {}
 
     @property
     def time(self) -> hy.expression:

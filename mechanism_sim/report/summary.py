@@ -223,7 +223,7 @@ def energy_rows(
     """The balance of energy of a run [J]."""
     yield SummaryRow('energy', f'{initial:.6g} J to {final:.6g}', 'J')
     yield amount('work of drives', work, 'J')
-    yield amount('dissipated', dissipated, 'J')
+    yield amount('dissipated, less work of loads', dissipated, 'J')
     yield SummaryRow('energy error at the end', f'{missing:.3g}', 'J')
     yield SummaryRow('energy exchanged', f'{exchanged:.3g}', 'J')
 

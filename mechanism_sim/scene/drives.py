@@ -44,6 +44,7 @@ Motion = tuple[tuple[DriveLaw, ...], LawSource | None]
 """Laws in the order in which they take over, and what goes on behind them."""
 
 _UNITS = ('rad', 'm'), ('rad/s', 'm/s'), ('rad/s^2', 'm/s^2'), ('rad/s^3', 'm/s^3')
+_SLOWEST = 1e-20  # [rad/s, m/s] of a steady drive: powers of it are numbers
 _WAYS = 'position', 'moves', 'profile', 'torque', 'force', 'motor'
 _POWERED = 'they are of speeds; a torque takes commands of effort without this key'
 
@@ -205,6 +206,11 @@ def _steady(names: Names, where: str, drive: DrivePart, first: DriveLaw) -> Driv
     speed = half = 0.0
     if drive.speed is not None:
         speed = names.measure(f'{where}.speed', drive.speed, first.straight, ('rad/s', 'm/s'))
+        if speed and not _SLOWEST <= abs(speed) <= 1.0 / _SLOWEST:
+            raise InputError(
+                f'{where}.speed = {speed:g} {"m/s" if first.straight else "rad/s"} is out of '
+                f'bounds: it must be 0, or from {_SLOWEST:g} to {1.0 / _SLOWEST:g} in either way'
+            )
     if drive.acceleration is not None:
         units = 'rad/s^2', 'm/s^2'
         half = 0.5 * names.measure(

@@ -7,13 +7,21 @@ from collections.abc import Callable, Collection, Mapping
 from typing import Annotated, Any
 
 import heyoka as hy
+import numpy as np
 
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.keys.names import RESERVED, Names
 from mechanism_sim.keys.quantities import UnitValue
 from mechanism_sim.linkages.formulas import FormulaScope
 from mechanism_sim.numerics import formula
-from mechanism_sim.numerics.expressions import ExpressionNode, parse, unit_hint, unit_of
+from mechanism_sim.numerics.expressions import (
+    ExpressionNode,
+    check_bare_numbers,
+    numbers,
+    parse,
+    unit_hint,
+    unit_of,
+)
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.units import (
     QuantityValue,
@@ -118,6 +126,9 @@ def check_formula(
     tables = places.scene.tables
     try:
         root = formula.read(text, tables)
+        for node in root.walk():
+            if {x.kind for x in node.walk()}.isdisjoint({'name'}) and not _has_value(node, tables):
+                raise InputError(f'{quoted(node.text)} in the formula {quoted(text)} has no value')
         springs = [x for x in units if '.' in x and x not in states]
         for other in root.names:
             if other not in units:
@@ -140,6 +151,12 @@ def check_formula(
         raise InputError(f'{where}: {error}') from error
 
 
+def _has_value(node: ExpressionNode, tables: Collection[str]) -> bool:
+    """False of a part that names nothing and is infinite or undefined, as ``1/0``."""
+    called = {x.name for x in node.walk() if x.kind == 'call'}
+    return not called.isdisjoint(tables) or bool(np.isfinite(numbers(node, {})))
+
+
 def _starts(places: Names, named: Collection[str]) -> str:
     """Units by their starts of the states that a formula names, or whose rate it is."""
     return ''.join(
@@ -156,6 +173,7 @@ def _check_units(
     """Refuse a formula whose units contradict each other or the wanted one, and `said` why."""
     try:
         found = unit_of(root, units, text)
+        check_bare_numbers(root, units, text)
     except InputError as error:
         raise InputError(f'{error}{said}') from error
     if unit is not None and found is not None and not alike(found, unit):

@@ -30,6 +30,7 @@ from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, parameters
+from mechanism_sim.studies.periodic import CLOCK
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
@@ -255,7 +256,7 @@ def section(
         if turns < 1:
             raise InputError(f'{name} must be at least 1')
     if not machine.drive.steady or not machine.drive.fastest:
-        raise InputError(f'{machine.name}: sections need a drive at constant speed')
+        raise InputError(f'{machine.name}: sections need a drive at constant speed; {CLOCK}')
     if not machine.level.dynamic or not machine.equations.system.free:
         raise InputError(f'{machine.name}: without a free motion every turn is like the other')
     if joint is not None:

@@ -23,7 +23,7 @@ MEANS = (
     ResultColumn('impulse', 'N s', 'sum of normal impulses per revolution'),
     ResultColumn('losses_of_contact', '', 'losses of contact per revolution'),
     ResultColumn('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
-    ResultColumn('dissipated', 'J', 'energy dissipated per revolution'),
+    ResultColumn('dissipated', 'J', 'energy dissipated, less work of loads, per revolution'),
     ResultColumn('I_n', 'N s', 'normal impulse per impact'),
 )
 """Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""

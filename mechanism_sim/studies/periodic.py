@@ -59,6 +59,13 @@ class PeriodicResponse:
         return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 
 
+CLOCK = (
+    "of a force that repeats let a wheel 'clock' be driven at constant speed, 2.8 rad/s, and "
+    'write cos(clock) instead of cos(2.8*t)'
+)
+"""What to do where nothing turns steadily."""
+
+
 class PoincareMap:
     """The map of a machine from one passage of its start angle to a later one.
 
@@ -71,7 +78,7 @@ class PoincareMap:
         law = machine.drive.law
         if not machine.drive.steady or not isinstance(law, DriveLaw) or not machine.drive.fastest:
             raise InputError(
-                f'{machine.name}: a periodic response needs a crank at constant speed'
+                f'{machine.name}: a periodic response needs a crank at constant speed; {CLOCK}'
             )
         if machine.plan.states:
             raise InputError(

@@ -6,7 +6,8 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import combinations, product
 from pathlib import Path
@@ -220,7 +221,7 @@ def read_plan(
         shared = content_of(scene.scene if isinstance(scene, Machine) else scene)
         bases[shared.name], content = shared, {**content, 'scene': shared.name}
     file = checked(path.name, SweepFile, content)
-    extent = _extent(path.name, file)
+    extent: Extent | None = None
     columns = _columns(path.name, file)
     runs: list[Run] = []
     grid = [[(key, value) for value in values] for key, values in file.grid.items()]
@@ -234,13 +235,15 @@ def read_plan(
             show(f'{len(runs)} of {total * len(listed)} runs')
         given = {**one, **dict(point), **values_drawn}
         where = f'{path.name}: run {len(runs)}{_describe(given)}'
-        try:
+        with _in_run(where):
             named = str(given.get(SCENE, file.scene))
             if named not in bases:
                 bases[named] = content_of(str(path.parent / named) if _is_path(named) else named)
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
             checked_scene = check_scene(base.file, base.data, overrides, base.folder)
+        extent = extent or _extent(path.name, file)  # a key that is not known is named first
+        with _in_run(where):
             for repetition in range(file.repeat):
                 machine = build(base.name, checked_scene)
                 if repetition * file.nudge:  # the drive a little further at the start
@@ -269,16 +272,24 @@ def read_plan(
                 ruling += [_measurement_keys(nudged)] if read or _read_sensors(asked) else []
                 key = _hash(ruling)
                 runs.append(Run(len(runs), base.name, nudged, ordered, given, key, texts))
-        except InputError as error:
-            raise InputError(f'{where}: {error}') from error
     names = dict.fromkeys(measure_name(text) for texts in measured.values() for text in texts)
     limits = _limits(path.name, file, own, names)
     units = _units(columns, runs) | {f.path: f.unit for f in factors}
     design = file.design if factors else None
     return SweepPlan(
-        path.stem, file.title, extent, columns, tuple(runs), file.bags, file.windows, units,
-        tuple(own.values()), _of_all(measured.values()), tuple(factors), design, limits,
+        path.stem, file.title, extent or _extent(path.name, file), columns, tuple(runs), file.bags,
+        file.windows, units, tuple(own.values()), _of_all(measured.values()), tuple(factors),
+        design, limits,
     )  # fmt: skip
+
+
+@contextmanager
+def _in_run(where: str) -> Iterator[None]:
+    """Errors of a run say which."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f'{where}: {error}') from error
 
 
 def _content(source: str | Path | Mapping[str, Any], called: str) -> tuple[Path, dict[str, Any]]:

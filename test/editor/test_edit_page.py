@@ -571,8 +571,78 @@ def test_files_are_made_of_what_is_drawn(tab, tmp_path, monkeypatch):
         hand.page.select_option('#make', 'PNG')
         hand.page.get_by_text('slider_crank_1.png').wait_for()  # nothing is written over
         hand.page.locator('#tab-yaml').click()
-        hand.page.fill('#text', 'title: Nothing')
-        hand.after(lambda: hand.page.locator('#text').press('Tab'))
+        hand.after(lambda: hand.page.fill('#text', 'title: Nothing'))
         hand.page.select_option('#make', 'PNG')
         hand.page.get_by_text("'mechanism' is missing").last.wait_for()
         clean(hand)
+
+
+@pytest.mark.slow
+def test_what_is_being_typed_is_saved_kept_and_asked_for(tab, tmp_path, monkeypatch):
+    """Ctrl+S in a field takes it along; no text is lost that was typed for a second."""
+    monkeypatch.chdir(tmp_path)
+    file, kept = tmp_path / 'machine.yaml', tmp_path / '.machine.yaml.unsaved'
+    file.write_text(DRAWN_FOUR_BAR)
+    with editing('machine.yaml') as address:
+        hand = Hand(tab, address)
+        keys, said = hand.page.keyboard, hand.page.locator('#said')
+
+        def saved(expected: str, what: str) -> None:
+            said.evaluate('said => { said.textContent = "" }')
+            keys.press('Control+s')
+            hand.until(lambda: expected in said.inner_text())
+            assert ('saved' in expected) == (what in file.read_text())
+
+        hand.page.locator('#tab-yaml').click()
+        hand.page.locator('#text').click()
+        keys.press('Control+End')
+        keys.type('# one\n')
+        saved('saved: machine.yaml', '# one')
+        # half a line: the picture is as it was, the caret where it was, and it is kept
+        drawn = hand.page.locator('#stage').inner_html()
+        hand.after(lambda: keys.type('gravity: [0, '))
+        hand.until(lambda: 'gravity: [0, ' in (kept.read_text() if kept.exists() else ''))
+        assert 'machine:' in hand.data('problem')
+        assert hand.page.locator('#stage').inner_html() == drawn
+        hand.after(lambda: keys.type('-9.81]\n'))
+        assert hand.text.endswith('# one\ngravity: [0, -9.81]\n')
+        hand.until(lambda: hand.data('problem') == '')
+        asked: list[str] = []
+        hand.page.once('dialog', lambda dialog: (asked.append(dialog.type), dialog.accept()))
+        keys.type('# two\n')
+        hand.page.reload()
+        assert asked == ['beforeunload']
+        hand.until(lambda: hand.text.endswith('-9.81]\n# two\n'))
+        # the same in a field, also after a state has come amid it
+        hand.page.locator('#tab-parts').click()
+        hand.page.locator('#outline [data-path="links.link_1"]').click()
+        field = hand.page.locator('[name="links.link_1.length"]')
+        field.fill('60 mm')
+        saved('saved: machine.yaml', 'length: 60 mm')
+        field.fill('[70 mm')
+        saved('links.link_1.length:', '70 mm')
+        assert field.input_value() == '[70 mm'
+        keys.press('Control+a')
+        keys.type('80 m')
+        hand.page.evaluate("document.getElementById('redo').disabled = false")
+        hand.page.evaluate("document.getElementById('redo').click()")  # a state without news
+        hand.until(lambda: hand.page.locator('#redo').is_disabled())
+        assert field.input_value() == '80 m'
+        assert '80 m' not in hand.text
+        hand.after(lambda: field.press('Tab'))
+        assert 'length: 80 m}' in hand.text
+        clean(hand)
+
+
+@pytest.mark.slow
+def test_no_text_is_typed_before_the_scene_is_there(tab, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with editing('four_bar_clearance') as address:
+        page = tab.page
+        page.route_web_socket('**/live*', lambda _: None)  # and nothing comes
+        page.goto(address)
+        page.locator('#tab-yaml').click()
+        page.locator('#text').click()
+        page.keyboard.type('title: Nothing')
+        assert page.locator('#text').input_value() == ''
+        page.unroute_all()

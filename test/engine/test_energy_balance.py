@@ -86,6 +86,19 @@ def test_a_machine_at_rest_is_not_refused_for_the_rounding_of_its_weight():
     assert run.energy.share < 0.01
 
 
+def test_works_of_loads_are_told_with_what_is_dissipated(capsys, tmp_path):
+    """A force does 1 J on a block over half a metre: that much less is dissipated."""
+    file = tmp_path / 'pushed.yaml'
+    file.write_text(
+        'title: pushed\nmechanism: linkage\nlinks: {block: {mass: 1 kg}}\n'
+        'joints: {guide: {prismatic: [ground, block]}}\ngravity: [0, 0]\n'
+        f'loads: {{push: {{at: block, force: [2 N, 0]}}}}\nduration: {math.sqrt(0.5)} s\n'
+    )
+    with pytest.raises(SystemExit):
+        main(['solve', str(file)])
+    assert 'dissipated, less work of loads -1 J' in ' '.join(capsys.readouterr().out.split())
+
+
 def test_what_is_missing_of_what_was_exchanged_is_refused():
     machine = heavy_pendulum()
     solution = ms.simulate(machine, duration=1.0)

@@ -68,6 +68,13 @@ def test_what_check_refuses_no_command_runs(
         assert words in capsys.readouterr().err, command
 
 
+@pytest.mark.parametrize('speed', ['1e24 rad/s', '-1e-25 rad/s'])
+@pytest.mark.filterwarnings('error')
+def test_a_speed_whose_powers_are_no_numbers_is_refused(speed: str) -> None:
+    with pytest.raises(InputError, match=r'drive\.speed = .* rad/s is out of bounds'):
+        ms.load_scene('slider_crank', {'drive.speed': speed})
+
+
 STUCK = LINKAGE.replace(', clearance: {radial: 2 mm, restitution: 0.5}', '').replace(
     'crank: {length: 64 mm', 'crank: {length: 250 mm'
 )

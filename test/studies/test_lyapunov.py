@@ -7,11 +7,13 @@ import math
 import numpy as np
 import pytest
 from bouncing_ball import ball, speed
+from builders import made
 from gear_rattle import ExactRattle, rattle
 from loose_valve import valve
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.errors import InputError
 from mechanism_sim.report.studies import exponents_text
 from mechanism_sim.studies.lyapunov import LyapunovExponents, horizon
 from mechanism_sim.studies.periodic import PoincareMap, find_periodic
@@ -32,6 +34,28 @@ def test_exponents_of_a_ball_that_bounces_once_a_turn():
     expected = np.log(np.sort(multipliers)[::-1]) / T
     assert sum(found.values) == pytest.approx(expected.sum(), rel=1e-6)
     assert math.isinf(found.horizon)
+
+
+def test_a_force_over_time_needs_a_clock_whose_writing_is_shown():
+    """A block on a spring, whose two exponents are together ``-c/m``."""
+    scene = {
+        'links': {'block': {'mass': 1.0}, 'clock': {'mass': 1.0, 'inertia': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']},
+                   'axle': {'revolute': ['ground', 'clock']}},
+        'springs': {'k': {'between': ['ground', 'block'], 'stiffness': 1.0, 'damping': 0.2,
+                          'free_length': 0.0}},
+        'gravity': [0.0, 0.0],
+        'initial': {'position': {'block': 0.3}},
+        'loads': {'f': {'at': 'block', 'force': ['cos(2.8*t)', 0.0]}},
+    }  # fmt: skip
+    with pytest.raises(InputError, match=r'write cos\(clock\) instead of cos\(2\.8\*t\)'):
+        ms.lyapunov(made(scene))
+    with pytest.raises(InputError, match=r'write cos\(clock\) instead of cos\(2\.8\*t\)'):
+        ms.bifurcation(made(scene), {'springs.k.stiffness': (1.0, 2.0, 2)})
+    scene['loads']['f']['force'] = ['cos(clock)', 0.0]
+    scene['drive'] = {'coordinate': 'clock', 'speed': '2.8 rad/s'}
+    found = ms.lyapunov(made(scene), revolutions=20, skip=5, count=2)
+    assert sum(found.values) == pytest.approx(-0.2, rel=1e-6)
 
 
 @pytest.mark.parametrize(('speed', 'e'), [(6.0, 0.8), (10.0, 0.9)])

@@ -156,6 +156,15 @@ def test_bad_sweeps_are_refused_before_anything_runs(tmp_path, text, said):
         plan_of(tmp_path, f'scene: four_bar_clearance\nrevolutions: 3\n{text}\n')
 
 
+def test_a_key_that_is_not_known_is_named_before_a_length_that_is_missing(tmp_path):
+    for key, said in (
+        ('drive.sped', "did you mean 'speed'"),
+        ('drive.speed', r"^\w+.yaml: give either 'revolutions' or 'duration', and not both"),
+    ):
+        with pytest.raises(InputError, match=said):
+            plan_of(tmp_path, f'scene: four_bar_clearance\ngrid: {{{key}: [1]}}\n')
+
+
 @pytest.mark.slow
 def test_bad_input_ends_with_two_and_one_sentence(tmp_path, reference):
     env = {**environment(), 'DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT': '500ms'}

@@ -8,6 +8,7 @@ import { words } from 'stage';
 import { carried, quantity } from 'svg';
 import { connected, say } from 'wire';
 
+const TYPED = 400; // [ms] after which text that is being typed is told
 const SPEEDS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5];
 const TURN = 4; // [s] of ours that a run takes at first, or longer
 const TABS = ['parts', 'chart', 'run', 'yaml'];
@@ -28,6 +29,8 @@ let state = null;
 let run = null; // recording, player, message
 let shown = null; // the state or the frame of a drag that is drawn
 let pressed = null; // forces of ideal joints over a turn, or at its start
+let typed = 0; // a timer, while text is typed that was not told
+let held = null; // what is asked for goes with the next message
 let drawing = null; // where a part begins
 let waiting = null; // a gesture that is sent when the answer to the last one is there
 let flying = false;
@@ -42,6 +45,7 @@ const heard = { state: show, frame, pose, forces, checked, progress, run: ran, w
 const send = connected(`/live${window.location.search}`, heard, () => {
   if (state) announce('The editor has ended; this page tries to reconnect.');
   flying = false;
+  by('text').readOnly = true;
 });
 start();
 
@@ -65,7 +69,8 @@ function start() {
   by('out').addEventListener('click', () => canvas.zoom(0.8));
   by('fit').addEventListener('click', fit);
   for (const name of ['names', 'forces']) by(name).addEventListener('change', () => canvas.layer(name, by(name).checked));
-  by('text').addEventListener('change', () => ask({ type: 'text', text: by('text').value }));
+  by('text').addEventListener('input', () => { typed ||= setTimeout(tellText, TYPED); });
+  by('text').addEventListener('change', tellText);
   by('quantity').addEventListener('change', () => ask({ type: 'chart', quantity: by('quantity').value }));
   by('play').addEventListener('click', toggle);
   by('scrub').addEventListener('input', () => {
@@ -82,7 +87,10 @@ function start() {
     const [file] = event.dataTransfer.files;
     if (file && leaves()) ask({ type: 'import', name: file.name, text: await file.text() });
   });
-  window.addEventListener('beforeunload', (event) => { if (state?.changed) event.preventDefault(); });
+  window.addEventListener('beforeunload', (event) => {
+    tellText();
+    if (state?.changed || fields.typed) event.preventDefault();
+  });
 }
 
 function paletteButton({ name, key: letter, icon, hint }) {
@@ -96,7 +104,8 @@ function paletteButton({ name, key: letter, icon, hint }) {
 
 function ask(message) {
   by('said').hidden = true; // of what was asked for before
-  send(message);
+  if (held) held.push(message);
+  else send(message);
 }
 
 /** Shows that something takes long, which is done elsewhere: the page goes on meanwhile. */
@@ -140,6 +149,7 @@ function show(news) {
   by('undo').disabled = !news.undo;
   by('redo').disabled = !news.redo;
   if (document.activeElement !== by('text')) by('text').value = news.text;
+  by('text').readOnly = false;
   draw(news);
   fields.show(news, news.stage.colours);
   by('quantity').replaceChildren(new Option(news.quantities.length ? 'choose …' : 'nothing moves', ''),
@@ -445,8 +455,23 @@ function back() {
   draw(state);
 }
 
+/** Tells the text as far as it is typed. */
+function tellText() {
+  if (!typed) return;
+  clearTimeout(typed);
+  typed = 0;
+  ask({ type: 'text', text: by('text').value });
+  if (!held) state.changed = true;
+}
+
+/** Saves, with what is being typed: that comes first, and if it cannot be, nothing is saved. */
 function save() {
-  ask({ type: 'save', name: by('file').value });
+  held = [];
+  const field = document.activeElement.closest('#side :is(textarea, input:not([type=range], [type=checkbox]))');
+  field?.dispatchEvent(new Event('change'));
+  const [first] = held;
+  held = null;
+  ask({ type: 'save', name: by('file').value, first });
 }
 
 function open(name) {

@@ -19,22 +19,39 @@ export class Fields {
   constructor(outline, form, ask) {
     Object.assign(this, { outline, form, ask });
     form.addEventListener('submit', (event) => event.preventDefault());
+    // browsers take a field that is replaced for one that is left
+    for (const left of ['change', 'blur']) form.addEventListener(left, (event) => this.making && event.stopPropagation(), true);
   }
 
   /** @param {Object} state as `Session.state` has it */
   show(state, colours) {
     this.#outline(state, colours);
-    const own = this.form.contains(document.activeElement) ? document.activeElement : null;
-    const [focused, typed, caret] = [own?.name, own?.value, own?.selectionStart];
+    const own = this.#own;
+    const [focused, typed, from, to] = [own?.name, own?.value, own?.selectionStart, own?.selectionEnd];
     const head = this.#head(state);
     const rows = state.rows.map((row) => this.#row(row, state));
+    this.making = true;
     this.form.replaceChildren(...head, ...rows);
+    this.making = false;
     const again = focused ? this.form.elements[focused] : null;
     if (!again) return;
     again.focus();
-    if (again.value === typed || again.tagName === 'SELECT') return;
-    again.value = typed; // what somebody is typing stays
-    again.setSelectionRange(caret, caret);
+    if (again.tagName === 'SELECT') return;
+    if (again.value !== typed) { // what somebody is typing stays, and is told when it is left
+      again.value = typed;
+      again.addEventListener('blur', () => again.dispatchEvent(new Event('change')));
+    }
+    again.setSelectionRange(from, to);
+  }
+
+  /** Whether something is typed that nobody was told. */
+  get typed() {
+    const own = this.#own;
+    return Boolean(own) && own.tagName !== 'SELECT' && own.value !== own.defaultValue;
+  }
+
+  get #own() {
+    return this.form.contains(document.activeElement) ? document.activeElement : null;
   }
 
   #outline({ outline, path, place }, colours) {
@@ -108,10 +125,10 @@ export class Fields {
       field.value = row.text;
     } else if (row.text.length > 40) {
       field = html('textarea', { ...given, rows: Math.min(6, Math.ceil(row.text.length / 36)), spellcheck: 'false' });
-      field.value = row.text;
+      field.defaultValue = row.text;
     } else {
       field = html('input', { ...given, placeholder: row.default, spellcheck: 'false' });
-      field.value = row.text;
+      field.defaultValue = row.text;
     }
     field.addEventListener('change', () => {
       if (field.value !== row.text) this.ask({ type: 'set', path: row.path, text: field.value });

@@ -156,7 +156,10 @@ def energy(course: ChartedRun) -> ChartSection | None:
         Series.of_quantity(catalogue(course.record.machine)[name], *lines[name]) for name in _TERMS
     ]
     charts = [_chart(course, 'energy', 'Energy balance', terms)]
-    text = 'Kinetic and potential energy less the work of the drives plus the dissipated energy'
+    text = (
+        'Kinetic and potential energy less the work of the drives plus the energy dissipated, '
+        'less the work of loads,'
+    )
     if np.isfinite(lines['missing'].values).all():
         missing = Series('missing', 'J', *lines['missing'])
         charts.append(_chart(course, 'energy-missing', 'Error of the energy balance', [missing]))

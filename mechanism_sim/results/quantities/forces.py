@@ -193,6 +193,6 @@ def of_energy(machine: Machine) -> Iterator[Quantity]:
         cumulative=True,
     )  # fmt: skip
     yield Quantity(
-        'energy.dissipated', 'J', 'energy dissipated', '', lambda view: view.dissipated,
-        cumulative=True,
+        'energy.dissipated', 'J', 'energy dissipated, less work of loads', '',
+        lambda view: view.dissipated, cumulative=True,
     )  # fmt: skip
