@@ -28,6 +28,9 @@ from mechanism_sim.signal_files import (
 
 _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
+_FAR, _LONG = 1000.0, 10.0
+"""A record that begins so many times later than it or the scene's run [s] is long, and than this
+[s], counts from elsewhere, as from 1970: a run from 0 on would not come to its end."""
 
 
 def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
@@ -162,6 +165,12 @@ def _of_channel(
     if not later.any():
         raise InputError(f"{path}: channel '{channel.name}' has no samples after {skip:g} s")
     t = channel.times[later]
+    first, last = channel.times[[0, -1]].tolist()
+    if first > _FAR * max(last - first, machine.scene.duration or 0.0, _LONG):
+        raise InputError(
+            f"{path}: channel '{channel.name}' begins at {first:.12g} s, but runs of "
+            f'{machine.name} begin at 0: count its times from the start of the run'
+        )
     keys = machine.scene.sensors.get(name)
     if keys is None:
         quantity = catalogue(machine)[name]

@@ -56,6 +56,15 @@ def inside(found):
     return [e.low <= TRUTH[e.parameter.path] <= e.high for e in found.estimates]
 
 
+def test_times_that_count_from_elsewhere_are_refused(tmp_path):
+    """Before a run: it would go on for half a century."""
+    file, t = tmp_path / 'clock.csv', np.linspace(0.0, 3.0, 61)
+    rows = zip((t + 1.7e9).tolist(), oscillation(t).tolist(), strict=True)
+    file.write_text('t [s],position.mass [m]\n' + ''.join(f'{x!r},{y!r}\n' for x, y in rows))
+    with pytest.raises(InputError, match=r'begins at 1700000000 s, but runs of mass_on_spring'):
+        measurements([file], ['mass_on_spring'])
+
+
 def test_an_oscillator_is_found_in_its_closed_form():
     record = measured(1)
     found = identify([record], wanted(record), seed=1)
