@@ -170,7 +170,7 @@ def test_linkages_of_pylinkage_are_where_it_has_them(file, expected):
 
 EXPORTED = (
     'four_bar_nominal', 'slider_crank', 'hand_pump', 'ten_links', 'quick_return', 'scotch_yoke',
-    'planetary', 'gear_box', 'pendulum',
+    'planetary', 'gear_box', 'pendulum', 'gear_four_bar',
 )  # fmt: skip
 KEPT = 'drive', 'drives', 'gravity', 'initial', 'loads', 'duration'
 SAME = {
@@ -294,6 +294,78 @@ def test_shapes_weigh_what_they_do_in_mujoco(tmp_path):
     assert found == pytest.approx([15.664484016474994, 0.5454182156721172], rel=1e-13)
     cog = [float(x.split()[0]) for x in keys['cog']]
     assert cog == pytest.approx([0.1920896141746692, 0.08492846062298305], rel=1e-13)
+
+
+ARM = """<mujoco model="arm"><compiler angle="degree"/><default><joint axis="0 1 0"
+damping="0.3"/><geom type="capsule" size="0.02"/><default class="heavy"><geom density="7800"/>
+<default class="light"><geom density="300"/><joint stiffness="2" springref="30"/></default>
+</default></default><worldbody><geom type="plane" size="1 1 .1"/><frame pos="0.1 0 1" euler="0
+25 0" childclass="light"><body name="upper" pos="0 0 0.2"><joint name="j1" stiffness="4"
+springref="12" damping="0.1" ref="7"/><geom class="heavy" fromto="0 0 0 0.4 0 0"/><geom
+type="ellipsoid" size=".1 .05 .07" pos=".1 .02 .3" zaxis="1 0 .3"/><frame pos=".03 0 .02"
+xyaxes="1 0 .2 0 1 0"><geom type="ellipsoid" size=".01" fromto="0 0 0 .2 0 .1" mass=".4"/><body
+name="lower" pos="0.4 0 0" xyaxes="0 0 -1 0 1 0" childclass="main"><frame pos="0 0 .05" euler="0
+10 0"><joint name="j2"/></frame><geom fromto="0 0 0 0.3 0 0" mass="0.7"/><body name="block"
+zaxis="1 0 0" pos="0.1 0 0"><joint name="s" type="slide" axis="1 0 1" damping="2"
+stiffness="300" springref="0.03" ref="0.01"/><geom type="box" size=".1 .02 .03" quat="1 0 .2
+0"/></body></body></frame></body></frame></worldbody><keyframe><key qpos="0.5 -0.3 0.04"/>
+</keyframe></mujoco>"""
+IN_MUJOCO = {
+    'upper': (0.33557671, 1.06981842, -22.92374505, -2.55469416, -3.46270178),
+    'lower': (0.49251423, 0.78593489, 20.19130010, -3.58836834, -11.12330247),
+    'block': (0.48132330, 0.81989726, math.nan, 5.32450400, -6.48996990),
+}
+"""Centre x, z [m], angular acceleration about -y [rad/s^2], and that of the centre [m/s^2]."""
+
+
+def test_an_arm_of_classes_frames_and_springs_starts_as_in_mujoco(tmp_path):
+    """Accelerations by its version 4.0 without contact, at the keyframe."""
+    found = import_machine(saved(tmp_path, ARM, 'arm.xml'))
+    assert [x for x in found.notes if 'defines no drive' not in x] == []
+    run = ms.simulate(machine(found), duration=0.01)
+    for link, expected in IN_MUJOCO.items():
+        of = f'acceleration.{link}', f'acceleration.{link}.cog.x', f'acceleration.{link}.cog.y'
+        names = f'position.{link}.cog.x', f'position.{link}.cog.y', *of
+        columns = run.sample(np.zeros(1), *names)
+        for name, value in zip(names, expected, strict=True):
+            assert math.isnan(value) or columns[name][0] == pytest.approx(value, abs=2e-6), name
+
+
+def test_masses_of_shapes_count_where_the_compiler_says_so(tmp_path):
+    """`inertiafromgeom` over `inertial`, all of it scaled to `settotalmass`."""
+    shape = '<inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/><geom size="0.1" mass="{}"/>'
+    bodies = ''.join(
+        f'<body name="{name}"><joint axis="0 1 0"/>{shape.format(mass)}</body>'
+        for name, mass in (('a', 2), ('b', 3))
+    )
+    for compiler, a in (('inertiafromgeom="true"', 2.0), ('', 9.0), ('settotalmass="4"', 2.0),
+                        ('settotalmass="4" inertiafromgeom="true"', 1.6)):  # fmt: skip
+        text = f'<mujoco><compiler {compiler}/><worldbody>{bodies}</worldbody></mujoco>'
+        keys = import_machine(saved(tmp_path, text, 'two.xml')).data['links']['a']
+        assert float(keys['mass'].split()[0]) == pytest.approx(a, rel=1e-15)
+
+
+def test_springs_between_links_come_back_of_an_mjcf(tmp_path):
+    """Torsion springs are tendons there; of guides alone a plane is known, too."""
+    text = to_mjcf(ms.load_scene('torsional_shaft'))
+    made = import_machine(saved(tmp_path, text, 'shaft.xml')).data['springs']
+    assert made['front'] == {
+        'between': ['motor', 'first'], 'stiffness': '800.0 N m/rad', 'damping': '0.2 N m s/rad',
+        'free_angle': '0.0 rad',
+    }  # fmt: skip
+    text = to_mjcf(ms.load_scene('mass_on_spring'))
+    found = import_machine(saved(tmp_path, text, 'mass.xml'))
+    assert found.data['springs']['spring']['stiffness'] == '500.0 N/m'
+    assert {'base', 'mass'} <= found.data['guess'].keys()
+
+
+def test_a_gear_of_an_actuator_divides_its_speed(tmp_path):
+    text = ARM.replace(
+        '</keyframe>', '</keyframe><actuator><velocity joint="j1" gear="2"/></actuator>'
+    )
+    text = text.replace('qpos=', 'ctrl="6" qpos=')
+    found = import_machine(saved(tmp_path, text, 'arm.xml'))
+    assert found.data['drive']['speed'] == '-3.0 rad/s'
 
 
 def test_a_loop_that_a_urdf_closes_for_gazebo(tmp_path):

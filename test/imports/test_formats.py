@@ -55,6 +55,8 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.xml', '<mujoco/>', 'the file has no worldbody'),
         ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
         ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are not numbers"),
+        ('m.xml', MJCF.format('class="c"', ''), "there is no default class 'c'"),
+        ('m.xml', MJCF.format('/><geom type="box"', ''), 'a: a shape of type box has no size'),
         ('m.svg', '<svg/>', 'there is no closed curve in the drawing'),
         ('m.svg', '<svg><path d="M 0 0 L 1"/></svg>', 'ends within a command'),
         (
@@ -186,3 +188,34 @@ def test_a_file_without_gravity_says_so(tmp_path):
     override = {'gravity': ['0 m/s^2', '-9.81 m/s^2']}
     assert '--set' in said
     assert not any('gravity' in x for x in import_machine(file, overrides=override).notes)
+
+
+LEFT_OUT = {
+    'j: its limits': 'range="-1 1"',
+    'j: its friction is left out': 'frictionloss="0.1"',
+    'j: the inertia of its rotor': 'armature="0.5"',
+}
+
+
+@pytest.mark.parametrize('words', LEFT_OUT)
+def test_properties_of_joints_that_are_left_out_have_a_note(tmp_path, words):
+    file = tmp_path / 'm.xml'
+    for given, count in ((LEFT_OUT[words], 1), ('', 0)):
+        file.write_text(MJCF.format(f'name="j" {given}', ''))
+        assert sum(words in note for note in import_machine(file).notes) == count
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('<include file="more.xml"/>', 'more.xml: left out: an included file'),
+        ('<compiler boundmass="1"/>', 'boundmass of the compiler is left out'),
+        ('<keyframe><key qvel="1"/></keyframe>', 'rates of the keyframe are left out'),
+        ('<worldbody><body><geom type="mesh" mass="2"/></body></worldbody>', 'its mass of 2 kg'),
+        ('<worldbody><replicate/></worldbody>', 'replicate: left out: <replicate>'),
+    ],
+)
+def test_parts_of_an_mjcf_that_are_left_out_have_a_note(tmp_path, text, words):
+    file = tmp_path / 'm.xml'
+    file.write_text(MJCF.format('name="j"', text))
+    assert any(words in note for note in import_machine(file).notes)
