@@ -300,13 +300,11 @@ class _MjcfReader:
 
     def _springs(self, start: Mapping[str, float]) -> None:
         """Springs and dampers of joints, and of tendons."""
-        twists, scale = self.robot.twists, self._scale
         for name, joint in self._joints.items():
             law = number(joint.get('stiffness')), number(joint.get('damping'))
             free = number(joint.get('springref'))
-            free *= scale if joint.get('type', 'hinge') == 'hinge' else 1.0
-            if any(law):
-                twists[f'{name}_spring'] = {name: 1.0}, *law, free - start[name]
+            free *= self._scale if joint.get('type', 'hinge') == 'hinge' else 1.0
+            self.robot.resist(name, *law, free - start[name])
         for tendon in self._root.findall('tendon/fixed'):
             law = number(tendon.get('stiffness')), number(tendon.get('damping'))
             name, factors = str(tendon.get('name')), self._tendons[tendon.get('name')]
@@ -315,7 +313,7 @@ class _MjcfReader:
                 self.robot.notes.append(f'{name}: left out: a spring without springlength')
             elif any(law):
                 now = sum(f * start.get(joint, 0.0) for joint, f in factors.items())
-                twists[name] = factors, *law, number(length) - now
+                self.robot.twists[name] = factors, *law, number(length) - now
         for tendon in self._root.findall('tendon/spatial'):
             sites = [self._sites.get(str(x.get('site'))) for x in tendon.findall('site')]
             ends = [end for end in sites if end]

@@ -99,6 +99,11 @@ class Robot:
     gravity: Array | None = None
     notes: list[str] = field(default_factory=list)
 
+    def resist(self, joint: str, stiffness: float, damping: float, free: float = 0.0) -> None:
+        """Add a spring and damper of a joint, `free` away from the start without force."""
+        if stiffness or damping:
+            self.twists[f'{joint}_spring'] = {joint: 1.0}, stiffness, damping, free
+
     def leave_out(self, joint: str, **properties: bool) -> None:
         """Note properties of a joint, of `_LEFT_OUT`, that it has in the file."""
         self.notes += [f'{joint}: {_LEFT_OUT[x]}' for x, has in properties.items() if has]
@@ -294,7 +299,7 @@ class _Plane:
             x, y = self._flat(self._ways[joint.name])
             one, other = (made.links[link].pose[2] for link in ends)
             more = {'axis': math.atan2(y, x) - one, 'angle': other - one}
-        keys: dict[str, Any] = {k: x for k, v in more.items() if (x := angle(v)) != angle(0.0)}
+        keys: dict[str, Any] = {k: angle(v) for k, v in more.items() if angle(v) != angle(0.0)}
         made.join(name, joint.kind, *((link, name) for link in ends), **keys)
 
     def _weights(self, factors: Mapping[str, float]) -> dict[str, float]:

@@ -279,6 +279,63 @@ def test_an_sdf_four_bar_of_drake(tmp_path):
     assert np.exp(1j * angle) == pytest.approx(np.exp(1j * rocker_angle(2.0)), abs=1e-12)
 
 
+LINK = '<link name="{}">{}<inertial><mass>1</mass></inertial></link>'
+JOINT = (
+    '<joint name="{}" type="{}">{}<parent>{}</parent><child>{}</child><axis>{}{}</axis></joint>'
+)  # fmt: skip
+SLIDE = '<xyz{}>{!r} 0 {!r}</xyz>'
+DYNAMICS = (
+    '<dynamics><damping>0.2</damping><friction>0.1</friction><spring_stiffness>3</spring_stiffness>'
+    '<spring_reference>0.5</spring_reference></dynamics><limit><lower>-1</lower></limit>'
+)
+
+
+def test_poses_of_an_sdf_mean_the_same_in_all_its_frames(tmp_path):
+    """Plain, and by degrees, quaternions, joints, frames, axes of the model: SDF 1.9."""
+    half, swing = 0.5 * math.pi / 3.0, -math.pi / 3.0
+    x, z = 0.4 * math.cos(swing), 0.5 - 0.4 * math.sin(swing)
+    plain = [
+        LINK.format('arm', f'<pose>0 0 0.5 0 {swing!r} 0</pose>'),
+        LINK.format('block', f'<pose>{x!r} 0 {z!r} 0 0.7 0</pose>'),
+        JOINT.format('h', 'revolute', '', 'world', 'arm', '<xyz>0 1 0</xyz>', DYNAMICS),
+        JOINT.format('s', 'prismatic', '', 'arm', 'block',
+                     SLIDE.format('', math.cos(0.7), math.sin(0.7)), ''),
+    ]  # fmt: skip
+    related = [
+        LINK.format('arm', '<pose relative_to="base" degrees="true">0 0 0 0 -60 0</pose>'),
+        '<frame name="base"><pose>0 0 0.5 0 0 0</pose></frame>',
+        '<frame name="tip" attached_to="arm"><pose>0.4 0 0 0 0 0</pose></frame>',
+        LINK.format('block', '<pose relative_to="s">0 0 0 0 0.7 0</pose>'),
+        JOINT.format('h', 'revolute', '<pose relative_to="base">0 0 0 0 0 0</pose>',
+                     'world', 'arm', '<xyz>0 1 0</xyz>', DYNAMICS),
+        JOINT.format('s', 'prismatic', '<pose relative_to="tip" rotation_format="quat_xyzw">'
+                     f'0 0 0 0 {math.sin(half)!r} 0 {math.cos(half)!r}</pose>', 'tip', 'block',
+                     SLIDE.format(' expressed_in="__model__"', 1.0, 0.0), ''),
+    ]  # fmt: skip
+    found = [
+        import_machine(saved(tmp_path, f'<sdf version="1.9"><model name="m">{"".join(parts)}'
+                                       '</model></sdf>', 'm.sdf'))
+        for parts in (plain, related)
+    ]  # fmt: skip
+    texts, numbers = zip(*(read_numbers(x.text) for x in found), strict=True)
+    assert texts[0] == texts[1]
+    assert numbers[0] == pytest.approx(numbers[1], abs=1e-13)
+    assert found[0].data['springs']['h_spring'] == {
+        'between': ['arm', 'ground'], 'stiffness': '3.0 N m/rad', 'damping': '0.2 N m s/rad',
+        'free_angle': f'{swing + 0.5!r} rad',  # turned by 0.5 about y, that is back in the plane
+    }  # fmt: skip
+    assert {x.split(':', 1)[1] for x in found[0].notes if x.startswith('h:')} == {
+        ' its limits are left out: see `stops`',
+        ' its friction is left out, which does not depend on its load',
+    }
+
+
+def read_numbers(text):
+    """A text without its numbers, and those."""
+    pattern = r'-?\d+\.\d+(?:e-?\d+)?'
+    return re.sub(pattern, '#', text), [float(x) for x in re.findall(pattern, text)]
+
+
 SHAPES = """<mujoco><compiler angle="degree"/><worldbody><body name="a">
 <joint name="h" axis="0 1 0"/><geom size="0.06" pos="0.3 0 0" density="7800"/>
 <geom type="box" size="0.1 0.02 0.3" pos="0.1 0 0.2" euler="0 30 0"/>
@@ -399,7 +456,8 @@ def test_a_gripper_whose_fingers_mimic_each_other(tmp_path):
     text = '<robot name="gripper">' + ''.join([
         '<link name="base"/>', *(link.format(x) for x in ('left', 'right', 'pad')),
         joint.format('l', 'revolute', 'base', 'left', '<origin xyz="0 0.1 0" rpy="0 0 0.5"/>'
-                     '<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/>'),
+                     '<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/>'
+                     '<dynamics damping="0.5" friction="0.1"/>'),
         joint.format('r', 'continuous', 'base', 'right', '<origin xyz="0 -0.1 0"/>'
                      '<axis xyz="0 0 -1"/><mimic joint="l" multiplier="0.5" offset="0.2"/>'),
         joint.format('p', 'fixed', 'right', 'pad', '<origin xyz="0.2 0 0" rpy="0 0 1.5"/>'),
@@ -407,6 +465,10 @@ def test_a_gripper_whose_fingers_mimic_each_other(tmp_path):
     found = import_machine(saved(tmp_path, text, 'gripper.urdf'), overrides={
         'drive.coordinate': 'left', 'drive.speed': '0.3 rad/s',
     })  # fmt: skip
+    assert found.data['springs'] == {
+        'l_spring': {'between': ['ground', 'left'], 'damping': '0.5 N m s/rad'},
+    }
+    assert 'l: its friction is left out, which does not depend on its load' in found.notes
     made = machine(found)
     body = made.mechanism.body('right')
     assert (body.mass, body.cog) == (2.0, pytest.approx((0.1, 0.0)))

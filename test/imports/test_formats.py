@@ -16,6 +16,7 @@ URDF = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 HINGE = (
     '<joint name="h" type="{}"><parent link="a"/><child link="{}"/><axis xyz="{}"/></joint>'
 )  # fmt: skip
+SDF = '<sdf version="1.9"><model name="m"><link name="a">{}</link></model></sdf>'
 MJCF = '<mujoco><worldbody><body name="a"><joint {}/></body></worldbody>{}</mujoco>'
 DOCTYPE = """<?xml version="1.0" encoding="utf-8" standalone="no"?>
 <!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN"
@@ -52,6 +53,8 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 1 1')), 'only planar machines'),
         ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'there is no revolute joint'),
         ('m.sdf', '<sdf/>', 'm.sdf has 0 models: it must be one'),
+        ('m.sdf', SDF.format('<pose relative_to="f"/>'), "'f': there is no such frame"),
+        ('m.sdf', SDF.format('<pose relative_to="a"/>'), "'a': its pose relates to itself"),
         ('m.xml', '<mujoco/>', 'the file has no worldbody'),
         ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
         ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are not numbers"),
