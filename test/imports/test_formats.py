@@ -39,6 +39,8 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.csv', 'joint,x [paces],y,links\nA,0,0,ground b\nB,1,1,b c\n', 'paces'),
         ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', "in column 'x', got '1e999'"),
         ('m.json', '{"joints": [', 'does not match its ending'),
+        ('m.csv', 'joint,x [mm],y [paces],links\nA,0,0,ab\n', "column y has the unknown unit"),
+        ('m.json', '[1, 2]', 'm.json has no joints and links, as mechanisms of pylinkage have'),
         ('m.json', '[' * 100000, 'does not match its ending'),
         ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
         ('m.urdf', '<robot', 'm.urdf is not XML'),
@@ -159,6 +161,29 @@ def test_units_of_columns_and_of_the_option(tmp_path):
     assert import_machine(file, unit='mm').data['links']['a']['points'] == {
         'B': ['1.0 mm', '0.0 mm']
     }
+
+
+def test_columns_of_other_units_lists_and_inputs_are_read(tmp_path):
+    """A five-bar: y in inches beside x in millimetres, links in quotes, two drives."""
+    file = tmp_path / 'm.csv'
+    file.write_text(
+        'Joint,X [mm],Y [in],Links,Ground,Input,Mass [kg]\nA,0,0,a,x,x,1\nB,0,2,"a,b",,,\n'
+        'C,50,4,"b, c",,,\nD,90,2,c d,,,\nE,90,0,d,x,x,\n'
+    )
+    found = import_machine(file)
+    assert [*found.data['links']] == ['ground', 'a', 'b', 'c', 'd']
+    assert found.data['links']['a']['points'] == {'B': ['50.8 mm', '0.0 mm']}
+    assert found.data['drive']['coordinate'] == 'a'
+    assert [*found.data['drives']] == ['d']
+    assert found.notes == ('column Mass is left out',)
+
+
+@pytest.mark.parametrize('ending', ['urdf', 'sdf', 'xml'])
+def test_a_unit_for_what_is_in_metres_is_refused(tmp_path, ending):
+    file = tmp_path / f'm.{ending}'
+    file.touch()
+    with pytest.raises(InputError, match=r'is in metres.*--unit does not apply'):
+        import_machine(file, unit='mm')
 
 
 def test_a_mark_that_is_neither_yes_nor_no_is_named(tmp_path):
