@@ -3,7 +3,7 @@
 =========  ==================================================================================
 ``.csv``   a column of time (``t``, ``time``) and channels, with units in brackets or after a
            slash; cells that are empty or not numbers are samples that are missing
-``.wav``   channels ``1``, ``2``; whole numbers are parts of the full scale, which must be given
+``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
 =========  ==================================================================================
@@ -13,6 +13,7 @@ Instants are those of the file: they may be uneven.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -32,8 +33,9 @@ _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'x-axis', 'zeit'
 _JITTER = 1e-3
 """Of the interval between samples, by which evenly taken ones are off in a file."""
-_STANDARD_GRAVITY = 9.80665
+_STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
 _PURPOSE = 'this kind of signal'
+_QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +88,7 @@ class ChannelSamples:
         """Values (N,) in an SI unit; those without a unit are in it already."""
         # 'g' is a gram, but not of an accelerometer
         known = self.unit
-        if known in ('g', 'gn', 'g_0') and unit == 'm/s^2':
+        if known in _GRAVITIES and unit == 'm/s^2':
             return _STANDARD_GRAVITY * self.values
         if not known:
             return self.values
@@ -113,7 +115,7 @@ def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSam
 
     Parameters
     ----------
-    full_scale : quantity with a unit of the largest whole number of a WAV, as ``'50 m/s^2'``
+    full_scale : quantity with a unit of the largest number of a WAV, as ``'50 m/s^2'``
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -200,16 +202,17 @@ def _wav(path: Path, full_scale: str) -> list[ChannelSamples]:
     except (ValueError, OSError, struct.error) as error:
         raise InputError(f'{path} cannot be read: {error}') from error
     values, unit = np.atleast_2d(data.T).astype(float), ''
-    if data.dtype.kind in 'iu':
-        number, _, unit = full_scale.strip().partition(' ')
-        if not unit or not np.isfinite(_number(number)):
-            raise InputError(
-                f'{path} has whole numbers: give what the largest is, as with '
-                "--full-scale '50 m/s^2'"
-            )
-        bits = 8 * data.dtype.itemsize
+    whole = data.dtype.kind in 'iu'
+    if whole or full_scale:
+        given = _QUANTITY.fullmatch(full_scale.strip())
+        largest, unit = (_number(given[1]), given[2]) if given else (np.nan, '')
+        if not 0.0 < largest < np.inf:
+            what = f"not '{full_scale}'" if full_scale else 'as it has whole numbers'
+            raise InputError(f"{path}: give what the largest number is, {what}: write for example "
+                             "--full-scale '50 m/s^2'")  # fmt: skip
+        bits = 8 * data.dtype.itemsize if whole else 1  # of floats the largest is 1
         middle = 2.0 ** (bits - 1) if data.dtype.kind == 'u' else 0.0
-        values = (values - middle) * (float(number) / 2.0 ** (bits - 1))
+        values = (values - middle) * (largest / 2.0 ** (bits - 1))
     t = np.arange(values.shape[1]) / rate
     return [ChannelSamples(str(k + 1), t, y, unit) for k, y in enumerate(values)]
 

@@ -21,6 +21,7 @@ from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
 
+_LITTLE = 0.1  # of the power of a signal: an envelope of so little is not that of its largest part
 _LOGGED = 1e-6  # [s] by which stamps may be beside the time above
 _EPOCH = 1e9  # [s]: what is later counts from 1970
 _ROWS = 12  # of a table of revolutions, before its middle is left out
@@ -278,8 +279,12 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
 def _envelope(name: str, line: SignalSpectrum) -> Section:
     low, high = line.band or (0.0, 0.0)
     title = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
-    rows = line.spectrum.strongest(_LINES)
-    return Section(title, table=[('peak at [Hz]', line.unit), *rows])
+    rows, share = line.spectrum.strongest(_LINES), line.share or 0.0
+    little = (
+        f'the band holds {100.0 * share:.2g} % of the power of the signal: --band gives another'
+    )
+    notes = [little] * (share < _LITTLE)
+    return Section(title, table=[('peak at [Hz]', line.unit), *rows], notes=notes)
 
 
 def _average(name: str, average: Average, drive: str) -> Section:
