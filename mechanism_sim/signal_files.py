@@ -1,8 +1,8 @@
 """Measured signals in files: instants, values and unit of a channel.
 
 =========  ==================================================================================
-``.csv``   a column of time (``t``, ``time``) and channels, with units in brackets or after a
-           slash; cells that are empty or not numbers are samples that are missing
+``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets
+           or after a slash; cells that are empty or not numbers are samples that are missing
 ``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
@@ -30,7 +30,8 @@ from mechanism_sim.packages import needed
 from mechanism_sim.units import to_si
 
 _LARGER = 128  # as tables of scenes
-_TIMES = 't', 'time', 'times', 'timestamp', 'x-axis', 'zeit'
+_TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
+_TIME_UNITS = 's', 'ms', 'us', 'ns'  # which may stand behind an underline
 _JITTER = 1e-3
 """Of the interval between samples, by which evenly taken ones are off in a file."""
 _STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
@@ -104,7 +105,9 @@ def choose(
 ) -> ChannelSamples:
     """A channel of those of a file, or the only one."""
     if channel is None and len(found) > 1:
-        raise InputError(f'{path} has several channels ({", ".join(found)}): choose one')
+        raise InputError(
+            f'{path} has several channels ({", ".join(found)}): choose one by --channel'
+        )
     name = channel or next(iter(found))
     check_known(name, found, f"{path} has no channel '{name}'", 'it has:')
     return found[name]
@@ -156,22 +159,26 @@ def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
                          'needed')  # fmt: skip
     if back := np.flatnonzero(np.diff(t) <= 0.0).tolist():
         raise InputError(f"{path}: times of channel '{channel.name}' must increase, but "
-                         f'{t[back[0] + 1]:g} s follows {t[back[0]]:g} s')  # fmt: skip
+                         f'{t[back[0] + 1]:.15g} s follows {t[back[0]]:.15g} s')  # fmt: skip
     return replace(channel, times=t, values=y)
 
 
 def _csv(path: Path) -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
-    time = next((c for c in table.cells if c.lower() in _TIMES), None)
+    split = {c: c.lower().rpartition('_') for c in table.cells}
+    named = {c: '' if c.lower() in _TIMES else u for c, (x, _, u) in split.items()
+             if c.lower() in _TIMES or (x in _TIMES and u in _TIME_UNITS)}  # fmt: skip
+    time = next(iter(named), None)
     if time is None:
         raise InputError(
             f"{table.where} has no column of time: name one 't [s]'; its first line is "
             f'{quoted(table.heading)}'
         )
-    if not table.units[time]:
+    unit = table.units[time] or named[time]
+    if not unit:
         assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
     try:
-        seconds = to_si(f'1 {table.units[time] or "s"}', 's')
+        seconds = to_si(f'1 {unit or "s"}', 's')
     except ValueError as error:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
     t = seconds * table.numbers(time)[:, 0]

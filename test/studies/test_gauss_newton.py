@@ -65,6 +65,19 @@ def test_times_that_count_from_elsewhere_are_refused(tmp_path):
         measurements([file], ['mass_on_spring'])
 
 
+def test_an_angle_that_is_a_whole_turn_beside_is_told():
+    """The evident cause comes before other ranges and seeds; other offsets are none."""
+    machine, t = ms.load_scene('pendulum'), np.linspace(0.0, 1.0, 61)
+    angle = ms.simulate(machine, duration=1.1).sample(t, 'position.bar')['position.bar']
+    path, words = 'links.bar.inertia', 'it is 1 whole turn above the angle of the scene'
+    for offset, turns in ((2.0 * math.pi, -1), (1.0, 0), (0.0, 0)):
+        record = QuantityRecord(machine, 'position.bar', t, angle + offset)
+        limits = {path: ('0.05 kg m^2', '0.2 kg m^2')}
+        found = identify([record], parameters(machine, [path], record.name, limits=limits))
+        assert found.residuals[0].turns == turns
+        assert (words in fit_text(found)) is bool(turns)
+
+
 def test_an_oscillator_is_found_in_its_closed_form():
     record = measured(1)
     found = identify([record], wanted(record), seed=1)
