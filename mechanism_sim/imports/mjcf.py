@@ -63,8 +63,7 @@ class _MjcfReader:
             raise InputError('the file has no worldbody')
         for world in root.findall('worldbody'):
             self._bodies(world, WORLD, '', 0)
-        if total := max(0.0, number(compiler.get('settotalmass'))):
-            self._scale_masses(total)
+        self._scale_masses(number(compiler.get('settotalmass'), -1.0))
         tree = [*self.robot.joints]
         self._loops()
         self._springs(self._start(tree))
@@ -183,8 +182,9 @@ class _MjcfReader:
         return made
 
     def _scale_masses(self, total: float) -> None:
+        """Let all bodies weigh so much together; a total that is not positive is none."""
         mass = sum(body.mass for body in self.robot.bodies.values())
-        for body in self.robot.bodies.values():
+        for body in self.robot.bodies.values() if total > 0.0 < mass else ():
             body.mass, body.inertia = body.mass * total / mass, body.inertia * (total / mass)
 
     def _weigh(self, geom: Mapping[str, str], body: RobotBody, held: _Held) -> None:
@@ -236,6 +236,8 @@ class _MjcfReader:
             return rotation(np.array(axis), self._scale * angle)
         if (given := element.get('xyaxes')) is not None:
             x, y = numbers(given, 6).reshape(2, 3)
+            if not np.cross(x, y).any():
+                raise InputError(f"xyaxes '{given}' are not two directions")
             x = x / np.linalg.norm(x)
             y = y - (x @ y) * x
             y = y / np.linalg.norm(y)

@@ -79,7 +79,7 @@ class SdfFrames:
 
 
 _FRAMES = 'link', 'joint', 'frame'
-_ENDLESS = 1e15  # limits that are none
+_ENDLESS, _NO_LIMIT = 1e15, ('', 'inf', 'infinity')  # limits that are none
 
 
 def join(robot: Robot, joint: Element, frames: SdfFrames | None = None) -> None:
@@ -115,10 +115,10 @@ def join(robot: Robot, joint: Element, frames: SdfFrames | None = None) -> None:
             for x in ('spring_stiffness', 'damping', 'spring_reference')
         )
         robot.resist(name, k, c, free)
-        reach = [float(_text(joint, limit + x) or 'inf') for x in ('lower', 'upper')]
+        reach = [_text(joint, limit + x).lower().lstrip('+-') for x in ('lower', 'upper')]
         robot.leave_out(
             name,
-            limits=any(abs(x) < _ENDLESS for x in reach),
+            limits=any(number(x) < _ENDLESS for x in reach if x not in _NO_LIMIT),
             friction=number(_text(joint, dynamics + 'friction')) > 0.0,
         )
     there = parent.local(child.world(at))

@@ -60,6 +60,8 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.xml', '<mujoco/>', 'the file has no worldbody'),
         ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
         ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are not numbers"),
+        ('m.xml', MJCF.format('/><geom size="1" axisangle="0 0 0 1"', ''), 'has no direction'),
+        ('m.xml', MJCF.format('/><geom size="1" xyaxes="1 0 0 2 0 0"', ''), 'not two directions'),
         ('m.xml', MJCF.format('class="c"', ''), "there is no default class 'c'"),
         ('m.xml', MJCF.format('/><geom type="box"', ''), 'a: a shape of type box has no size'),
         ('m.svg', '<svg/>', 'there is no closed curve in the drawing'),
