@@ -11,6 +11,7 @@ from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.analysis.series import Series
+from mechanism_sim.csv_tables import assume
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
@@ -25,6 +26,7 @@ from mechanism_sim.signal_files import (
     is_signal_file,
     read_signals,
 )
+from mechanism_sim.units import counted
 
 _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
@@ -170,6 +172,10 @@ def _of_channel(
         raise InputError(
             f"{path}: channel '{channel.name}' begins at {first:.12g} s, but runs of "
             f'{machine.name} begin at 0: count its times from the start of the run'
+        )
+    if before := int((channel.times < 0.0).sum()):
+        assume(
+            f"{path}: {counted(before, 'sample')} of channel '{channel.name}' before 0 s left out"
         )
     keys = machine.scene.sensors.get(name)
     if keys is None:

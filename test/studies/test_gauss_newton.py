@@ -65,6 +65,18 @@ def test_times_that_count_from_elsewhere_are_refused(tmp_path):
         measurements([file], ['mass_on_spring'])
 
 
+def test_samples_before_the_run_are_left_out_and_counted(tmp_path, capsys):
+    file, t = tmp_path / 'early.csv', np.linspace(-0.15, 2.85, 61)
+    rows = zip(t.tolist(), oscillation(np.abs(t)).tolist(), strict=True)
+    file.write_text('t [s],position.mass [m]\n' + ''.join(f'{x!r},{y!r}\n' for x, y in rows))
+    (found,) = measurements([file], ['mass_on_spring'])
+    assert len(found.times) == 61 - int((t < 0.0).sum())
+    assert (
+        f"{(t < 0.0).sum()} samples of channel 'position.mass' before 0 s"
+        in capsys.readouterr().err
+    )
+
+
 def test_an_angle_that_is_a_whole_turn_beside_is_told():
     """The evident cause comes before other ranges and seeds; other offsets are none."""
     machine, t = ms.load_scene('pendulum'), np.linspace(0.0, 1.0, 61)
