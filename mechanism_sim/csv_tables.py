@@ -101,8 +101,8 @@ class CsvTable:
         for line, before, value in zip(self.lines[1:], values[:-1], values[1:], strict=True):
             if not value > before:
                 raise InputError(
-                    f"{self.where}, line {line}: '{name}' must increase, but {value:g} follows "
-                    f'{before:g}'
+                    f"{self.where}, line {line}: '{name}' must increase, but {value:.15g} "
+                    f'follows {before:.15g}'
                 )
 
     def _number(self, cell: str, name: object, line: int) -> float:

@@ -1,9 +1,9 @@
 """Measured signals in files: instants, values and unit of a channel.
 
 =========  ==================================================================================
-``.csv``   a column of time (``t``, ``time``) and channels, with units in brackets or after a
-           slash; cells that are empty or not numbers are samples that are missing
-``.wav``   channels ``1``, ``2``; whole numbers are parts of the full scale, which must be given
+``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets
+           or after a slash; cells that are empty or not numbers are samples that are missing
+``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
 =========  ==================================================================================
@@ -13,6 +13,7 @@ Instants are those of the file: they may be uneven.
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -29,11 +30,13 @@ from mechanism_sim.packages import needed
 from mechanism_sim.units import to_si
 
 _LARGER = 128  # as tables of scenes
-_TIMES = 't', 'time', 'times', 'timestamp', 'x-axis', 'zeit'
+_TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
+_TIME_UNITS = 's', 'ms', 'us', 'ns'  # which may stand behind an underline
 _JITTER = 1e-3
 """Of the interval between samples, by which evenly taken ones are off in a file."""
-_STANDARD_GRAVITY = 9.80665
+_STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
 _PURPOSE = 'this kind of signal'
+_QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,7 @@ class ChannelSamples:
         """Values (N,) in an SI unit; those without a unit are in it already."""
         # 'g' is a gram, but not of an accelerometer
         known = self.unit
-        if known in ('g', 'gn', 'g_0') and unit == 'm/s^2':
+        if known in _GRAVITIES and unit == 'm/s^2':
             return _STANDARD_GRAVITY * self.values
         if not known:
             return self.values
@@ -102,7 +105,9 @@ def choose(
 ) -> ChannelSamples:
     """A channel of those of a file, or the only one."""
     if channel is None and len(found) > 1:
-        raise InputError(f'{path} has several channels ({", ".join(found)}): choose one')
+        raise InputError(
+            f'{path} has several channels ({", ".join(found)}): choose one by --channel'
+        )
     name = channel or next(iter(found))
     check_known(name, found, f"{path} has no channel '{name}'", 'it has:')
     return found[name]
@@ -113,7 +118,7 @@ def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSam
 
     Parameters
     ----------
-    full_scale : quantity with a unit of the largest whole number of a WAV, as ``'50 m/s^2'``
+    full_scale : quantity with a unit of the largest number of a WAV, as ``'50 m/s^2'``
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -154,22 +159,26 @@ def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
                          'needed')  # fmt: skip
     if back := np.flatnonzero(np.diff(t) <= 0.0).tolist():
         raise InputError(f"{path}: times of channel '{channel.name}' must increase, but "
-                         f'{t[back[0] + 1]:g} s follows {t[back[0]]:g} s')  # fmt: skip
+                         f'{t[back[0] + 1]:.15g} s follows {t[back[0]]:.15g} s')  # fmt: skip
     return replace(channel, times=t, values=y)
 
 
 def _csv(path: Path) -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
-    time = next((c for c in table.cells if c.lower() in _TIMES), None)
+    split = {c: c.lower().rpartition('_') for c in table.cells}
+    named = {c: '' if c.lower() in _TIMES else u for c, (x, _, u) in split.items()
+             if c.lower() in _TIMES or (x in _TIMES and u in _TIME_UNITS)}  # fmt: skip
+    time = next(iter(named), None)
     if time is None:
         raise InputError(
             f"{table.where} has no column of time: name one 't [s]'; its first line is "
             f'{quoted(table.heading)}'
         )
-    if not table.units[time]:
+    unit = table.units[time] or named[time]
+    if not unit:
         assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
     try:
-        seconds = to_si(f'1 {table.units[time] or "s"}', 's')
+        seconds = to_si(f'1 {unit or "s"}', 's')
     except ValueError as error:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
     t = seconds * table.numbers(time)[:, 0]
@@ -200,16 +209,17 @@ def _wav(path: Path, full_scale: str) -> list[ChannelSamples]:
     except (ValueError, OSError, struct.error) as error:
         raise InputError(f'{path} cannot be read: {error}') from error
     values, unit = np.atleast_2d(data.T).astype(float), ''
-    if data.dtype.kind in 'iu':
-        number, _, unit = full_scale.strip().partition(' ')
-        if not unit or not np.isfinite(_number(number)):
-            raise InputError(
-                f'{path} has whole numbers: give what the largest is, as with '
-                "--full-scale '50 m/s^2'"
-            )
-        bits = 8 * data.dtype.itemsize
+    whole = data.dtype.kind in 'iu'
+    if whole or full_scale:
+        given = _QUANTITY.fullmatch(full_scale.strip())
+        largest, unit = (_number(given[1]), given[2]) if given else (np.nan, '')
+        if not 0.0 < largest < np.inf:
+            what = f"not '{full_scale}'" if full_scale else 'as it has whole numbers'
+            raise InputError(f"{path}: give what the largest number is, {what}: write for example "
+                             "--full-scale '50 m/s^2'")  # fmt: skip
+        bits = 8 * data.dtype.itemsize if whole else 1  # of floats the largest is 1
         middle = 2.0 ** (bits - 1) if data.dtype.kind == 'u' else 0.0
-        values = (values - middle) * (float(number) / 2.0 ** (bits - 1))
+        values = (values - middle) * (largest / 2.0 ** (bits - 1))
     t = np.arange(values.shape[1]) / rate
     return [ChannelSamples(str(k + 1), t, y, unit) for k, y in enumerate(values)]
 

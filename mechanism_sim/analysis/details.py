@@ -24,6 +24,7 @@ from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.sensing.spectra import (
     LineSpectrum,
     TurnSegments,
+    band_share,
     envelope_spectrum,
     order_spectrum,
     power,
@@ -77,6 +78,7 @@ class SignalSpectrum:
     spectrum: LineSpectrum
     unit: str
     band: tuple[float, float] | None = None  #: of an envelope [Hz]
+    share: float | None = None  #: of the power of the signal that is in the band
 
     def significant_part(self, rate: float | None) -> tuple[float, Array, Array]:
         """Part worth drawing of orders or of an envelope: its end, places and values (N,).
@@ -293,7 +295,8 @@ def _envelope(signal: _Samples, band: tuple[float, float] | None) -> SignalSpect
         )
     band = band or shock_band(signal.longest, signal.rate)
     found = envelope_spectrum(signal.longest, signal.rate, band)
-    return SignalSpectrum(found, f'({signal.unit})^2', band)
+    share = band_share(signal.longest, signal.rate, band)
+    return SignalSpectrum(found, f'({signal.unit})^2', band, share)
 
 
 def _struck(record: Record, joint: str, skip: int) -> Struck:

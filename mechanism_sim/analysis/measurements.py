@@ -11,6 +11,7 @@ from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.analysis.series import Series
+from mechanism_sim.csv_tables import assume
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
@@ -25,9 +26,13 @@ from mechanism_sim.signal_files import (
     is_signal_file,
     read_signals,
 )
+from mechanism_sim.units import counted
 
 _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
+_FAR, _LONG = 1000.0, 10.0
+"""A record that begins so many times later than it or the scene's run [s] is long, and than this
+[s], counts from elsewhere, as from 1970: a run from 0 on would not come to its end."""
 
 
 def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
@@ -162,6 +167,16 @@ def _of_channel(
     if not later.any():
         raise InputError(f"{path}: channel '{channel.name}' has no samples after {skip:g} s")
     t = channel.times[later]
+    first, last = channel.times[[0, -1]].tolist()
+    if first > _FAR * max(last - first, machine.scene.duration or 0.0, _LONG):
+        raise InputError(
+            f"{path}: channel '{channel.name}' begins at {first:.12g} s, but runs of "
+            f'{machine.name} begin at 0: count its times from the start of the run'
+        )
+    if before := int((channel.times < 0.0).sum()):
+        assume(
+            f"{path}: {counted(before, 'sample')} of channel '{channel.name}' before 0 s left out"
+        )
     keys = machine.scene.sensors.get(name)
     if keys is None:
         quantity = catalogue(machine)[name]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.csv_tables import assume
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import MessageError, type_name
 from mechanism_sim.messages.units import units_of
@@ -48,6 +49,7 @@ _ARRAYS = list, tuple, np.ndarray, array  # the last is ROS's
 PADDING = 'header', 'structure_needs_at_least_one_member'
 """Fields that say nothing: of all messages with a stamp, of empty messages."""
 
+_NAMED = 'name', 'names', 'joint_names'  # fields that name items of others
 _NUMBERS = bool, int, float, np.number, np.bool_
 _EVENTS = (
     'mechanism_sim/msg/Impact',
@@ -140,10 +142,12 @@ class _Collector:
         self._found: dict[tuple[str, ...], tuple[array[float], array[float]]] = {}
         self._type, self._unit = '', ''
         self._missed: MissingFieldError | None = None
+        self._messages = self._unstamped = 0
 
     def add(self, message: Any, logged: int) -> None:
         """The message that follows, logged at a time [ns]."""
         self._type = self._type or _type(message)
+        self._messages += 1
         try:
             values = self._path.values(message)
         except MissingFieldError as error:  # others may have it
@@ -169,6 +173,7 @@ class _Collector:
             getattr(message, 'header', message), 'stamp', getattr(message, 'clock', None)
         )
         time = nanoseconds(stamped) if hasattr(stamped, 'nanosec') else 0
+        self._unstamped += not time and stamped is not None
         time = time or logged
         # whole nanoseconds: a float of 1970 on has steps of 0.2 us
         return (time - self._origin if time > _EPOCH else time) / NANOSECONDS
@@ -182,6 +187,12 @@ class _Collector:
             filters = ' and '.join(str(step) for step in path.steps if isinstance(step, Filter))
             what = f' with {filters}' if filters else ''
             raise InputError(f"'{path.text}': {bag.path} has no value{what} on {path.topic}")
+        if self._unstamped > 1:  # of a simulation the first may be 0
+            share = 'all' if self._unstamped == self._messages else f'{self._unstamped} of'
+            assume(
+                f'{bag.path}: {share} {self._messages} messages of {path.topic} have no stamp: '
+                'their times are those at which they were logged'
+            )
         units = [self._unit] if self._unit else field_units(self._type, path.fields)
         return [
             Series(
@@ -492,13 +503,20 @@ def _names(message: Any, name: str, value: Any) -> list[str]:
     if not isinstance(value, _ARRAYS):
         return []
     texts: list[str] = []
+    of = ''
     for field in field_names(message) or ():
         if field == name:
             break
         found = field_value(message, field)
         if isinstance(found, list) and found and all(isinstance(x, str) for x in found):
-            texts = found
-    return texts if len(texts) == len(value) else []
+            texts, of = found, field
+    if len(texts) == len(value) == len(set(texts)):
+        return texts
+    if len(value) and of in _NAMED:
+        repeated = len(texts) == len(value)
+        why = 'repeats names' if repeated else f'has {len(texts)} for {len(value)} items'
+        assume(f"'{of}' of {_kind(message)} {why} of '{name}': they go by their numbers")
+    return []
 
 
 def parse(text: str, topics: Collection[str] = ()) -> MessagePath | None:

@@ -22,6 +22,7 @@ Pose = tuple[float, float, float]
 
 _WIDTH = 99
 _ROUNDING = 1e-14  # of lengths of machines, in any unit
+_TURNED = 1e-15  # [rad] likewise
 
 
 @dataclass
@@ -136,17 +137,23 @@ class Blueprint:
             if link == driven.get('coordinate') and 'start_angle' in driven:
                 continue
             if isinstance(joint, Prismatic):
-                yield link, self.length(self._displacement(joint.name))
+                yield link, self.length(self.displacement(joint.name))
             elif link in self.links:
-                yield link, f'{math.remainder(self.links[link].pose[2], 2.0 * math.pi)!r} rad'
+                yield link, angle(math.remainder(self.links[link].pose[2], 2.0 * math.pi))
 
-    def _displacement(self, name: str) -> float:
+    def displacement(self, name: str) -> float:
+        """Of the second link of a guide against the first, at the start."""
         joint = self.joints[name]
         (first, on_first), (second, on_second) = joint['prismatic']
         (ax, ay), (bx, by) = self.links[first].at(on_first), self.links[second].at(on_second)
         axis = float(str(joint.get('axis', '0')).removesuffix(' rad'))
         x, y = rotate((1.0, 0.0), self.links[first].pose[2] + axis)
         return x * (bx - ax) + y * (by - ay)
+
+
+def angle(value: float) -> str:
+    """An angle with its unit; what is but rounding is 0."""
+    return f'{value if abs(value) > _TURNED else 0.0!r} rad'
 
 
 def named(text: str) -> str:

@@ -97,8 +97,10 @@ class JointTable:
                 made.join(joint, 'slot', (pin, joint), (slot, joint), axis=f'{axis!r} rad')
             else:
                 self._guide(made, joint, row, first, other)
-        if row.input and grounded and others and 'drive' not in made.keys:
-            made.keys['drive'] = self._drive(made, others[0], row.kind)
+        if row.input and grounded and others:
+            drive, more = self._drive(made, others[0], row.kind), 'drive' in made.keys
+            keys = made.keys.setdefault('drives', {}) if more else made.keys
+            keys[others[0] if more else 'drive'] = drive
         elif row.input and not grounded:
             made.notes.append(f'the input {row.name} turns two moving links: drives here turn one')
 
@@ -135,9 +137,16 @@ def read_table(path: Path, _text: str, unit: str | None) -> Blueprint:
             f'{path.name}: there is no column {", ".join(missing)}; a table of joints begins as: '
             'Joint,X [mm],Y [mm],Links,Ground,Input'
         )
-    given = unit or table.units[place['x']] or ('cm' if 'Joint ID' in table.cells else '')
+    own = [table.units[place[key]] for key in ('x', 'y')]
+    given = unit or own[0] or own[1] or ('cm' if 'Joint ID' in table.cells else '')
     if not given:
         raise InputError(f"{path.name}: the unit is missing: write 'X [mm]', or give --unit mm")
+    size = 1.0  # of the unit of y
+    if not unit and own[1] not in ('', given):
+        try:
+            size = to_si(f'1 {own[1]}', 'm') / to_si(f'1 {given}', 'm')
+        except ValueError as error:
+            raise InputError(f'{path.name}: column {place["y"]} {error}') from error
     empty = ('',) * len(table.lines)
     words = {key: table.column(place[key]) if key in place else empty for key in _COLUMNS}
     angle = [0.0] * len(empty)
@@ -155,12 +164,15 @@ def read_table(path: Path, _text: str, unit: str | None) -> Blueprint:
 
     rows = [
         JointRow(
-            words['joint'][k].strip(), (x, y), _links(words['links'][k]),
+            words['joint'][k].strip(), (x, y * size), _links(words['links'][k]),
             _kind(words['kind'][k]), marked('ground', k), angle[k], marked('input', k),
         )
         for k, (x, y) in enumerate(table.numbers(place['x'], place['y']).tolist())
     ]  # fmt: skip
-    return _checked(path.name, JointTable(path.stem, given, rows, {})).blueprint()
+    made = _checked(path.name, JointTable(path.stem, given, rows, {})).blueprint()
+    others = [name for name in table.cells if name and name not in place.values()]
+    made.notes += [f'column {name} is left out' for name in others]
+    return made
 
 
 def read_address(address: str, unit: str | None) -> Blueprint:
@@ -208,7 +220,7 @@ def _checked(where: str, table: JointTable) -> JointTable:
 
 def _links(text: str) -> tuple[str, ...]:
     """Links of a joint, with whatever between them."""
-    found = tuple(x for x in re.split(r'[|;/+\s]+', text) if x)
+    found = tuple(x for x in re.split(r'[|;,/+\s]+', text) if x)
     return tuple(GROUND if x.lower() == GROUND else x for x in found)
 
 

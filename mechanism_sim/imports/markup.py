@@ -58,7 +58,9 @@ def rotation(axis: Array | tuple[float, ...], angle: float) -> Array:
     """Rotation (3, 3) about an axis by an angle [rad]."""
     if not angle:
         return np.eye(3)
-    x, y, z = np.asarray(axis, float) / math.sqrt(float(np.dot(axis, axis)))
+    if not (size := math.sqrt(float(np.dot(axis, axis)))):
+        raise InputError('an axis of a rotation has no direction')
+    x, y, z = np.asarray(axis, float) / size
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     along = np.outer((x, y, z), (x, y, z))
     return math.cos(angle) * (np.eye(3) - along) + along + math.sin(angle) * cross

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
 from mechanism_sim.imports.joint_table import JointRow, JointTable
 
@@ -19,6 +20,8 @@ from mechanism_sim.imports.joint_table import JointRow, JointTable
 def read(path: Path, text: str, unit: str | None) -> Blueprint:
     """A mechanism of joints and links."""
     data = json.loads(text)
+    if not isinstance(data, dict):
+        raise InputError(f'{path.name} has no joints and links, as mechanisms of pylinkage have')
     rows, order, speed = _mechanism(data)
     title = str(data.get('name') or path.stem)
     made = JointTable(title, unit or 'm', rows, order, speed, 'rad/s').blueprint()

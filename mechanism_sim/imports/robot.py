@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, named, names_of
+from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, angle, named, names_of
 from mechanism_sim.planar.points import GROUND, Vector2
 
 WORLD = 'world'
@@ -20,6 +20,9 @@ KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismat
          'fixed': 'fixed'}  # fmt: skip
 """Joints of a plane by the types of URDF and SDF."""
 
+_LEFT_OUT = {'limits': 'its limits are left out: see `stops`',
+             'friction': 'its friction is left out, which does not depend on its load',
+             'armature': 'the inertia of its rotor is left out'}  # fmt: skip
 _ALIGNED = 1e-4  # [rad] by which axes may differ: files have angles such as 1.5708
 _SAME = 1e-9  # [m] of points that are one
 _PLANES = {2: (0, 1), 1: (0, 2), 0: (1, 2)}  # axes of the plane, by the axis across it
@@ -79,6 +82,8 @@ class Robot:
     geared : likewise of angles of bodies
     drives : such sums, with their speeds [rad/s, m/s]
     springs : ends (body, point), and keys of the scene, by name
+    twists : springs of such sums by name: with stiffness, damping [SI], and by how much the sum is
+        more than at the start where they are free
     """
 
     title: str
@@ -90,8 +95,18 @@ class Robot:
     springs: dict[str, tuple[list[tuple[str, Array]], dict[str, Any]]] = field(
         default_factory=dict
     )
+    twists: dict[str, tuple[dict[str, float], float, float, float]] = field(default_factory=dict)
     gravity: Array | None = None
     notes: list[str] = field(default_factory=list)
+
+    def resist(self, joint: str, stiffness: float, damping: float, free: float = 0.0) -> None:
+        """Add a spring and damper of a joint, `free` away from the start without force."""
+        if stiffness or damping:
+            self.twists[f'{joint}_spring'] = {joint: 1.0}, stiffness, damping, free
+
+    def leave_out(self, joint: str, **properties: bool) -> None:
+        """Note properties of a joint, of `_LEFT_OUT`, that it has in the file."""
+        self.notes += [f'{joint}: {_LEFT_OUT[x]}' for x, has in properties.items() if has]
 
     def blueprint(self) -> Blueprint:
         """The machine in its plane."""
@@ -147,6 +162,11 @@ class Robot:
             self.notes.append(f'{", ".join(frames)}: without mass, and without a shape')
 
 
+def _spring(name: str) -> str:
+    """The name of a spring in a scene, without the section by which exports name it."""
+    return named(name.removeprefix('springs.'))
+
+
 def _moved(joint: RobotJoint, kept: str, gone: str, turn: Array, at: Array) -> RobotJoint:
     """A joint of a body that is now part of another, where it lies so."""
     if joint.parent == gone:
@@ -183,10 +203,14 @@ class _Plane:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         hinges = [j for j in robot.joints if j.kind == 'revolute' and j.axis.any()]
-        if not hinges:
-            raise InputError('there is no revolute joint: this is not a planar machine')
         ways = {j.name: robot.bodies[j.child].turn @ j.axis for j in robot.joints}
-        normal = ways[hinges[0].name]
+        if hinges:
+            normal, which = ways[hinges[0].name], f'in which {hinges[0].name} turns'
+        else:  # guides alone lie in a plane, at best in that of x and y
+            if not any(j.kind == 'prismatic' for j in robot.joints):
+                raise InputError('there is no revolute joint: this is not a planar machine')
+            off = np.abs([*ways.values()]).max(axis=0)
+            normal, which = np.eye(3)[2 - int(off[::-1].argmin())], 'along which all others slide'
         across = int(np.abs(normal).argmax())
         self._first, self._second = _PLANES[across]
         self._normal = np.cross(*np.eye(3)[[self._first, self._second]])
@@ -196,8 +220,8 @@ class _Plane:
                 off = abs(float(ways[j.name][across]))
             if off > _ALIGNED:
                 raise InputError(
-                    f'{j.name}: its axis does not fit a plane of two of the axes in which '
-                    f'{hinges[0].name} turns: only planar machines can be imported'
+                    f'{j.name}: its axis does not fit a plane of two of the axes {which}: only '
+                    'planar machines can be imported'
                 )
         self._ways = ways
 
@@ -225,13 +249,15 @@ class _Plane:
             self._ratio(made, name, self._weights(factors))
         for name, weights in robot.geared.items():
             self._ratio(made, name, weights)
+        for name, (factors, *law) in robot.twists.items():
+            self._twist(made, name, factors, law)
         for name, (ends, keys) in robot.springs.items():
             between = []
             for k, (holder, at) in enumerate(ends, 1):
                 link, point = self._names[holder], f'{named(name)}_{k}'
                 made.links[link].points[point] = self._on(robot.bodies[holder], at)
                 between.append(made.reference(link, point))
-            made.keys.setdefault('springs', {})[name] = {'between': between, **keys}
+            made.keys.setdefault('springs', {})[_spring(name)] = {'between': between, **keys}
         if robot.gravity is not None:
             flat = self._flat(robot.gravity)
             made.keys['gravity'] = [f'{x!r} m/s^2' for x in flat]
@@ -273,7 +299,7 @@ class _Plane:
             x, y = self._flat(self._ways[joint.name])
             one, other = (made.links[link].pose[2] for link in ends)
             more = {'axis': math.atan2(y, x) - one, 'angle': other - one}
-        keys: dict[str, Any] = {k: f'{v!r} rad' for k, v in more.items() if abs(v) > 1e-15}
+        keys: dict[str, Any] = {k: angle(v) for k, v in more.items() if angle(v) != angle(0.0)}
         made.join(name, joint.kind, *((link, name) for link in ends), **keys)
 
     def _weights(self, factors: Mapping[str, float]) -> dict[str, float]:
@@ -308,11 +334,42 @@ class _Plane:
         first, second = (turned[b] - turned[carrier] for b in pair)
         keys: dict[str, Any] = {
             'ratio': str(ratio),
-            'phase': f'{second - float(ratio) * first!r} rad',
+            'phase': angle(second - float(ratio) * first),
         }
         if carrier != WORLD:
             keys['carrier'] = self._names[carrier]
         made.join(name, 'transmission', *((self._names[b], '') for b in pair), **keys)
+
+    def _twist(
+        self, made: Blueprint, name: str, factors: Mapping[str, float], law: Sequence[float]
+    ) -> None:
+        """A spring of a sum of joint coordinates: between two links, or along a guide."""
+        stiffness, damping, off = law
+        weights = {b: w for b, w in self._weights(factors).items() if abs(w) > 1e-12}
+        slides = [j for j in self._robot.joints if [j.name] == [*factors] and not weights]
+        if slides and slides[0].kind == 'prismatic':
+            link, (w,) = self._names[slides[0].child], factors.values()
+            guide = next(
+                n for n, j in made.joints.items() if j.get('prismatic', '  ')[1][0] == link
+            )
+            place: dict[str, Any] = {'coordinate': link}
+            free = {'free_length': made.length(made.displacement(guide) + off / w)}
+            units = 'N/m', 'N s/m'
+        elif len(weights) == 2 and abs(sum(weights.values())) < 1e-9:
+            ends = sorted(weights, key=lambda body: weights[body])
+            one, other = (self._names[body] for body in ends)
+            w, place = weights[ends[1]], {'between': [one, other]}
+            apart = made.links[other].pose[2] - made.links[one].pose[2]
+            free = {'free_angle': angle(apart + off / w)}
+            units = 'N m/rad', 'N m s/rad'
+        else:
+            made.notes.append(f'{name}: left out: it is not a spring between two links')
+            return
+        laws = zip(('stiffness', 'damping'), (stiffness, damping), units, strict=True)
+        keys = {key: f'{x * w**2!r} {unit}' for key, x, unit in laws if x}
+        made.keys.setdefault('springs', {})[_spring(name)] = {
+            **place, **keys, **(free if stiffness else {}),
+        }  # fmt: skip
 
     def _drive(self, made: Blueprint, factors: Mapping[str, float], speed: float) -> None:
         """A drive by the speed of a sum of joint coordinates: that of one link, on the ground."""
@@ -320,8 +377,8 @@ class _Plane:
         guide = next((j for j in self._robot.joints if [j.name] == [*factors]), None)
         if len(weights) == 1:
             ((body, weight),) = weights.items()
-            angle = made.links[self._names[body]].pose[2]
-            keys = {'speed': f'{speed / weight!r} rad/s', 'start_angle': f'{angle!r} rad'}
+            start = angle(made.links[self._names[body]].pose[2])
+            keys = {'speed': f'{speed / weight!r} rad/s', 'start_angle': start}
         elif guide and guide.kind == 'prismatic':
             body, keys = guide.child, {'speed': f'{speed * factors[guide.name]!r} m/s'}
         else:

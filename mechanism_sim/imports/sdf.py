@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,7 +12,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
-from mechanism_sim.imports.markup import number, numbers, parse, turned
+from mechanism_sim.imports.markup import number, numbers, parse, rotation, turned
 from mechanism_sim.imports.robot import KINDS, Robot, RobotBody, RobotJoint
 
 
@@ -26,29 +27,66 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
     gravity = root.find('world/gravity')
     if gravity is not None:
         robot.gravity = numbers(gravity.text, 3)
-    base = _pose(model)
-    frames = {'': base, '__model__': base}
-    waiting = model.findall('link')
-    while waiting:
-        ready = [link for link in waiting if _relative(link) in frames]
-        if not ready:
-            raise InputError(f'{path.name}: the pose of {waiting[0].get("name")} has no link')
-        for link in ready:
-            waiting.remove(link)
-            body = _body(link)
-            turn, place = frames[_relative(link)]
-            own, at = _pose(link)
-            body.turn, body.place = turn @ own, place + turn @ at
-            robot.bodies[body.name], frames[body.name] = body, (body.turn, body.place)
+    robot.notes += [
+        f'{x.findtext("uri")}: left out: an included model' for x in root.iter('include')
+    ]
+    frames = SdfFrames(model, root.get('version', ''))
+    for link in model.findall('link'):
+        body = _body(link)
+        body.turn, body.place = frames.pose(body.name)
+        robot.bodies[body.name] = body
     for joint in model.findall('joint'):
-        join(robot, joint)
+        join(robot, joint, frames)
     return robot.blueprint()
 
 
-def join(robot: Robot, joint: Element) -> None:
+class SdfFrames:
+    """Where links, joints and frames of a model are, by name, whatever their poses relate to."""
+
+    def __init__(self, model: Element, version: str = '') -> None:
+        if (other := _relative(model)) not in ('', 'world') or model.get('placement_frame'):
+            other = other or str(model.get('placement_frame'))
+            raise InputError(f"the pose of the model is that of '{other}': move the model itself")
+        self.old = version in ('1.0', '1.2', '1.3', '1.4')  # axes were in the frame of the model
+        self._poses = {'world': (np.eye(3), np.zeros(3)), '__model__': _pose(model)}
+        self._parts = {str(x.get('name')): x for x in model if x.tag in _FRAMES}
+        self._begun: set[str] = set()
+
+    def pose(self, name: str) -> tuple[Array, Array]:
+        """Rotation (3, 3) and place (3,) in the world."""
+        if name not in self._poses:
+            part = self._parts.get(name)
+            if part is None or name in self._begun:
+                why = 'there is no such frame' if part is None else 'its pose relates to itself'
+                raise InputError(f"'{name}': {why}")
+            self._begun.add(name)
+            turn, place = self.pose(_relative(part) or self._above(part))
+            own, at = _pose(part)
+            self._poses[name] = turn @ own, place + turn @ at
+        return self._poses[name]
+
+    def link(self, name: str) -> str:
+        """The link with which a frame moves."""
+        part = self._parts.get(name)
+        return name if part is None or part.tag == 'link' else self.link(self._above(part))
+
+    @staticmethod
+    def _above(part: Element) -> str:
+        """The frame in which a pose is that does not say it."""
+        if part.tag == 'joint':
+            return _text(part, 'child')
+        return (part.get('attached_to') if part.tag == 'frame' else '') or '__model__'
+
+
+_FRAMES = 'link', 'joint', 'frame'
+_ENDLESS, _NO_LIMIT = 1e15, ('', 'inf', 'infinity')  # limits that are none
+
+
+def join(robot: Robot, joint: Element, frames: SdfFrames | None = None) -> None:
     """Add a joint between bodies that are where they are at the start."""
     name, kind = str(joint.get('name')), str(joint.get('type'))
-    parent, child = (robot.bodies.get(_text(joint, side)) for side in ('parent', 'child'))
+    ends = [_text(joint, side) for side in ('parent', 'child')]
+    parent, child = (robot.bodies.get(frames.link(x) if frames else x) for x in ends)
     if parent is None or child is None:
         raise InputError(f'{name}: its parent or its child is not a link of the model')
     if kind == 'gearbox':  # child = -ratio parent, both against the body of reference
@@ -61,7 +99,28 @@ def join(robot: Robot, joint: Element) -> None:
     if kind not in KINDS:
         raise InputError(f'{name}: joints of type {kind} are not planar ones')
     turn, at = _pose(joint)
-    axis = turn @ numbers(_text(joint, 'axis/xyz') or '0 0 1', 3)
+    if frames and (_relative(joint) or child.name != ends[1]):
+        turn, at = frames.pose(name)
+        turn, at = child.turn.T @ turn, child.local(at)
+    axis, given = numbers(_text(joint, 'axis/xyz') or '0 0 1', 3), joint.find('axis/xyz')
+    base = given.get('expressed_in', '') if given is not None else ''
+    if frames and (frames.old or _text(joint, 'axis/use_parent_model_frame') in ('1', 'true')):
+        base = '__model__'
+    axis = (child.turn.T @ frames.pose(base)[0] if frames and base else turn) @ axis
+    axis = axis / (np.linalg.norm(axis) or 1.0)
+    if KINDS[kind] != 'fixed':
+        dynamics, limit = 'axis/dynamics/', 'axis/limit/'
+        k, c, free = (
+            number(_text(joint, dynamics + x))
+            for x in ('spring_stiffness', 'damping', 'spring_reference')
+        )
+        robot.resist(name, k, c, free)
+        reach = [_text(joint, limit + x).lower().lstrip('+-') for x in ('lower', 'upper')]
+        robot.leave_out(
+            name,
+            limits=any(number(x) < _ENDLESS for x in reach if x not in _NO_LIMIT),
+            friction=number(_text(joint, dynamics + 'friction')) > 0.0,
+        )
     there = parent.local(child.world(at))
     robot.joints.append(
         RobotJoint(
@@ -96,14 +155,22 @@ def _body(link: Element) -> RobotBody:
 
 
 def _pose(element: Element) -> tuple[Array, Array]:
-    """Rotation (3, 3) and place (3,)."""
-    pose = numbers(_text(element, 'pose'), 6)
-    return turned(*pose[3:]), np.asarray(pose[:3])
+    """Rotation (3, 3) and place (3,) in the frame to which they relate."""
+    pose, text = element.find('pose'), _text(element, 'pose')
+    if pose is not None and pose.get('rotation_format') == 'quat_xyzw' and text:
+        *found, w = numbers(text, 7)
+        return rotation(
+            np.array(found[3:]), 2.0 * math.atan2(math.hypot(*found[3:]), w)
+        ), np.array(found[:3])
+    values = numbers(text, 6)
+    degrees = pose is not None and pose.get('degrees') in ('1', 'true')
+    return turned(*(np.radians(values[3:]) if degrees else values[3:])), np.asarray(values[:3])
 
 
-def _relative(link: Element) -> str:
-    pose = link.find('pose')
-    return '' if pose is None else pose.get('relative_to', '')
+def _relative(element: Element) -> str:
+    """The frame to which a pose relates, if it says it; before version 1.7 by another name."""
+    pose = element.find('pose')
+    return '' if pose is None else pose.get('relative_to', pose.get('frame', ''))
 
 
 def _text(element: Element, path: str) -> str:

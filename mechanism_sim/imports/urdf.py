@@ -61,6 +61,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
 
 
 _Z = np.array([0.0, 0.0, 1.0])
+_ENDLESS = 1e12  # [N] that exports give to guides whose limits are none
 
 
 def _positions(root: Element) -> dict[str, float]:
@@ -86,12 +87,17 @@ def _carry(robot: Robot, joint: Element, state: dict[str, float]) -> None:
     parent, child = (robot.bodies[_end(joint, side)] for side in ('parent', 'child'))
     if kind is None:
         raise InputError(f'{name}: joints of type {joint.get("type")} are not planar ones')
-    if joint.get('type') == 'revolute':  # a continuous one has none
-        robot.notes.append(f'{name}: its limits are left out: see `stops`')
     turn, at = _origin(joint)
     axis = numbers(_find(joint, 'axis', 'xyz') or '1 0 0', 3)
     axis /= np.linalg.norm(axis) or 1.0
     mimic, value = joint.find('mimic'), state[name]
+    robot.resist(name, 0.0, number(_find(joint, 'dynamics', 'damping')))
+    effort = number(_find(joint, 'limit', 'effort'))  # a continuous joint has no other limits
+    robot.leave_out(
+        name,
+        limits=joint.get('type') in ('revolute', 'prismatic') and effort < _ENDLESS,
+        friction=number(_find(joint, 'dynamics', 'friction')) > 0.0,
+    )
     if mimic is not None:
         factor = number(mimic.get('multiplier'), 1.0)
         robot.ratios[name] = {name: 1.0, str(mimic.get('joint')): -factor}

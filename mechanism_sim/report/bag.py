@@ -21,6 +21,8 @@ from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
 
+_LITTLE = 0.1  # of the power of a signal: an envelope of so little is not that of its largest part
+_LOGGED = 1e-6  # [s] by which stamps may be beside the time above
 _EPOCH = 1e9  # [s]: what is later counts from 1970
 _ROWS = 12  # of a table of revolutions, before its middle is left out
 _LINES = 10
@@ -81,7 +83,7 @@ def sections(s: Summary) -> Iterator[Section]:
     if s.ledger is not None:
         yield _ledger(s.ledger)
     if s.fields:
-        yield _fields(s.fields)
+        yield _fields(s.fields, s.start, s.end)
     if s.absent:
         yield Section('not in this bag', notes=s.absent)
 
@@ -195,13 +197,16 @@ def _ends(r: PublishedRange) -> tuple[Cell, ...]:
     return r.lowest, instant(r.lowest_time, 6), r.highest, instant(r.highest_time, 6)
 
 
-def _fields(fields: tuple[FieldRange, ...]) -> Section:
+def _fields(fields: tuple[FieldRange, ...], start: float, end: float) -> Section:
     head = 'field', 'unit', 'samples', 'lowest', 'at [s]', 'highest', 'at [s]'
     rows: list[Sequence[Cell]] = []
     for f in fields:
         count = f'{f.samples - f.unknown} of {f.samples}' if f.unknown else f.samples
         rows.append((f.quantity, f.unit, count, *_ends(f)))
-    return Section('numbers in its messages', table=[head, *rows], left=2)
+    first, last = (0.0, end - start) if start > _EPOCH else (start, end)
+    apart = any(f.start < first - _LOGGED or f.end > last + _LOGGED for f in fields)
+    notes = ['these times are stamps: they differ from when messages were logged'] * apart
+    return Section('numbers in its messages', table=[head, *rows], notes=notes, left=2)
 
 
 def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
@@ -274,8 +279,12 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
 def _envelope(name: str, line: SignalSpectrum) -> Section:
     low, high = line.band or (0.0, 0.0)
     title = f'spectrum of the squared envelope of {name} from {low:.4g} Hz to {high:.4g} Hz'
-    rows = line.spectrum.strongest(_LINES)
-    return Section(title, table=[('peak at [Hz]', line.unit), *rows])
+    rows, share = line.spectrum.strongest(_LINES), line.share or 0.0
+    little = (
+        f'the band holds {100.0 * share:.2g} % of the power of the signal: --band gives another'
+    )
+    notes = [little] * (share < _LITTLE)
+    return Section(title, table=[('peak at [Hz]', line.unit), *rows], notes=notes)
 
 
 def _average(name: str, average: Average, drive: str) -> Section:

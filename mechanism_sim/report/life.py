@@ -33,12 +33,12 @@ def _row(found: Life, stage: LifeStage, named: list[str]) -> tuple[str, ...]:
     cells = [f'{stage.cycles:.4g}']
     for k, joint in enumerate(found.joints):
         doubt = stage.error[k] + stage.scatter[k]
-        deepest = 1e6 * stage.depths[joint].max(axis=1)
+        deepest = 1e6 * stage.depths[joint].max(axis=1) + 0.0  # -0 is 0
         cells += [
             f'{1e3 * stage.clearance[k]:.5g}', f'{1e3 * doubt:.1g}', f'{deepest[0]:.4g}',
             f'{deepest[1]:.4g}', f'{stage.impacts[k]:.4g}',
         ]  # fmt: skip
-    return (*cells, *(f'{stage.figures[name]:.4g}' for name in named))
+    return (*cells, *(f'{stage.figures[name] + 0.0:.4g}' for name in named))
 
 
 def _said(found: Life) -> str:

@@ -126,6 +126,10 @@ def fit_text(found: Result) -> str:
     for r in found.residuals:
         left = f'{100.0 * r.share:.3g} % of the signal' if math.isfinite(r.share) else 'no signal'
         lines.append(f'left of {r.name}: {written(r.rms, r.unit)} rms, {left}')
+        if r.turns:
+            side = 'below' if r.turns > 0 else 'above'
+            lines.append(f'  it is {counted(abs(r.turns), "whole turn")} {side} the angle of the '
+                         'scene: count both from one place')  # fmt: skip
     if math.isfinite(found.misfit):
         misfit = f'misfit {found.misfit:.2f} standard deviations of the noise'
         if found.method == 'regression':

@@ -27,6 +27,7 @@ from mechanism_sim.arrays import Array
 _DEGREE = 5
 _MOST = 4096  # samples a turn, unless told
 _SHORTEST = 256  # samples of a segment, unless told or fewer
+_FAINT = 1e-3  # of the mean density of power: what rounding may have, and no resonance
 _FEWEST = 16  # segments of which a kurtosis is worth looking at
 
 
@@ -155,18 +156,33 @@ def shock_band(x: Array, rate: float) -> tuple[float, float]:
 
     Of all frequencies and segments of 16, 32, ... samples, at least 16 of them in the signal, the
     pair of the largest spectral kurtosis; the band is as wide as the main lobe of the Hann window
-    (Antoni, 2006, sect. 4).
+    (Antoni, 2006, sect. 4). Frequencies of hardly any power are left out: that may be rounding.
     """
     best, band = -np.inf, (0.0, 0.5 * rate)
+    if not len(x) or not np.ptp(x):
+        return band
+    held = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
     segment = 16
     while segment * _FEWEST <= len(x):
         found = spectral_kurtosis(x, rate, segment)
-        k = int(np.argmax(found.values[1:-1])) + 1
-        if found.values[k] > best:
-            middle, half = found.frequency[k], 2.0 * rate / segment
-            best, band = found.values[k], (max(0.0, middle - half), min(middle + half, rate / 2))
+        half = 2.0 * rate / segment
+        ends = np.add.outer([-0.25 * half, 0.25 * half], found.frequency) * (len(x) / rate)
+        low, high = held[np.clip(ends.astype(int), 0, len(held) - 1)]
+        faint = high - low <= _FAINT * held[-1] * 2.0 / segment
+        values = np.where(faint, -np.inf, found.values)
+        k = int(np.argmax(values[1:-1])) + 1
+        if values[k] > best:
+            middle = found.frequency[k]
+            best, band = values[k], (max(0.0, middle - half), min(middle + half, rate / 2))
         segment *= 2
     return float(band[0]), float(band[1])
+
+
+def band_share(x: Array, rate: float, band: tuple[float, float]) -> float:
+    """Share of the power of a signal (N,) about its mean that is in a band [Hz]."""
+    power, f = np.abs(np.fft.rfft(x - x.mean())) ** 2, _lines(len(x), rate)
+    whole = float(power.sum())
+    return float(power[(f >= band[0]) & (f <= band[1])].sum()) / whole if whole else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,7 @@ _KEPT = 0.99  # of the probability, when the box is drawn closer
 _MARGIN = 1.6  # by which it is wider than that
 _NEAREST = 40  # simulations, at least, whose errors say so
 _MOST_FAILED = 0.25
+_BESIDE = 0.5  # [rad] around whole turns
 _LOST = 0.05  # likeness below which a box seems not to hold the truth any more
 
 
@@ -83,12 +84,22 @@ class Residual:
     name, unit : of the signal
     rms : in its unit
     share : of the signal's own root mean square about its mean, in the same window
+    offset : mean of the rest
     """
 
     name: str
     unit: str
     rms: float
     share: float
+    offset: float = 0.0
+
+    @property
+    def turns(self) -> int:
+        """Whole turns by which an angle is beside that of the run, and nothing else."""
+        turns = round(self.offset / (2.0 * math.pi)) if self.unit == 'rad' else 0
+        rest = math.hypot(self.offset - 2.0 * math.pi * turns, math.sqrt(
+            max(0.0, self.rms**2 - self.offset**2)))  # fmt: skip
+        return turns if rest < _BESIDE else 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,7 +253,13 @@ def _by_least_squares(
     whole = max(float(m.times[-1] - m.times[0]) for m in measurements)
     window = fit.part * whole
     residuals = tuple(
-        Residual(m.name, m.unit, math.sqrt(r @ r / len(r)), _share(r, m.samples[: len(r)]))
+        Residual(
+            m.name,
+            m.unit,
+            math.sqrt(r @ r / len(r)),
+            _share(r, m.samples[: len(r)]),
+            float(r.mean()),
+        )
         for m, r in zip(measurements, fit.residuals, strict=True)
     )
     # a short window that leaves a value open may be that of another minimum

@@ -52,6 +52,26 @@ def test_whole_numbers_of_a_wav_are_parts_of_its_full_scale(tmp_path):
     assert found['unit'] == 'm/s^2'
 
 
+@pytest.mark.parametrize('scale', ['5 m/s^2', '5m/s^2', '5e0 m/s^2'])
+def test_floats_of_a_wav_are_parts_of_a_full_scale_that_is_given(tmp_path, scale):
+    file = tmp_path / 'rig.wav'
+    wavfile.write(file, int(RATE), (WAVE / 5.0).astype(np.float32))
+    found = run_json('analyze', str(file), '--full-scale', scale)['channels']['1']
+    assert (found['largest'], found['unit']) == (pytest.approx(SIZE, rel=1e-6), 'm/s^2')
+    assert run_json('analyze', str(file))['channels']['1']['unit'] == ''
+    for wrong in ('-5 g', '0g', '5', 'g', 'nan g'):
+        done = run('analyze', str(file), '--full-scale', wrong)
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert f"'{wrong}'" in done.stderr
+
+
+def test_an_envelope_of_little_power_says_so(rig):
+    words = '% of the power of the signal: --band gives another'
+    for band, little in (('300 Hz:900 Hz', True), ('100 Hz:150 Hz', False)):
+        done = run('analyze', str(rig), '--envelope', 'acc', '--band', band)
+        assert (words in done.stdout) is little, done.stdout
+
+
 def test_channels_are_listed_and_plotted_as_they_are(rig, tmp_path):
     assert run_json('plot', str(rig)) == [
         {'name': 'acc', 'unit': 'm/s^2'}, {'name': 'way', 'unit': 'mm'},

@@ -156,16 +156,20 @@ def test_joint_states_of_another_program_are_a_run(tmp_path, velocities, error):
 JOINTS = 'crank', 'left/arm', 'rig/mass joint', 'a-b', 'a[1]', 'b]c', '3', '0:1'
 
 
+HEADER = (
+    f'{"=" * 80}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
+    f'{"=" * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n'
+)
+ARRAYS = ''.join(f'float64[] {x}\n' for x in ('position', 'velocity', 'effort'))
+STATES = f'std_msgs/Header header\nstring[] name\n{ARRAYS}{HEADER}'
+
+
 @pytest.fixture
 def rig(tmp_path):
     """A bag of another author's writer: joints of any names, joint j at j t^2, and a scalar."""
-    header = f'{"=" * 80}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n'
-    header += f'{"=" * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n'
-    arrays = ''.join(f'float64[] {x}\n' for x in ('position', 'velocity', 'effort'))
-    states = f'std_msgs/Header header\nstring[] name\n{arrays}{header}'
     file = tmp_path / 'rig.mcap'
     with file.open('wb') as stream, Writer(stream) as writer:
-        state = writer.register_msgdef('sensor_msgs/msg/JointState', states)
+        state = writer.register_msgdef('sensor_msgs/msg/JointState', STATES)
         number = writer.register_msgdef('std_msgs/msg/Float64', 'float64 data\n')
         for k in range(256):
             at = {'sec': k // 100, 'nanosec': k % 100 * 10_000_000}
@@ -317,3 +321,34 @@ def test_times_of_a_clock_are_exact_to_the_nanosecond(tmp_path):
     assert run.series['position.rod'].t.tolist() == [0.0, 0.01, 0.02, 0.03, 0.04]
     done = command('analyze', str(path))
     assert 'time   0 s to 0.04 s (from 2023-11-14 22:13:20 UTC on)' in done.stdout
+
+
+@pytest.mark.parametrize(
+    ('names', 'stamps', 'said', 'shown'),
+    [
+        (['a', 'a'], 1, "'name' of sensor_msgs/msg/JointState repeats names of 'position'", ''),
+        (['a', 'b', 'c'], 1, 'has 3 for 2 items', ''),
+        (['a', 'b'], 0, 'all 4 messages of /arm have no stamp', ''),
+        (['a', 'b'], 2, '', 'these times are stamps: they differ from when'),
+        (['a', 'b'], 1, '', ''),
+    ],
+)
+def test_names_and_stamps_that_are_not_what_they_seem_are_told(
+    tmp_path, names, stamps, said, shown
+):
+    """Two positions of other numbers of names, or of one twice; no stamps, or of another pace."""
+    begin, path = 1_700_000_000 * 10**9, tmp_path / 'other.mcap'
+    with path.open('wb') as stream, Writer(stream) as writer:
+        kind = writer.register_msgdef('sensor_msgs/msg/JointState', STATES)
+        for k in range(4):
+            sec, nanosec = divmod(begin + stamps * k * 10**7 if stamps else 0, 10**9)
+            message = {
+                'header': {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': ''},
+                'name': names, 'position': [0.1 * k, -0.1 * k], 'velocity': [], 'effort': [],
+            }  # fmt: skip
+            writer.write_message('/arm', kind, message, log_time=begin + k * 10**7)
+    done = command('analyze', str(path))
+    assert (said in done.stderr) if said else not done.stderr
+    assert ('these times are stamps' in done.stdout) is bool(shown)
+    fields = {'a', 'b'} if names == ['a', 'b'] else {'0', '1'}
+    assert all(f'/arm.position[{field}]' in done.stdout for field in fields)

@@ -70,6 +70,21 @@ def test_a_time_without_a_unit_is_in_seconds_and_says_so_once(tmp_path, capsys):
     )
 
 
+@pytest.mark.parametrize(
+    ('heading', 'unit'),
+    [('stamp [ns]', 1e-9), ('time_s', 1.0), ('Time_ms', 1e-3), ('stamp_us', 1e-6), ('t_ns', 1e-9)],
+)
+def test_time_may_be_a_stamp_and_have_its_unit_behind_an_underline(tmp_path, heading, unit):
+    file = table(tmp_path, f'{heading},x_s\n0,1\n2,2\n')
+    assert read_signal(file).times.tolist() == pytest.approx([0.0, 2.0 * unit], rel=1e-15)
+
+
+def test_times_in_sentences_have_the_digits_that_tell_them_apart(tmp_path):
+    file = table(tmp_path, 't [s],x\n1700000000.015,1\n1700000000.01,2\n')
+    with pytest.raises(InputError, match=r'1700000000\.01 s follows 1700000000\.015 s'):
+        read_signal(file)
+
+
 def test_units_may_stand_after_a_slash(tmp_path):
     found = read_signal(table(tmp_path, 'Time / ms;Accel / g\n0,0;1,5\n0,5;2,5\n'))
     assert (found.name, found.unit, found.times.tolist()) == ('Accel', 'g', [0.0, 0.0005])

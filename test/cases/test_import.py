@@ -17,7 +17,9 @@ import yaml
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.catalogue import scene_names
 from mechanism_sim.editor.document import Document
+from mechanism_sim.errors import InputError
 from mechanism_sim.export.mjcf import to_mjcf
 from mechanism_sim.export.sdf import to_sdf
 from mechanism_sim.export.urdf import to_urdf
@@ -210,6 +212,27 @@ def test_what_is_exported_comes_back_equal(tmp_path, name, ending):
         assert other.digest() == one.digest()
 
 
+ROTORS = {'overhung_rotor', 'rotor_on_supports', 'rotor_run_up', 'two_disk_rotor'}
+"""Disks that float in a URDF: it has no joints for bearings that give way."""
+
+
+@pytest.mark.sample(6)
+@pytest.mark.parametrize('name', scene_names())
+def test_every_scene_that_is_exported_is_a_scene_again(tmp_path, name):
+    original = ms.load_scene(name)
+    for ending, write in (('urdf', to_urdf), ('sdf', to_sdf), ('xml', to_mjcf)):
+        try:
+            text = write(original)
+        except InputError:
+            continue  # the format has no place for it
+        if (name, ending) in {(rotor, 'urdf') for rotor in ROTORS}:
+            with pytest.raises(InputError, match='there is no revolute joint'):
+                import_machine(saved(tmp_path, text, f'{name}.{ending}'))
+            continue
+        made = import_machine(saved(tmp_path, text, f'{name}.{ending}')).data['links']
+        assert {*original.scene.links} & {*made} - {'ground'}
+
+
 # --- robots of others ---------------------------------------------------------------------------
 
 CRANK_ROCKER = (0.1, 0.3, 0.25, 0.3)
@@ -279,6 +302,63 @@ def test_an_sdf_four_bar_of_drake(tmp_path):
     assert np.exp(1j * angle) == pytest.approx(np.exp(1j * rocker_angle(2.0)), abs=1e-12)
 
 
+LINK = '<link name="{}">{}<inertial><mass>1</mass></inertial></link>'
+JOINT = (
+    '<joint name="{}" type="{}">{}<parent>{}</parent><child>{}</child><axis>{}{}</axis></joint>'
+)  # fmt: skip
+SLIDE = '<xyz{}>{!r} 0 {!r}</xyz>'
+DYNAMICS = (
+    '<dynamics><damping>0.2</damping><friction>0.1</friction><spring_stiffness>3</spring_stiffness>'
+    '<spring_reference>0.5</spring_reference></dynamics><limit><lower>-1</lower></limit>'
+)
+
+
+def test_poses_of_an_sdf_mean_the_same_in_all_its_frames(tmp_path):
+    """Plain, and by degrees, quaternions, joints, frames, axes of the model: SDF 1.9."""
+    half, swing = 0.5 * math.pi / 3.0, -math.pi / 3.0
+    x, z = 0.4 * math.cos(swing), 0.5 - 0.4 * math.sin(swing)
+    plain = [
+        LINK.format('arm', f'<pose>0 0 0.5 0 {swing!r} 0</pose>'),
+        LINK.format('block', f'<pose>{x!r} 0 {z!r} 0 0.7 0</pose>'),
+        JOINT.format('h', 'revolute', '', 'world', 'arm', '<xyz>0 1 0</xyz>', DYNAMICS),
+        JOINT.format('s', 'prismatic', '', 'arm', 'block',
+                     SLIDE.format('', math.cos(0.7), math.sin(0.7)), ''),
+    ]  # fmt: skip
+    related = [
+        LINK.format('arm', '<pose relative_to="base" degrees="true">0 0 0 0 -60 0</pose>'),
+        '<frame name="base"><pose>0 0 0.5 0 0 0</pose></frame>',
+        '<frame name="tip" attached_to="arm"><pose>0.4 0 0 0 0 0</pose></frame>',
+        LINK.format('block', '<pose relative_to="s">0 0 0 0 0.7 0</pose>'),
+        JOINT.format('h', 'revolute', '<pose relative_to="base">0 0 0 0 0 0</pose>',
+                     'world', 'arm', '<xyz>0 1 0</xyz>', DYNAMICS),
+        JOINT.format('s', 'prismatic', '<pose relative_to="tip" rotation_format="quat_xyzw">'
+                     f'0 0 0 0 {math.sin(half)!r} 0 {math.cos(half)!r}</pose>', 'tip', 'block',
+                     SLIDE.format(' expressed_in="__model__"', 1.0, 0.0), ''),
+    ]  # fmt: skip
+    found = [
+        import_machine(saved(tmp_path, f'<sdf version="1.9"><model name="m">{"".join(parts)}'
+                                       '</model></sdf>', 'm.sdf'))
+        for parts in (plain, related)
+    ]  # fmt: skip
+    texts, numbers = zip(*(read_numbers(x.text) for x in found), strict=True)
+    assert texts[0] == texts[1]
+    assert numbers[0] == pytest.approx(numbers[1], abs=1e-13)
+    assert found[0].data['springs']['h_spring'] == {
+        'between': ['arm', 'ground'], 'stiffness': '3.0 N m/rad', 'damping': '0.2 N m s/rad',
+        'free_angle': f'{swing + 0.5!r} rad',  # turned by 0.5 about y, that is back in the plane
+    }  # fmt: skip
+    assert {x.split(':', 1)[1] for x in found[0].notes if x.startswith('h:')} == {
+        ' its limits are left out: see `stops`',
+        ' its friction is left out, which does not depend on its load',
+    }
+
+
+def read_numbers(text):
+    """A text without its numbers, and those."""
+    pattern = r'-?\d+\.\d+(?:e-?\d+)?'
+    return re.sub(pattern, '#', text), [float(x) for x in re.findall(pattern, text)]
+
+
 SHAPES = """<mujoco><compiler angle="degree"/><worldbody><body name="a">
 <joint name="h" axis="0 1 0"/><geom size="0.06" pos="0.3 0 0" density="7800"/>
 <geom type="box" size="0.1 0.02 0.3" pos="0.1 0 0.2" euler="0 30 0"/>
@@ -294,6 +374,78 @@ def test_shapes_weigh_what_they_do_in_mujoco(tmp_path):
     assert found == pytest.approx([15.664484016474994, 0.5454182156721172], rel=1e-13)
     cog = [float(x.split()[0]) for x in keys['cog']]
     assert cog == pytest.approx([0.1920896141746692, 0.08492846062298305], rel=1e-13)
+
+
+ARM = """<mujoco model="arm"><compiler angle="degree"/><default><joint axis="0 1 0"
+damping="0.3"/><geom type="capsule" size="0.02"/><default class="heavy"><geom density="7800"/>
+<default class="light"><geom density="300"/><joint stiffness="2" springref="30"/></default>
+</default></default><worldbody><geom type="plane" size="1 1 .1"/><frame pos="0.1 0 1" euler="0
+25 0" childclass="light"><body name="upper" pos="0 0 0.2"><joint name="j1" stiffness="4"
+springref="12" damping="0.1" ref="7"/><geom class="heavy" fromto="0 0 0 0.4 0 0"/><geom
+type="ellipsoid" size=".1 .05 .07" pos=".1 .02 .3" zaxis="1 0 .3"/><frame pos=".03 0 .02"
+xyaxes="1 0 .2 0 1 0"><geom type="ellipsoid" size=".01" fromto="0 0 0 .2 0 .1" mass=".4"/><body
+name="lower" pos="0.4 0 0" xyaxes="0 0 -1 0 1 0" childclass="main"><frame pos="0 0 .05" euler="0
+10 0"><joint name="j2"/></frame><geom fromto="0 0 0 0.3 0 0" mass="0.7"/><body name="block"
+zaxis="1 0 0" pos="0.1 0 0"><joint name="s" type="slide" axis="1 0 1" damping="2"
+stiffness="300" springref="0.03" ref="0.01"/><geom type="box" size=".1 .02 .03" quat="1 0 .2
+0"/></body></body></frame></body></frame></worldbody><keyframe><key qpos="0.5 -0.3 0.04"/>
+</keyframe></mujoco>"""
+IN_MUJOCO = {
+    'upper': (0.33557671, 1.06981842, -22.92374505, -2.55469416, -3.46270178),
+    'lower': (0.49251423, 0.78593489, 20.19130010, -3.58836834, -11.12330247),
+    'block': (0.48132330, 0.81989726, math.nan, 5.32450400, -6.48996990),
+}
+"""Centre x, z [m], angular acceleration about -y [rad/s^2], and that of the centre [m/s^2]."""
+
+
+def test_an_arm_of_classes_frames_and_springs_starts_as_in_mujoco(tmp_path):
+    """Accelerations by its version 4.0 without contact, at the keyframe."""
+    found = import_machine(saved(tmp_path, ARM, 'arm.xml'))
+    assert [x for x in found.notes if 'defines no drive' not in x] == []
+    run = ms.simulate(machine(found), duration=0.01)
+    for link, expected in IN_MUJOCO.items():
+        of = f'acceleration.{link}', f'acceleration.{link}.cog.x', f'acceleration.{link}.cog.y'
+        names = f'position.{link}.cog.x', f'position.{link}.cog.y', *of
+        columns = run.sample(np.zeros(1), *names)
+        for name, value in zip(names, expected, strict=True):
+            assert math.isnan(value) or columns[name][0] == pytest.approx(value, abs=2e-6), name
+
+
+def test_masses_of_shapes_count_where_the_compiler_says_so(tmp_path):
+    """`inertiafromgeom` over `inertial`, all of it scaled to `settotalmass`."""
+    shape = '<inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/><geom size="0.1" mass="{}"/>'
+    bodies = ''.join(
+        f'<body name="{name}"><joint axis="0 1 0"/>{shape.format(mass)}</body>'
+        for name, mass in (('a', 2), ('b', 3))
+    )
+    for compiler, a in (('inertiafromgeom="true"', 2.0), ('', 9.0), ('settotalmass="4"', 2.0),
+                        ('settotalmass="4" inertiafromgeom="true"', 1.6)):  # fmt: skip
+        text = f'<mujoco><compiler {compiler}/><worldbody>{bodies}</worldbody></mujoco>'
+        keys = import_machine(saved(tmp_path, text, 'two.xml')).data['links']['a']
+        assert float(keys['mass'].split()[0]) == pytest.approx(a, rel=1e-15)
+
+
+def test_springs_between_links_come_back_of_an_mjcf(tmp_path):
+    """Torsion springs are tendons there; of guides alone a plane is known, too."""
+    text = to_mjcf(ms.load_scene('torsional_shaft'))
+    made = import_machine(saved(tmp_path, text, 'shaft.xml')).data['springs']
+    assert made['front'] == {
+        'between': ['motor', 'first'], 'stiffness': '800.0 N m/rad', 'damping': '0.2 N m s/rad',
+        'free_angle': '0.0 rad',
+    }  # fmt: skip
+    text = to_mjcf(ms.load_scene('mass_on_spring'))
+    found = import_machine(saved(tmp_path, text, 'mass.xml'))
+    assert found.data['springs']['spring']['stiffness'] == '500.0 N/m'
+    assert {'base', 'mass'} <= found.data['guess'].keys()
+
+
+def test_a_gear_of_an_actuator_divides_its_speed(tmp_path):
+    text = ARM.replace(
+        '</keyframe>', '</keyframe><actuator><velocity joint="j1" gear="2"/></actuator>'
+    )
+    text = text.replace('qpos=', 'ctrl="6" qpos=')
+    found = import_machine(saved(tmp_path, text, 'arm.xml'))
+    assert found.data['drive']['speed'] == '-3.0 rad/s'
 
 
 def test_a_loop_that_a_urdf_closes_for_gazebo(tmp_path):
@@ -327,7 +479,8 @@ def test_a_gripper_whose_fingers_mimic_each_other(tmp_path):
     text = '<robot name="gripper">' + ''.join([
         '<link name="base"/>', *(link.format(x) for x in ('left', 'right', 'pad')),
         joint.format('l', 'revolute', 'base', 'left', '<origin xyz="0 0.1 0" rpy="0 0 0.5"/>'
-                     '<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/>'),
+                     '<axis xyz="0 0 1"/><limit lower="0" upper="1" effort="1" velocity="1"/>'
+                     '<dynamics damping="0.5" friction="0.1"/>'),
         joint.format('r', 'continuous', 'base', 'right', '<origin xyz="0 -0.1 0"/>'
                      '<axis xyz="0 0 -1"/><mimic joint="l" multiplier="0.5" offset="0.2"/>'),
         joint.format('p', 'fixed', 'right', 'pad', '<origin xyz="0.2 0 0" rpy="0 0 1.5"/>'),
@@ -335,6 +488,10 @@ def test_a_gripper_whose_fingers_mimic_each_other(tmp_path):
     found = import_machine(saved(tmp_path, text, 'gripper.urdf'), overrides={
         'drive.coordinate': 'left', 'drive.speed': '0.3 rad/s',
     })  # fmt: skip
+    assert found.data['springs'] == {
+        'l_spring': {'between': ['ground', 'left'], 'damping': '0.5 N m s/rad'},
+    }
+    assert 'l: its friction is left out, which does not depend on its load' in found.notes
     made = machine(found)
     body = made.mechanism.body('right')
     assert (body.mass, body.cog) == (2.0, pytest.approx((0.1, 0.0)))

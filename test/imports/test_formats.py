@@ -16,6 +16,7 @@ URDF = '<robot name="r"><link name="a"/><link name="b"/>{}</robot>'
 HINGE = (
     '<joint name="h" type="{}"><parent link="a"/><child link="{}"/><axis xyz="{}"/></joint>'
 )  # fmt: skip
+SDF = '<sdf version="1.9"><model name="m"><link name="a">{}</link></model></sdf>'
 MJCF = '<mujoco><worldbody><body name="a"><joint {}/></body></worldbody>{}</mujoco>'
 DOCTYPE = """<?xml version="1.0" encoding="utf-8" standalone="no"?>
 <!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN"
@@ -38,6 +39,8 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.csv', 'joint,x [paces],y,links\nA,0,0,ground b\nB,1,1,b c\n', 'paces'),
         ('m.csv', 'joint,x [mm],y,links\nA,1e999,0,a b\n', "in column 'x', got '1e999'"),
         ('m.json', '{"joints": [', 'does not match its ending'),
+        ('m.csv', 'joint,x [mm],y [paces],links\nA,0,0,ab\n', "column y has the unknown unit"),
+        ('m.json', '[1, 2]', 'm.json has no joints and links, as mechanisms of pylinkage have'),
         ('m.json', '[' * 100000, 'does not match its ending'),
         ('m.json', '{"joints": [{"name": "A"}]}', "KeyError: 'links'"),
         ('m.urdf', '<robot', 'm.urdf is not XML'),
@@ -52,9 +55,15 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.urdf', URDF.format(HINGE.format('revolute', 'b', '0 1 1')), 'only planar machines'),
         ('m.urdf', URDF.format(HINGE.format('fixed', 'b', '0 0 1')), 'there is no revolute joint'),
         ('m.sdf', '<sdf/>', 'm.sdf has 0 models: it must be one'),
+        ('m.sdf', SDF.format('<pose relative_to="f"/>'), "'f': there is no such frame"),
+        ('m.sdf', SDF.format('<pose relative_to="a"/>'), "'a': its pose relates to itself"),
         ('m.xml', '<mujoco/>', 'the file has no worldbody'),
         ('m.xml', MJCF.format('type="ball"', ''), 'joints of type ball are not planar'),
         ('m.xml', MJCF.format('axis="1 0 z"', ''), "'1 0 z' are not numbers"),
+        ('m.xml', MJCF.format('/><geom size="1" axisangle="0 0 0 1"', ''), 'has no direction'),
+        ('m.xml', MJCF.format('/><geom size="1" xyaxes="1 0 0 2 0 0"', ''), 'not two directions'),
+        ('m.xml', MJCF.format('class="c"', ''), "there is no default class 'c'"),
+        ('m.xml', MJCF.format('/><geom type="box"', ''), 'a: a shape of type box has no size'),
         ('m.svg', '<svg/>', 'there is no closed curve in the drawing'),
         ('m.svg', '<svg><path d="M 0 0 L 1"/></svg>', 'ends within a command'),
         (
@@ -156,6 +165,29 @@ def test_units_of_columns_and_of_the_option(tmp_path):
     }
 
 
+def test_columns_of_other_units_lists_and_inputs_are_read(tmp_path):
+    """A five-bar: y in inches beside x in millimetres, links in quotes, two drives."""
+    file = tmp_path / 'm.csv'
+    file.write_text(
+        'Joint,X [mm],Y [in],Links,Ground,Input,Mass [kg]\nA,0,0,a,x,x,1\nB,0,2,"a,b",,,\n'
+        'C,50,4,"b, c",,,\nD,90,2,c d,,,\nE,90,0,d,x,x,\n'
+    )
+    found = import_machine(file)
+    assert [*found.data['links']] == ['ground', 'a', 'b', 'c', 'd']
+    assert found.data['links']['a']['points'] == {'B': ['50.8 mm', '0.0 mm']}
+    assert found.data['drive']['coordinate'] == 'a'
+    assert [*found.data['drives']] == ['d']
+    assert found.notes == ('column Mass is left out',)
+
+
+@pytest.mark.parametrize('ending', ['urdf', 'sdf', 'xml'])
+def test_a_unit_for_what_is_in_metres_is_refused(tmp_path, ending):
+    file = tmp_path / f'm.{ending}'
+    file.touch()
+    with pytest.raises(InputError, match=r'is in metres.*--unit does not apply'):
+        import_machine(file, unit='mm')
+
+
 def test_a_mark_that_is_neither_yes_nor_no_is_named(tmp_path):
     file = tmp_path / 'm.csv'
     file.write_text('Joint,X [m],Y [m],Links,Ground\nA,0,0,a,Y\nB,1,0,a b,no\nC,3,1,b,ja\n')
@@ -186,3 +218,34 @@ def test_a_file_without_gravity_says_so(tmp_path):
     override = {'gravity': ['0 m/s^2', '-9.81 m/s^2']}
     assert '--set' in said
     assert not any('gravity' in x for x in import_machine(file, overrides=override).notes)
+
+
+LEFT_OUT = {
+    'j: its limits': 'range="-1 1"',
+    'j: its friction is left out': 'frictionloss="0.1"',
+    'j: the inertia of its rotor': 'armature="0.5"',
+}
+
+
+@pytest.mark.parametrize('words', LEFT_OUT)
+def test_properties_of_joints_that_are_left_out_have_a_note(tmp_path, words):
+    file = tmp_path / 'm.xml'
+    for given, count in ((LEFT_OUT[words], 1), ('', 0)):
+        file.write_text(MJCF.format(f'name="j" {given}', ''))
+        assert sum(words in note for note in import_machine(file).notes) == count
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('<include file="more.xml"/>', 'more.xml: left out: an included file'),
+        ('<compiler boundmass="1"/>', 'boundmass of the compiler is left out'),
+        ('<keyframe><key qvel="1"/></keyframe>', 'rates of the keyframe are left out'),
+        ('<worldbody><body><geom type="mesh" mass="2"/></body></worldbody>', 'its mass of 2 kg'),
+        ('<worldbody><replicate/></worldbody>', 'replicate: left out: <replicate>'),
+    ],
+)
+def test_parts_of_an_mjcf_that_are_left_out_have_a_note(tmp_path, text, words):
+    file = tmp_path / 'm.xml'
+    file.write_text(MJCF.format('name="j"', text))
+    assert any(words in note for note in import_machine(file).notes)

@@ -14,6 +14,7 @@ from mechanism_sim.sensing.spectra import (
     TurnSegments,
     amplitude,
     at_equal_angles,
+    band_share,
     envelope,
     envelope_spectrum,
     order_spectrum,
@@ -102,6 +103,18 @@ def test_envelope_finds_the_rate_of_shocks_under_a_stronger_tone_and_noise():
     assert band[0] > 60.0
     lines = sorted(f for f, _ in envelope_spectrum(x, RATE, band).strongest(4))
     assert lines == pytest.approx([12.5, 25.0, 37.5, 50.0], abs=0.06)
+
+
+def test_a_band_of_rounding_is_not_that_of_shocks():
+    """A carrier of 200 Hz that swells at 7 Hz, with twelve digits as in a file."""
+    t = np.arange(20_000) / RATE
+    swell = 1.0 + 0.5 * np.cos(math.tau * 7.0 * t)
+    x = np.array([float(f'{v:.12g}') for v in swell * np.cos(math.tau * 200.0 * t)])
+    band = shock_band(x, RATE)
+    assert band[0] < 200.0 < band[1]
+    assert band_share(x, RATE, band) == pytest.approx(1.0, abs=1e-3)
+    assert envelope_spectrum(x, RATE, band).strongest(1)[0][0] == pytest.approx(7.0, abs=0.1)
+    assert band_share(x, RATE, (250.0, 0.5 * RATE)) < 1e-20
 
 
 def test_spectral_kurtosis_of_noise_sines_and_shocks():

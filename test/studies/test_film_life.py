@@ -1,5 +1,7 @@
 """Wear of bearings in oil, where their walls carry, by equilibrium of film and wall."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -91,6 +93,9 @@ def test_a_film_that_carries_all_leaves_nothing_to_wear():
     assert to_json(found)['note'].endswith('nothing wears')
     assert len(chart(found, 'oil').panels) == 1
     assert life_page(found)
+    figures = dict.fromkeys(found.stages[0].figures, -0.0)
+    stage = replace(found.stages[0], depths={'axle': -np.zeros((2, 180))}, figures=figures)
+    assert '-0' not in render(replace(found, stages=(stage,))).split()
 
 
 @pytest.mark.slow

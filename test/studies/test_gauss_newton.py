@@ -56,6 +56,40 @@ def inside(found):
     return [e.low <= TRUTH[e.parameter.path] <= e.high for e in found.estimates]
 
 
+def test_times_that_count_from_elsewhere_are_refused(tmp_path):
+    """Before a run: it would go on for half a century."""
+    file, t = tmp_path / 'clock.csv', np.linspace(0.0, 3.0, 61)
+    rows = zip((t + 1.7e9).tolist(), oscillation(t).tolist(), strict=True)
+    file.write_text('t [s],position.mass [m]\n' + ''.join(f'{x!r},{y!r}\n' for x, y in rows))
+    with pytest.raises(InputError, match=r'begins at 1700000000 s, but runs of mass_on_spring'):
+        measurements([file], ['mass_on_spring'])
+
+
+def test_samples_before_the_run_are_left_out_and_counted(tmp_path, capsys):
+    file, t = tmp_path / 'early.csv', np.linspace(-0.15, 2.85, 61)
+    rows = zip(t.tolist(), oscillation(np.abs(t)).tolist(), strict=True)
+    file.write_text('t [s],position.mass [m]\n' + ''.join(f'{x!r},{y!r}\n' for x, y in rows))
+    (found,) = measurements([file], ['mass_on_spring'])
+    assert len(found.times) == 61 - int((t < 0.0).sum())
+    assert (
+        f"{(t < 0.0).sum()} samples of channel 'position.mass' before 0 s"
+        in capsys.readouterr().err
+    )
+
+
+def test_an_angle_that_is_a_whole_turn_beside_is_told():
+    """The evident cause comes before other ranges and seeds; other offsets are none."""
+    machine, t = ms.load_scene('pendulum'), np.linspace(0.0, 1.0, 61)
+    angle = ms.simulate(machine, duration=1.1).sample(t, 'position.bar')['position.bar']
+    path, words = 'links.bar.inertia', 'it is 1 whole turn above the angle of the scene'
+    for offset, turns in ((2.0 * math.pi, -1), (1.0, 0), (0.0, 0)):
+        record = QuantityRecord(machine, 'position.bar', t, angle + offset)
+        limits = {path: ('0.05 kg m^2', '0.2 kg m^2')}
+        found = identify([record], parameters(machine, [path], record.name, limits=limits))
+        assert found.residuals[0].turns == turns
+        assert (words in fit_text(found)) is bool(turns)
+
+
 def test_an_oscillator_is_found_in_its_closed_form():
     record = measured(1)
     found = identify([record], wanted(record), seed=1)
