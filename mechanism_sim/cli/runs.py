@@ -214,7 +214,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _stopped(bag: str | None) -> Callable[..., str]:
-    """What is said of a run that a signal ends; before all nodes are there it has no bag."""
+    """Sentence of a run that a signal ends; before all nodes are there it has no bag."""
 
     def state() -> tuple[int, int] | None:
         try:

@@ -155,7 +155,7 @@ def render_info(bag: BagInfo) -> str:
 
 
 def _uncounted(bag: BagInfo) -> str:
-    """What is left out where nodes have counted, as by `run` and `analyze`: it may be lost."""
+    """Topics that nodes do not count, and so neither `run` nor `analyze`: some may be lost."""
     ours, named = bag.library == 'mechanism_sim', {t.name: t.count for t in bag.topics}
     if not (ours and (clock := named.get('/clock'))):
         return ''

@@ -63,7 +63,7 @@ CLOCK = (
     "of a force that repeats let a wheel 'clock' be driven at constant speed, 2.8 rad/s, and "
     'write cos(clock) instead of cos(2.8*t)'
 )
-"""What to do where nothing turns steadily."""
+"""Advice where nothing turns steadily."""
 
 
 class PoincareMap:

@@ -173,7 +173,7 @@ def test_a_load_of_another_unit_is_refused(torque, said):
         ms.load_scene('gear_rattle', {'loads.shaking.torque': torque})
 
 
-@pytest.mark.parametrize('formula', ['sqrt(crank_rate-100)', 'log(t-0.1)', '1/0', 'sqrt(0.3-t)'])
+@pytest.mark.parametrize('formula', ['sqrt(crank_rate-100)', 'log(t-0.1)', 'sqrt(0.3-t)'])
 @pytest.mark.parametrize('command', ['solve', 'cycle'])
 def test_a_formula_out_of_its_range_ends_in_a_sentence_without_free_coordinates(
     capsys, formula, command
