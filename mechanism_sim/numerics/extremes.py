@@ -226,7 +226,7 @@ class ExtremeSearch:
     def _repeated(
         self, values: Array, alike: NDArray[np.intp], shapes: Array
     ) -> NDArray[np.bool_]:
-        """Tell which heights (2 C, K) are those of an interval before, by values (C, 5 K) at nodes.
+        """Tell which heights (2 C, K) repeat those of an interval, by values (C, 5 K) at nodes.
 
         `shapes` (C, numbers, 5) has what is known of each number, and gets what is new.
         """
