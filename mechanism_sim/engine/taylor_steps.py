@@ -229,15 +229,16 @@ class TaylorSteps:
         while missed is not None and h > _STEPS.shortest * self.longest:
             if missed == fell and h == until:
                 break
-            fell, until = missed, self._time_of_fall(missed, h)
+            when = self._time_of_fall(missed, h)
+            fell, until = missed if when is not None else None, when or _STEPS.shorter * h
             self._singular.return_to(tau)
             h = self._taken(tau, until)
             guard = self._system.fired(self._pars)
             missed = self._missed(guard)
         return h, guard if missed is None or guard is not None else missed
 
-    def _time_of_fall(self, guard: int, h: float) -> float:
-        """When a guard fell in a step of length `h` [s], or before, by its own series.
+    def _time_of_fall(self, guard: int, h: float) -> float | None:
+        """When a guard fell in a step of length `h` [s] by its own series; None if not by that.
 
         An open gap that begins a rounding below zero and opens falls when it closes again: to come
         near that by ever shorter steps instead takes some ten of them.
@@ -250,9 +251,9 @@ class TaylorSteps:
         def fallen(t: float) -> bool:
             return horner(value, t) <= 0.0 and not (flies and rate_of(value, t) >= 0.0)
 
-        early = _STEPS.shorter * h
         if self._system.compliant or not fallen(h):
-            return early
+            return None
+        early = _STEPS.shorter * h
         shortest = _STEPS.shortest * self.longest
         while h > shortest and fallen(early):
             h, early = early, _STEPS.shorter * early
