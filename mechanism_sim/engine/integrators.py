@@ -62,16 +62,21 @@ class Integrators:
 
     def step(self, longest: float) -> float:
         """Take a step, up to the first event; its length [s]."""
-        if self._apart and self._stuck:
-            h = self._other(True, None).step(longest)
-            assert h is not None  # noqa: S101 - it is of full order
-            return h
-        return float(self.main.step(longest, True)[1])
+        if not (self._apart and self._stuck):
+            return float(self.main.step(longest, True)[1])
+        own = self._other(True, None)
+        h = own.take(longest)
+        own.hand_over(h)
+        return h
 
     def short_step(self, longest: float) -> float | None:
         """Take a step of low order; None if that is too low."""
         low = self._other(not self._apart or self._stuck, _STEPS.low_order)
-        return low.step(longest, self._allowed)
+        h = low.take(longest)
+        if not low.leaves(h, self._allowed):
+            return None
+        low.hand_over(h)
+        return h
 
     @property
     def _stuck(self) -> bool:
@@ -104,25 +109,26 @@ class _Substitute:
         self._series = np.ctypeslib.as_array(data, main.tc.shape)
         self._own_series: Array = own.tc
 
-    def step(self, longest: float, allowed: Array | None = None) -> float | None:
-        """Take a step, up to the first event; its length [s].
-
-        None, and nothing is changed, if of a state more than what is `allowed` (width,) is left
-        to the last term of its series, which does not set the length then.
-        """
-        main, own, width, order = self._main, self._own, self._width, self._own.order
-        own.time, constant = main.time, self._state[width]
+    def take(self, longest: float) -> float:
+        """Take a step from where the main one is, up to the first event; its length [s]."""
+        own = self._own
+        own.time = self._main.time
         self._own_state[:], self._own_pars[:] = self._state, self._pars
-        if allowed is not None:
-            self._own_state[width] = 0.0
+        if own.order < self._main.order:  # its length is not set by its error, see `leaves`
+            self._own_state[self._width] = 0.0
         own.reset_cooldowns()
-        h = float(own.step(longest, True)[1])
-        if allowed is not None:
-            last = np.abs(self._own_series[:width, order]) * h**order
-            if not (last <= allowed).all():
-                return None
-        self._series[:, : order + 1], self._series[:, order + 1 :] = self._own_series, 0.0
+        return float(own.step(longest, True)[1])
+
+    def leaves(self, h: float, allowed: Array) -> bool:
+        """True if no more than what is `allowed` (width,) is left to the last terms of a step."""
+        order = self._own.order
+        last = np.abs(self._own_series[: self._width, order]) * h**order
+        return bool((last <= allowed).all())
+
+    def hand_over(self, h: float) -> None:
+        """Let the arrays of the main one be as after the step just taken, of length `h` [s]."""
+        width, terms, constant = self._width, self._own.order + 1, self._state[self._width]
+        self._series[:, :terms], self._series[:, terms:] = self._own_series, 0.0
         self._state[:], self._pars[self._fired] = self._own_state, self._own_pars[self._fired]
         self._series[width, 0] = self._state[width] = constant
-        main.time += h
-        return h
+        self._main.time += h
