@@ -12,13 +12,13 @@ from __future__ import annotations
 import os
 import shutil
 import stat
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
-from heyoka import llvm_state
+from heyoka import get_nthreads, llvm_state, set_nthreads
 
 from mechanism_sim.terminal import print_notice
 
@@ -28,6 +28,11 @@ FOLDER = 'mechanism_sim'
 
 LIMIT = 128 * 2**20
 """[B] Some dozens of scenes; verified in 40 ms. What was used last is kept."""
+
+_THREADS = get_nthreads()
+# heyoka evaluates large blocks in several threads: one that is woken for some microseconds of work
+# then spins for a millisecond, a quarter of the CPU time of a call of `simulate`
+set_nthreads(1)
 
 _ROOM = 32 * 2**20  # [B] that a disk must have, or nothing new is kept
 _ROOT = 0
@@ -147,16 +152,27 @@ def compiled(make: Callable[[], T]) -> T:
     heyoka checks the structure of its data base, and LLVM that of the code in it, when it is read.
     """
     bound_cache()
+    with _all_threads():
+        try:
+            return make()
+        except (RuntimeError, ValueError):
+            found = folder()
+            if found is None or not llvm_state.get_diskcache_enabled():
+                raise
+            llvm_state.set_diskcache_enabled(False)
+            made = make()  # if it is no fault of the cache, that fails, too
+            _remove_data_base(found)
+            return made
+
+
+@contextmanager
+def _all_threads() -> Iterator[None]:
+    """Let heyoka compile parts of one function side by side."""
+    set_nthreads(_THREADS)
     try:
-        return make()
-    except (RuntimeError, ValueError):
-        found = folder()
-        if found is None or not llvm_state.get_diskcache_enabled():
-            raise
-        llvm_state.set_diskcache_enabled(False)
-        made = make()  # if it is no fault of the cache, that fails, too
-        _remove_data_base(found)
-        return made
+        yield
+    finally:
+        set_nthreads(1)
 
 
 def _remove_data_base(path: Path) -> None:

@@ -65,15 +65,15 @@ def sweep(
         given
     scene : of all runs, if `source` has none: all that `load_scene` takes
     measures : more of them, as ``NAME = TEXT`` or ``TEXT``
-    workers : processes; None for one for each core, in a script only below
-        ``if __name__ == '__main__':``
+    workers : processes, a single one this process; None for one for each core, in a script only
+        below ``if __name__ == '__main__':``, as two and more
     how : ``dask``, ``bags``, ``windows``, ``restart``, ``show`` of `run_plan`
     """
     plan = read_plan(source, measures, scene=scene)
     with tempfile.TemporaryDirectory() as folder:
         table = Path(file) if file else Path(folder) / 'sweep.csv'
         how = {'show': plotting.progress('sweep', plan.size), **how}
-        _, rows = run_plan(plan, table, workers, **how)
+        _, rows = run_plan(plan, table, workers, apart=False, **how)
     return tables.Table.of(plan.table(rows))
 
 
@@ -86,6 +86,7 @@ def run_plan(
     windows: str | None = None,
     restart: bool = False,
     show: Show | None = None,
+    apart: bool = True,
 ) -> tuple[SweepSummary, list[Row]]:
     """Make the runs of a sweep that are not made yet, and write its table.
 
@@ -97,6 +98,7 @@ def run_plan(
     bags : folder for a bag of every run made now, which all workers reach under this name
     windows : folder for the windows, if the sweep has some; likewise
     restart : make all runs anew
+    apart : a single worker is a process of its own, whose end is not that of this one
 
     Returns
     -------
@@ -108,7 +110,7 @@ def run_plan(
         At SIGINT and SIGTERM.
     """
     tables.check_file('-o', table)
-    makers = Workers(workers, dask, apart=True, lost=_LOST)
+    makers = Workers(workers, dask, apart, lost=_LOST)
     began = time.perf_counter()
     into = _window_folder(plan, table, windows, restart)
     with Journal(table, plan.fingerprint, restart, size=plan.size) as journal:

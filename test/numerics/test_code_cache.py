@@ -10,6 +10,7 @@ import sys
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import heyoka
 import pytest
 from running import TIMEOUT
 
@@ -213,3 +214,9 @@ def test_a_folder_of_ours_that_was_open_to_others_is_emptied_and_closed(tmp_path
     assert Path(done.stdout.strip()) == folder.resolve()
     assert list(folder.iterdir()) == []
     assert folder.stat().st_mode & 0o777 == 0o700
+
+
+def test_code_is_made_by_all_threads_and_evaluated_by_one():
+    # another thread, woken for some microseconds, would spin for a millisecond after each call
+    known = code_cache.compiled(heyoka.get_nthreads)
+    assert (known, heyoka.get_nthreads()) == (len(os.sched_getaffinity(0)), 1)
