@@ -73,32 +73,32 @@ def sweep(
     with tempfile.TemporaryDirectory() as folder:
         table = Path(file) if file else Path(folder) / 'sweep.csv'
         how = {'show': plotting.progress('sweep', plan.size), **how}
-        _, rows = run_plan(plan, table, workers, apart=False, **how)
+        dask = how.pop('dask', None)
+        makers = Workers(None if dask else workers, dask, lost=_LOST)
+        _, rows = run_plan(plan, table, makers, **how)
     return tables.Table.of(plan.table(rows))
 
 
 def run_plan(
     plan: SweepPlan,
     table: Path,
-    workers: int | None = None,
+    workers: int | Workers | None = None,
     dask: str | None = None,
     bags: str | None = None,
     windows: str | None = None,
     restart: bool = False,
     show: Show | None = None,
-    apart: bool = True,
 ) -> tuple[SweepSummary, list[Row]]:
     """Make the runs of a sweep that are not made yet, and write its table.
 
     Parameters
     ----------
     table : file to write, whose ending says the format; the journal of finished runs is beside it
-    workers : processes, one for each core by default; or
+    workers : processes, one for each core by default, or what makes the runs; or
     dask : address of a scheduler
     bags : folder for a bag of every run made now, which all workers reach under this name
     windows : folder for the windows, if the sweep has some; likewise
     restart : make all runs anew
-    apart : a single worker is a process of its own, whose end is not that of this one
 
     Returns
     -------
@@ -110,7 +110,8 @@ def run_plan(
         At SIGINT and SIGTERM.
     """
     tables.check_file('-o', table)
-    makers = Workers(workers, dask, apart, lost=_LOST)
+    if not isinstance(workers, Workers):
+        workers = Workers(workers, dask, apart=True, lost=_LOST)
     began = time.perf_counter()
     into = _window_folder(plan, table, windows, restart)
     with Journal(table, plan.fingerprint, restart, size=plan.size) as journal:
@@ -118,8 +119,8 @@ def run_plan(
         tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
         for task in tasks:  # one without its windows is made anew
             journal.rows.pop(task.key, None)
-        with makers:
-            makers.do(tasks, journal, show)
+        with workers:
+            workers.do(tasks, journal, show)
         rows = [journal.rows[run.key] for run in plan.runs]
         plan.write(table, rows)
     summary = SweepSummary(

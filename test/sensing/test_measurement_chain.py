@@ -522,7 +522,11 @@ def test_responses_do_not_depend_on_how_many_pieces_are_taken_at_once():
     whole = ModalFilter(modes).advance(durations, inputs, steps)
     other, cuts = ModalFilter(modes), [0, 100, 612, 613, 1300]
     parts = [other.advance(durations[a:b], inputs[a:b], steps[a:b]) for a, b in pairwise(cuts)]
-    for name in ('forced', 'free'):
-        assert np.array_equal(
-            np.concatenate([getattr(x, name) for x in parts], axis=1), getattr(whole, name)
-        )
+    for name in ('terms', 'free'):
+        cut = np.concatenate([getattr(x, name) for x in parts], axis=0 if name == 'terms' else 1)
+        assert np.array_equal(cut, getattr(whole, name))
+    at = rng.uniform(0.0, 1.0, (7, 1300)) * durations
+    for k, (part, (a, b)) in enumerate(zip(parts, pairwise(cuts), strict=True)):
+        pieces = np.repeat(np.arange(b - a), 7)
+        mine = part(pieces, at[:, a:b].T.ravel())
+        assert np.array_equal(mine, whole(a + pieces, at[:, a:b].T.ravel())), k

@@ -501,3 +501,18 @@ def test_of_two_runs_the_one_that_fails_keeps_the_other(tmp_path):
     assert 'initial.position puts the pin' in bad['status']
     assert 'digest' not in bad or bad['digest'] is None
     assert analyze(tmp_path / 't.bags' / 'run_00001.mcap').digest == good['digest']
+
+
+def test_a_plain_script_sweeps_by_one_worker_which_is_this_process(tmp_path):
+    # a process of its own would read the script again, and begin the sweep there
+    script = tmp_path / 'script.py'
+    script.write_text(
+        'import mechanism_sim as ms\n'
+        "grid = {'drive.speed': ['60 rpm', '120 rpm']}\n"
+        "plan = {'revolutions': 1, 'grid': grid}\n"
+        "found = ms.sweep(plan, 'table.csv', scene='slider_crank')\n"
+        "print(len(found['drive.speed']))\n"
+    )
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True,
+                          timeout=TIMEOUT, check=False)  # fmt: skip
+    assert (done.stdout, done.returncode) == ('2\n', 0), done.stderr
