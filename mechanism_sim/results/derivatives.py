@@ -41,6 +41,13 @@ _SMALL = 2e-3
 _DEPTH = 0.05
 """Of a clearance: how deep compliant contacts go, roughly."""
 
+_NEAR = 5e-3
+"""Of a clearance: by so much gaps open at most where a machine is changed under its motion. Forces
+there change as if a pin had left its bushing, thousands of times as much as in a run: what
+differences of sixth order leave of that and what rounding makes of it are alike."""
+
+_LOOKED = 64  # instants at which gaps are looked at
+
 _AROUND = tuple(
     (sign * k, sign * weight)
     for k, weight in ((1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0))
@@ -210,6 +217,31 @@ class _Integrated(RunDerivative):
         fast = faster.max(axis=1) / max(speed, 1e-300)
         return np.asarray(np.maximum(np.maximum(far, fast), 1e-300))
 
+    @cached_property
+    def _beside(self) -> tuple[float, Sequence[tuple[float, Machine]]]:
+        """Step of the number; weights of what is taken of the machines beside, and these."""
+        opened, key = self._opened, self._key
+        if opened <= _NEAR:
+            return key.step, [*zip(WEIGHTS, key.beside, strict=True)]
+        step = key.step * _NEAR / opened
+        return step, [(weight, key.at(key.value + k * step)) for k, weight in _AROUND]
+
+    @property
+    def _opened(self) -> float:
+        """By how much of its clearance a gap opens if the number changes by its step."""
+        piece, curve = self._piece, self._piece.motion.curve
+        plays = piece.machine.plan.clearances.items()
+        played = {f'gap.{n}': c.radial for n, c in plays if c.radial}
+        known = piece.catalogue
+        names = [n for n in known.choose(['gap']) if n in played] if played else []
+        if not names:
+            return 0.0
+        every = np.linspace(0.0, len(curve) - 1.0, min(len(curve), _LOOKED)).astype(int)
+        t = curve.start[every] + 0.5 * curve.duration[every]
+        beside = _with_machine(piece, self._key.beside[0])
+        some, other = (known.table(names, x.view(t)) for x in (piece, beside))
+        return float(max(np.nanmax(np.abs(other[n] - some[n])) / played[n] for n in names))
+
     @property
     def _step(self) -> float:
         """Of displacements of the whole motion with its events."""
@@ -220,10 +252,10 @@ class _Integrated(RunDerivative):
     def _partial(self, taken: _Taken) -> Array:
         """By the machine alone, its motion being as it is."""
         piece, found = self._piece, np.zeros(())
-        base = taken(piece)
-        for weight, machine in zip(WEIGHTS, self._key.beside, strict=True):
+        base, (step, beside) = taken(piece), self._beside
+        for weight, machine in beside:
             found = found + weight * (taken(_with_machine(piece, machine)) - base)
-        return np.asarray(found / self._key.step)
+        return np.asarray(found / step)
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
         """Derivatives of what is taken at times (N,): each on its own segment."""
@@ -261,7 +293,7 @@ class _Integrated(RunDerivative):
         more, less = (_with_machine(self._piece, m) for m in self._key.beside[:2])
         if seen and np.array_equal(seen(more), seen(less)):
             return along
-        return along + (taken(more) - taken(less)) / (2.0 * self._key.step)
+        return along + self._partial(taken)
 
     def _rebalanced(self, piece: Piece) -> Piece:
         """The piece with works of its own motion."""
