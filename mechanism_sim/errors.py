@@ -32,6 +32,10 @@ class RunError(RuntimeError):
         super().__init__(printable(text))
 
 
+class RunWarning(UserWarning):
+    """A run goes on, but something about it is worth a word."""
+
+
 class _Short(reprlib.Repr):
     """Short, with the words of YAML."""
 

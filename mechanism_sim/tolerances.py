@@ -269,6 +269,33 @@ class StepTolerances(NamedTuple):
     row: int = 64
 
 
+class FilmTolerances(NamedTuple):
+    """Oil films whose damping makes steps short."""
+
+    #: steps between two looks
+    look: int = 8192
+    #: steps still to come, from which on a film is spoken of: some minutes
+    many: float = 1e7
+    #: steps still to come of a film that is squeezed out at standstill, which nobody waits for:
+    #: they take hours to days
+    endless: float = 1e9
+    #: rate times step: what decays slower does not limit an explicit step, whose limit is near 9
+    rules: float = 1.0
+    #: of the power that a fast decay takes, a ruptured film takes half on one side
+    share: float = 0.3
+    #: [m/s or rad/s] change of a speed that shows the damping of a film, which is slower
+    nudge: float = 1e-3
+    #: of the clearance: a thicker film is stiff by what it is made of, not because it is thin
+    centred: float = 0.5
+    #: [m] thickness at which there is no oil but some molecules
+    molecules: float = 1e-9
+    #: of its growth: ``h^(-3/2)`` grows so evenly where a steady load squeezes a film
+    even: float = 0.1
+    #: of the speed at which a film gets thinner: links of a machine that stands still are
+    #: hardly faster, by their levers
+    standstill: float = 100.0
+
+
 class SingularityTolerances(NamedTuple):
     """Passing positions where closures depend on each other; distances are 0 to 1."""
 
@@ -517,6 +544,7 @@ class Tolerances(NamedTuple):
     joint_friction: JointFrictionTolerances = JointFrictionTolerances()
     switches: SwitchTolerances = SwitchTolerances()
     steps: StepTolerances = StepTolerances()
+    films: FilmTolerances = FilmTolerances()
     singular: SingularityTolerances = SingularityTolerances()
     audit: AuditTolerances = AuditTolerances()
     quadrature: QuadratureTolerances = QuadratureTolerances()

@@ -5,15 +5,17 @@ from __future__ import annotations
 import argparse
 import errno
 import sys
+import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NoReturn
 
 from mechanism_sim import ending
 from mechanism_sim.cli.options import PRINTED, print_json
-from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.errors import InputError, RunError, RunWarning
 from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.packages import refusal
-from mechanism_sim.terminal import print_error
+from mechanism_sim.terminal import print_error, print_notice
 from ros_interfaces.streams import mute_output
 
 _GONE = errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO
@@ -26,6 +28,7 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
     line: with ``--json`` among them an error is printed as JSON, too.
     """
     PRINTED.clear()
+    warnings.showwarning = partial(_print_warning, warnings.showwarning)
     try:
         with ending.working():
             try:
@@ -75,6 +78,16 @@ def run_program(
         return run(options)
 
     carry_out(work, given)
+
+
+def _print_warning(
+    others: Callable[..., None], message: Warning | str, *more: Any, **named: Any
+) -> None:
+    """Show a warning about a run as one sentence, without the line of code that it comes from."""
+    if isinstance(message, RunWarning):
+        print_notice(str(message))
+    else:
+        others(message, *more, **named)
 
 
 def _report_failure(error: Exception, code: int, args: Sequence[str]) -> int:

@@ -34,6 +34,7 @@ from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.snapshot import Snapshot, State
 from mechanism_sim.engine.system import System
 from mechanism_sim.engine.taylor_steps import PendingStep, TaylorSteps
+from mechanism_sim.engine.thin_films import FilmWatch
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
 from mechanism_sim.tolerances import TOLERANCES
@@ -59,6 +60,7 @@ class EventLoop:
     Attributes
     ----------
     events : number of events since the start
+    films : looks whether they make steps short
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class EventLoop:
         directions = floats(self._ta.state)[near + bool(system.relations) :]
         self._laws = DriveLaws(self._present, laws, directions)
         self._laws.count_from(state.time, turns)
+        self.films = FilmWatch(self._present, self._laws)
         self._steps = TaylorSteps(
             self._laws,
             self._contacts,

@@ -20,6 +20,7 @@ from mechanism_sim.engine.present_state import rate_of
 from mechanism_sim.engine.singular import SingularPositions
 from mechanism_sim.engine.step_check import StepCheck
 from mechanism_sim.engine.step_rows import StepRows
+from mechanism_sim.engine.thin_films import film_gone
 from mechanism_sim.errors import RunError, quoted
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.protocols import Directed
@@ -278,6 +279,8 @@ class TaylorSteps:
         driven = zip(self._system.prescribed, self._present.base.laws, strict=False)
         q = free | {c: horner(law, tau) for c, law in driven}
         place = np.array([[q[c]] for c in self._system.coordinates])
+        if gone := film_gone(self._system.elements, place, time):
+            return gone
         size = self._system.mechanism.size
         for e in self._system.elements:
             if not (isinstance(e, Directed) and e.directed):

@@ -58,6 +58,22 @@ class ForceElement(Protocol):
 
 
 @runtime_checkable
+class OilFilm(ForceElement, Protocol):
+    """A film between a journal and its bushing: the thinner, the more it damps."""
+
+    @property
+    def clearance(self) -> float:
+        """Its thickness all around a journal in the middle [m]."""
+
+    @property
+    def roughness(self) -> float:
+        """Thickness at which its walls touch [m]; 0 if they never do."""
+
+    def thickness(self, q: Array) -> float:
+        """Least thickness [m] at coordinates (n, 1)."""
+
+
+@runtime_checkable
 class FirstOrderState(ForceElement, Protocol):
     """A variable of a machine with a rate but no inertia: a pressure, a current, an integral.
 

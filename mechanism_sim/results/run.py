@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
@@ -26,7 +27,7 @@ from mechanism_sim.engine.events import Impact, ModeChange, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot
-from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
 from mechanism_sim.results.catalogue import Catalogue, catalogue, flat
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine
@@ -392,6 +393,7 @@ class Runner:
         self._check_end(until)
         self.more = True
         while self.more:
+            self._look_at_films(until, final)
             whole = final and held is None
             self.more = self._integrate(until, whole, batch or BATCH) and self.engine.time < until
             if held and not self.more:
@@ -413,6 +415,15 @@ class Runner:
                 f'{self.machine.name}: {until:.6g} s take more than {_MOST_STEPS:.0e} steps, of '
                 f'{longest:.3g} s at most: give a shorter duration, or a faster drive'
             )
+
+    def _look_at_films(self, until: float, final: bool) -> None:
+        """Warn of an oil film that makes the run long, and end one that comes to no end."""
+        engine = self.engine
+        if isinstance(engine, EventLoop) and math.isfinite(until):
+            # nodes ask for parts of a run, as far as laws are known
+            end = until if final else max(until, self.machine.scene.duration or 0.0)
+            if said := engine.films.look(engine.steps, end, final):
+                warnings.warn(f'{self.machine.name}: {said}', RunWarning, stacklevel=2)
 
     def _integrate(self, until: float, final: bool, batch: Batch) -> bool:
         """Take the steps of a batch; whether there is more to do."""

@@ -6,6 +6,7 @@ import io
 import os
 import re
 import sys
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Thread
@@ -18,6 +19,8 @@ from running import Program, run
 from benchmarks.command import main as benchmarks
 from benchmarks.problem import OURS
 from mechanism_sim.cli import main
+from mechanism_sim.cli.outcome import carry_out
+from mechanism_sim.errors import RunWarning
 from test.grid.command import main as grid
 from test.hard.command import main as hard
 
@@ -172,3 +175,19 @@ def test_colours_are_for_who_wants_them(monkeypatch):
     monkeypatch.setenv('NO_COLOR', '1')
     assert run(*args).stderr == plain
     assert '\x1b' not in at_a_terminal('check', 'punch', streams=('stdout',))
+
+
+def test_a_warning_about_a_run_is_one_sentence(capsys, monkeypatch):
+    """Without the line of code that it comes from; other warnings are shown as ever."""
+    shown = []
+    monkeypatch.setattr(warnings, 'showwarning', lambda message, *_, **__: shown.append(message))
+
+    def work() -> int:
+        warnings.warn('it takes long', RunWarning, stacklevel=1)
+        warnings.warn('it divides by zero', RuntimeWarning, stacklevel=1)
+        return 0
+
+    with pytest.raises(SystemExit):
+        carry_out(work, [])
+    assert capsys.readouterr().err == 'mechanism-sim: it takes long\n'
+    assert [str(message) for message in shown] == ['it divides by zero']

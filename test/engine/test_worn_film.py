@@ -123,6 +123,24 @@ def four_bar(contact=(), **worn):
     })  # fmt: skip
 
 
+def test_a_worn_film_knows_where_it_is_thinnest():
+    """``min(c + b - Q.n)`` over all directions n, near the wall, where that matters."""
+    size, roughness = 6e-6, 1e-5
+    machine = four_bar(bushing=points(size, 0.3))
+    mechanism = machine.mechanism
+    film = next(e for e in machine.equations.system.elements if e.name == 'coupler_rocker')
+    q = np.array([machine.initial_state().q]).T
+    q = np.insert(q, mechanism.coordinates.index('crank'), 0.0, axis=0)
+    n = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 20_000))
+    q[mechanism.coordinates.index('rocker')] += 8.5e-5 / 0.312
+    x, y = mechanism.trace(mechanism.separation('coupler_rocker'), q)[0][:, 0]
+    assert 0.8e-4 < np.hypot(x, y) < 0.9e-4
+    own = np.angle(n) - float(q[mechanism.coordinates.index('rocker'), 0])
+    thickness = 1e-4 + size * (1.001 + np.cos(own - 0.3)) - (np.conj(x + 1j * y) * n).real
+    assert film.thickness(q) == pytest.approx(thickness.min(), abs=2e-8)
+    assert film.roughness == pytest.approx(roughness, rel=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ('contact', 'worn'),

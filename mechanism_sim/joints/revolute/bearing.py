@@ -121,6 +121,21 @@ class FilmBearing:
     reach: float = 0.0  #: [m] how far off the centre its walls touch; 0: never
     soft: bool = False  #: whether these give way
 
+    @property
+    def clearance(self) -> float:
+        """Thickness of the film around a journal in the middle [m]."""
+        return self.film.clearance
+
+    @property
+    def roughness(self) -> float:
+        """Thickness of the film at which its walls touch [m]; 0 if they never do."""
+        return self.clearance - self.reach if self.reach else 0.0
+
+    def thickness(self, q: Array) -> float:
+        """Of the film where it is thinnest [m]; `q` (n, 1)."""
+        x, y = self.mechanism.trace(self.mechanism.separation(self.name), q)[0]
+        return self.clearance - float(np.hypot(x, y)[0])
+
     def _motion(self, frames: Frames) -> JournalMotion:
         """The motion that the film asks for, of Q in components."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import heyoka as hy
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import FilmShape, JournalMotion, Vector
@@ -118,12 +119,21 @@ class WornBearing(BearingClearance):
     def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
         """The normal of the surfaces as they are, ``Q.n``, and the gradient's length, nearly 1."""
         x, y = self.mechanism.trace(self.apart, q)[0]
-        ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
-                for _, (link, at), _ in self._worn]  # fmt: skip
-        outward = -self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])[1]
+        outward = -self._measure(q)[1]
         length = np.abs(outward)
         normal = np.array([outward.real, outward.imag]) / length
         return normal, normal[0] * x + normal[1] * y, length
+
+    def gap(self, q: Array) -> Array:
+        """Distance of the walls (N,) [m] at coordinates (n, N)."""
+        return self.distance(self._measure(q)[0])
+
+    def _measure(self, q: Array) -> tuple[Array, NDArray[np.complex128]]:
+        """Value and gradient of the gap at coordinates (n, N)."""
+        x, y = self.mechanism.trace(self.apart, q)[0]
+        ways = [self.mechanism.trace(self.mechanism.direction(link, 0.0, at), q)[0]
+                for _, (link, at), _ in self._worn]  # fmt: skip
+        return self.shape.measure(x + 1j * y, [ux + 1j * uy for ux, uy in ways])
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +142,11 @@ class WornFilm(FilmBearing):
 
     wall: WornBearing | None = None
     profile: FilmProfile | None = None
+
+    def thickness(self, q: Array) -> float:
+        """Of the film where it is thinnest [m]; `q` (n, 1)."""
+        assert self.wall  # noqa: S101 - given
+        return self.roughness + float(self.wall.gap(q)[0])
 
     def _acts(self, frames: Frames) -> tuple[Vector, Vector, JournalMotion]:
         profile, motion = self.profile, self._motion(frames)
