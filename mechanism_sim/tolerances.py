@@ -345,6 +345,9 @@ class AuditTolerances(NamedTuple):
     #: of the largest normal force, [N] at least the second: pull that a step's error may leave
     pull: float = 1e-3
     pull_least: float = 1e-12
+    #: of the longest step so far: what pulls no longer does nothing. Rows of switches are told by
+    #: places, so that a step between two events of one instant may be seen with those before it
+    pull_lasts: float = 1e-9
     #: of the energy exchanged: more missing is no error of integration
     missing: float = 0.01
     #: roundings of an energy where it is evaluated

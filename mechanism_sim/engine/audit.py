@@ -109,6 +109,8 @@ class Audit:
         self.min_normal_force = float('inf')
         self._physics = physics
         self._largest_force = 0.0
+        self._longest = 0.0  # segment so far [s]
+        self._pulled = '', 0.0  # gap with the smallest force, and when [s]
         self._powers: Array | None = None  # the largest so far [W]
         self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
         self._size = [0.0, 0.0]  # [J] largest kinetic and potential energy
@@ -196,9 +198,10 @@ class Audit:
                 f'{tolerance:.3g} m; try a smaller rtol, and report this scene'
             )
         if self.min_normal_force < -_AUDIT.pull * max(self._largest_force, _AUDIT.pull_least):
+            gap, t = self._pulled
             raise RunError(
-                f'{StopReason.TENSILE_CONTACT.value}: {self.min_normal_force:.3g} N; try a '
-                'smaller rtol, and report this scene'
+                f'{StopReason.TENSILE_CONTACT.value}: {self.min_normal_force:.3g} N in {gap} at '
+                f't = {t:.6g} s; try another rtol, and report this scene'
             )
         balance = self.energy
         if balance and balance.share > _AUDIT.missing:
@@ -215,9 +218,7 @@ class Audit:
         self.max_closure_error = max(self.max_closure_error, account.closure_error)
         if not self._physics.has_forces:
             return
-        force = account.normal_force[motion.closed_at(segments, places)]
-        self.min_normal_force = min(self.min_normal_force, float(force.min(initial=np.inf)))
-        self._largest_force = max(self._largest_force, float(force.max(initial=0.0)))
+        self._look_at_forces(motion, account.normal_force, segments, places)
         for k, energy in enumerate((account.kinetic_energy, account.potential_energy)):
             in_each = energy.reshape(len(segments), -1)
             swing = float(np.abs(np.diff(in_each)).sum())
@@ -227,6 +228,22 @@ class Audit:
             self._swing += swing
             ends = float(in_each.min(initial=0.0)), float(in_each.max(initial=0.0))
             self._size[k] = max(self._size[k], -ends[0], ends[1])
+
+    def _look_at_forces(
+        self, motion: Motion, force: Array, segments: NDArray[np.intp], places: Nodes
+    ) -> None:
+        """Enter the smallest and the largest force (m, N) [N] of gaps that are closed."""
+        duration = motion.curve.duration[segments]
+        self._longest = max(self._longest, float(duration.max(initial=0.0)))
+        closed = motion.closed_at(segments, places)
+        self._largest_force = max(self._largest_force, float(force[closed].max(initial=0.0)))
+        lasts = np.repeat(duration > _AUDIT.pull_lasts * self._longest, len(places))
+        force = np.where(closed & lasts, force, np.inf)
+        least = float(force.min(initial=np.inf))
+        if least < self.min_normal_force:
+            gap, k = np.unravel_index(int(force.argmin()), force.shape)
+            at = float(motion.curve.start[segments[k // len(places)]])
+            self.min_normal_force, self._pulled = least, (self._physics.clearances[gap], at)
 
     def _balance(self, motion: Motion, impacts: Sequence[Impact]) -> None:
         if not len(motion):  # a batch may be no more than impacts between two segments

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 
 import heyoka as hy
 import numpy as np
@@ -106,11 +107,16 @@ class PresentState:
 
     def singular_joints(self, distance: float = TOLERANCES.singular.named) -> list[str]:
         """The joints whose closures depend on those before them, to the root of a distance."""
-        frames = self.system.equations.frames
-        joints = [r.name for r in self.system.relations for _ in r.values(frames)]
         seen = self.evaluate(self.system.functions.projection)[2 * self.free :]
-        near = [joint for joint, x in zip(joints, seen, strict=True) if not x > distance]
+        near = [joint for joint, x in zip(self._closed, seen, strict=True) if not x > distance]
         return [*dict.fromkeys(near)]
+
+
+    @cached_property
+    def _closed(self) -> list[str]:
+        """The joint of every equation of closures, whose expressions take long to make."""
+        frames = self.system.equations.frames
+        return [r.name for r in self.system.relations for _ in r.values(frames)]
 
 
 def rate_of(law: Sequence[float], tau: float) -> float:

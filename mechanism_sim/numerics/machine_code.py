@@ -34,7 +34,9 @@ class Code(NamedTuple):
 
     def bind(self, *args: Any) -> Callable[[], Any]:
         """A call of it with some arrays, which stay where they are, and numbers."""
-        words = np.array([x for arg in args for x in _leaves(arg)], dtype=np.int64)
+        leaves: list[int] = []
+        _add_leaves(leaves, args)
+        words = np.array(leaves, dtype=np.int64)
         found = np.zeros(1 + len(kernel_code.kinds(self.result)), dtype=np.int64)
         enter = partial(self.enter, words.ctypes.data, found.ctypes.data)
         if self.result == 'i':
@@ -71,17 +73,24 @@ def _type_of(x: Any) -> Any:
     return 'b' if isinstance(x, bool | np.bool_) else 'f' if isinstance(x, float) else 'i'
 
 
-def _leaves(x: Any) -> Iterator[int]:
-    """The words in which an argument is handed over."""
-    if isinstance(x, np.ndarray):
-        yield x.ctypes.data
-        yield from x.shape
-        yield from x.shape[1:]  # the distance of rows
-    elif isinstance(x, tuple):
-        for item in x:
-            yield from _leaves(item)
-    else:
-        yield int(np.float64(x).view(np.int64)) if isinstance(x, float) else int(x)
+def _add_leaves(words: list[int], args: tuple[Any, ...]) -> None:
+    """Add the words in which arguments are handed over."""
+    for x in args:
+        if isinstance(x, np.ndarray):
+            words.append(_address(x))
+            words += x.shape
+            words += x.shape[1:]  # the distance of rows
+        elif isinstance(x, tuple):
+            _add_leaves(words, x)
+        else:
+            words.append(int(np.float64(x).view(np.int64)) if isinstance(x, float) else int(x))
+
+
+def _address(x: NDArray[Any]) -> int:
+    try:  # seven times as fast
+        return ctypes.addressof(ctypes.c_char.from_buffer(cast(Any, x)))
+    except (TypeError, ValueError):  # it is only to be read, or empty
+        return int(x.ctypes.data)
 
 
 def _result(known: Any, words: Iterator[np.int64]) -> Any:
