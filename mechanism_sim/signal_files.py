@@ -1,8 +1,8 @@
 """Measured signals in files: instants, values and unit of a channel.
 
 =========  ==================================================================================
-``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets
-           or after a slash; cells that are empty or not numbers are samples that are missing
+``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets,
+           after a slash or at the ends of names; cells that are empty are samples that are missing
 ``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
@@ -24,14 +24,13 @@ from warnings import catch_warnings, filterwarnings, simplefilter
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.csv_tables import assume, read_csv
+from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
 from mechanism_sim.units import to_si
 
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
-_TIME_UNITS = 's', 'ms', 'us', 'ns'  # which may stand behind an underline
 _JITTER = 1e-3
 """Of the interval between samples, by which evenly taken ones are off in a file."""
 _STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
@@ -88,7 +87,7 @@ class ChannelSamples:
     def in_unit(self, unit: str) -> Array:
         """Values (N,) in an SI unit; those without a unit are in it already."""
         # 'g' is a gram, but not of an accelerometer
-        known = self.unit
+        known = self.unit or named_unit(self.name, [unit])
         if known in _GRAVITIES and unit == 'm/s^2':
             return _STANDARD_GRAVITY * self.values
         if not known:
@@ -165,10 +164,9 @@ def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
 
 def _csv(path: Path) -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
-    split = {c: c.lower().rpartition('_') for c in table.cells}
-    named = {c: '' if c.lower() in _TIMES else u for c, (x, _, u) in split.items()
-             if c.lower() in _TIMES or (x in _TIMES and u in _TIME_UNITS)}  # fmt: skip
-    time = next(iter(named), None)
+    named = {c: named_unit(c.lower(), ['s']) for c in table.cells}
+    bare = {c: c.lower().removesuffix(f'_{unit}') for c, unit in named.items()}
+    time = next((c for c in named if bare[c] in _TIMES), None)
     if time is None:
         raise InputError(
             f"{table.where} has no column of time: name one 't [s]'; its first line is "
@@ -183,8 +181,8 @@ def _csv(path: Path) -> list[ChannelSamples]:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
     t = seconds * table.numbers(time)[:, 0]
     return [
-        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], table.units[name])
-        for name in table.cells
+        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], unit or named_unit(name))
+        for name, unit in table.units.items()
         if name != time and not table.is_text(name)  # but labels
     ]
 

@@ -11,7 +11,8 @@ from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.analysis.series import Series
-from mechanism_sim.csv_tables import assume
+from mechanism_sim.arrays import Array
+from mechanism_sim.csv_tables import assume, named_unit
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
@@ -28,6 +29,8 @@ from mechanism_sim.signal_files import (
 )
 from mechanism_sim.units import counted
 
+_ROTATIONS = 'rad', 'rad/s'
+"""Units that files have otherwise as often, in deg and rpm."""
 _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
 _FAR, _LONG = 1000.0, 10.0
@@ -179,13 +182,24 @@ def _of_channel(
         )
     keys = machine.scene.sensors.get(name)
     if keys is None:
-        quantity = catalogue(machine)[name]
-        return QuantityRecord(machine, name, t, channel.in_unit(quantity.unit)[later])
+        values = _in_unit(path, channel, catalogue(machine)[name].unit)
+        return QuantityRecord(machine, name, t, values[later])
     if keys.trigger:
         raise InputError(f'{path}: {name} has a trigger: give its times, and take that away')
-    y = channel.in_unit(QUANTITIES[keys.measures])[later]
+    y = _in_unit(path, channel, QUANTITIES[keys.measures])[later]
     late = np.abs(t - (t[0] + np.arange(len(t)) / keys.sample_rate)).max() * keys.sample_rate
     return SensorRecord(machine, name, float(t[0]), y, None if late < _EVEN else t)
+
+
+def _in_unit(path: Path | str, channel: ChannelSamples, unit: str) -> Array:
+    """Values (N,) of a channel in an SI unit; of angles without a unit it is said that they are.
+
+    Of joint states in a bag none is needed: they are in SI units.
+    """
+    bare = not (channel.unit or named_unit(channel.name, [unit]))
+    if bare and unit in _ROTATIONS and is_signal_file(path):
+        assume(f"{path}: channel '{channel.name}' has no unit: it is read in {unit}")
+    return channel.in_unit(unit)
 
 
 def _of_sensor(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:

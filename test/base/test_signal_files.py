@@ -246,3 +246,13 @@ def test_a_missing_sample_parts_a_signal_that_is_even_otherwise(tmp_path):
     file.write_text('t,y\n0,1\n0.001,2\n0.0025,3\n0.0035,4\n')
     assert read_signal(file).rate is None
     assert read_signal(file).missing == 0
+
+
+def test_a_channel_may_have_its_unit_behind_an_underscore(tmp_path):
+    file = table(tmp_path, 'time_ms,angle_deg,acc_g,n [rpm]\n0,180,1,60\n1,90,2,60\n')
+    found = read_signals(file)
+    assert {name: c.unit for name, c in found.items()} == {
+        'angle_deg': 'deg', 'acc_g': '', 'n': 'rpm',
+    }  # fmt: skip
+    assert found['angle_deg'].in_unit('rad') == pytest.approx([np.pi, np.pi / 2.0])
+    assert found['acc_g'].in_unit('m/s^2') == pytest.approx([9.80665, 19.6133])
