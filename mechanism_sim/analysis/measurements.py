@@ -174,7 +174,8 @@ def _of_channel(
     if first > _FAR * max(last - first, machine.scene.duration or 0.0, _LONG):
         raise InputError(
             f"{path}: channel '{channel.name}' begins at {first:.12g} s, but runs of "
-            f'{machine.name} begin at 0: count its times from the start of the run'
+            f'{machine.name} begin at 0: count its times from the start of the run: subtract '
+            f'{first:.12g} s if that is the first sample, else the time when the machine started'
         )
     if before := int((channel.times < 0.0).sum()):
         assume(

@@ -119,6 +119,9 @@ def test_uneven_instants_are_kept(tmp_path):
         ('t,x,y\n0,1,1\n1,2,2\n', None, r'several channels \(x, y\): choose one'),
         ('t,rod,y\n0,1,1\n1,2,2\n', 'rot', "no channel 'rot'; did you mean 'rod'"),
         ('t [kg],x\n0,1\n1,2\n', None, "column 't'"),
+        ('time,x\n2025-11-29T04:20:00.001,1\n', None, "'time' has dates, as '2025-.* write sec"),
+        ('time,x\n2025-11-29 04:20:00Z,1\n', None, 'write seconds from the first sample'),
+        ('time,x\n04:20:00.5,1\n', None, "has dates, as '04:20:00.5'"),
     ],
 )
 def test_csv_that_is_no_signal_is_refused(tmp_path, text, channel, words):
@@ -256,3 +259,13 @@ def test_a_channel_may_have_its_unit_behind_an_underscore(tmp_path):
     }  # fmt: skip
     assert found['angle_deg'].in_unit('rad') == pytest.approx([np.pi, np.pi / 2.0])
     assert found['acc_g'].in_unit('m/s^2') == pytest.approx([9.80665, 19.6133])
+
+
+def test_values_are_parted_where_samples_are_missing(tmp_path):
+    file = table(tmp_path, 't [s],y [N]\n0,1\n0.1,2\n0.2,\n0.3,4\n0.4,5\n0.5,6\n')
+    found = read_signal(file)
+    t, y = found.parted
+    assert t.tolist() == [0.0, 0.1, 0.1, 0.3, 0.4, 0.5]
+    np.testing.assert_equal(y, [1.0, 2.0, np.nan, 4.0, 5.0, 6.0])
+    file.write_text('t [s],y\n0,1\n0.1,2\n0.25,4\n0.3,5\n')  # uneven, but nothing is missing
+    assert read_signal(file).parted[0].tolist() == [0.0, 0.1, 0.25, 0.3]
