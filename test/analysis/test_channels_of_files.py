@@ -106,11 +106,12 @@ def test_a_line_is_broken_where_samples_are_missing(tmp_path, monkeypatch):
     seen = []
     monkeypatch.setattr(lines, 'draw', lambda chart: seen.append(chart) or draw(chart))
     kept = [k for k in range(40) if not 10 <= k < 14]
-    for text in (
-        ''.join(f'{k},{k}\n' for k in kept),
-        ''.join(f'{k},{k if k in kept else ""}\n' for k in range(40)),
-    ):
-        file, out = tmp_path / 'gap.csv', tmp_path / 'gap.npz'
+    texts = {
+        'rows': ''.join(f'{k},{k}\n' for k in kept),
+        'cells': ''.join(f'{k},{k if k in kept else ""}\n' for k in range(40)),
+    }
+    for name, text in texts.items():
+        file, out = tmp_path / f'{name}.csv', tmp_path / f'{name}.npz'
         file.write_text(f't [ms],way [mm]\n{text}')
         done = run_json('plot', str(file), 'way', '-o', str(tmp_path / 'a.svg'), '-o', str(out))
         assert done['series'][0]['samples'] == len(np.load(out)['way']) == 36
