@@ -99,7 +99,7 @@ class ChannelSamples:
     def in_unit(self, unit: str) -> Array:
         """Values (N,) in an SI unit; those without a unit are in it already."""
         # 'g' is a gram, but not of an accelerometer
-        known = self.unit or named_unit(self.name, [unit])
+        known = self.unit
         if known in _GRAVITIES and unit == 'm/s^2':
             return _STANDARD_GRAVITY * self.values
         if not known:

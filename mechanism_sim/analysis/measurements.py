@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -195,11 +196,12 @@ def _of_channel(
 def _in_unit(path: Path | str, channel: ChannelSamples, unit: str) -> Array:
     """Values (N,) of a channel in an SI unit; of angles without a unit it is said that they are.
 
-    Of joint states in a bag none is needed: they are in SI units.
+    Joint states in a bag are in SI units, whatever their joints are called.
     """
-    bare = not (channel.unit or named_unit(channel.name, [unit]))
-    if bare and unit in _ROTATIONS and is_signal_file(path):
-        assume(f"{path}: channel '{channel.name}' has no unit: it is read in {unit}")
+    if is_signal_file(path) and not channel.unit:
+        channel = replace(channel, unit=named_unit(channel.name, [unit]))
+        if not channel.unit and unit in _ROTATIONS:
+            assume(f"{path}: channel '{channel.name}' has no unit: it is read in {unit}")
     return channel.in_unit(unit)
 
 

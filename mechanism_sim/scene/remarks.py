@@ -200,7 +200,9 @@ def _others(machine: Machine) -> Iterator[str]:
 
 def _tables(machine: Machine) -> Iterator[str]:
     """Tables over the angle of a link that turns on, which do not come again with its turns."""
-    tables, content = machine.scene.tables, machine.scene.to_document()
+    if not (tables := machine.scene.tables):
+        return
+    content = machine.scene.to_document()
     links = [x for x in machine.plan.links if x not in machine.plan.ideal.displacements]
     said = (text for key, part in content.items() if key != 'tables' for _, text in texts_of(part))
     for text in dict.fromkeys(x for x in said if any(f'{name}(' in x for name in tables)):
@@ -240,10 +242,12 @@ def _turns_on(machine: Machine, link: str) -> bool:
     As far as the laws of drives and a linkage with a single one tell: what a motor moves turns,
     what a torque moves may come to rest.
     """
-    plan, until = machine.plan, machine.scene.duration or 0.0
+    plan, turn = machine.plan, machine.drive.period
+    until = machine.scene.duration or (2.0 * turn if math.isfinite(turn) else 0.0)
     drive = link if link in plan.laws else plan.main
     laws = plan.laws_until(drive, until) if drive in plan.laws else ()
-    steady = len(laws) == 1 and isinstance(laws[0], DriveLaw) and laws[0].degree <= 1
+    single = drive in plan.laws and len(plan.laws[drive]) == 1
+    steady = single and isinstance(laws[0], DriveLaw) and laws[0].degree <= 1
     straight = drive in plan.ideal.displacements
     if not laws or (steady and not any(laws[0].coefficients[1:])):
         return False

@@ -130,17 +130,19 @@ _KEYS = {
 
 def _wanted(key: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """SI units in which the columns of a file may be, by the path of the key that names it."""
-    if key.endswith('.motor.curve'):
+    path = key.split('.')
+    if 'motor' in path:
         return ('rad/s',), ('N m',)
-    if key.startswith('.drive'):
-        place = 'rad', 'm'
-        return ('s',), place if key.endswith('.position') else ('rad/s', 'm/s')
-    return (
-        (_ALONG[:-1], _VALUES[:-1]) if key.startswith('.tables.') else (('rad', 'm'), ('m', 'rad'))
-    )
+    if {'drive', 'drives'} & {*path}:
+        return ('s',), ('rad', 'm') if 'position' in path else ('rad/s', 'm/s')
+    return _ALONG[:-1], ('m', *_VALUES[:-1], 'rad')  # of tables, cams, and of what sweeps set
 
 
-_SAID = {'s': 'seconds', 'rad': 'SI units, an angle in rad', 'rad/s': 'rad/s'}
+_SAID = {
+    's': 'seconds',
+    'rad': 'SI units, an angle in rad',
+    'rad/s': 'SI units, rotation in rad/s',
+}
 """How a column is read of which no unit is known, by the first of those that it may have."""
 
 

@@ -133,6 +133,7 @@ TO_350 = {'points': [['0 deg', '0 N'], ['350 deg', '20 kN']]}
 LEVEL = {'points': [['0 deg', '1 N'], ['180 deg', '1 N']]}
 LONG = {'points': [['0 deg', '1 N'], ['720 deg', '1 N']]}
 DRIVE = {'coordinate': 'crank'}
+RUN_UP = {'points': [['0 s', '60 rpm'], ['1 s', '90 rpm']]}
 
 
 @pytest.mark.parametrize(
@@ -141,6 +142,7 @@ DRIVE = {'coordinate': 'crank'}
         ({}, "not periodic, but crank turns on: punch(crank) stays at 0 N beyond 360 deg"),
         ({'drive': DRIVE | {'speed': '90 rpm'}}, "is 'periodic: true' missing?"),
         ({'drive': DRIVE | {'position': '400 deg*sin(t)'}}, 'crank turns on'),
+        ({'drive': DRIVE | {'profile': RUN_UP}, 'duration': None}, 'crank turns on'),
         ({'tables.punch': TO_350}, "beyond 350 deg: is 'periodic: true' with points"),
         ({'tables.punch': TO_350 | {'periodic': True}}, 'repeats every 350 deg, no whole part'),
         ({'tables.punch.periodic': True}, ''),

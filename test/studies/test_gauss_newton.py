@@ -408,3 +408,12 @@ def test_angles_of_a_file_without_a_unit_are_told(tmp_path, capsys):
     said = capsys.readouterr().err
     assert said.endswith("channel 'position.bar' has no unit: it is read in rad\n")
     assert said.count('\n') == 1
+
+
+def test_what_fits_decides_on_a_letter_at_the_end_of_a_name(tmp_path):
+    """A gram is none where an acceleration is wanted; of other quantities it is an index."""
+    file = tmp_path / 'acc.csv'
+    file.write_text('t_s,acc_g\n0,1\n0.001,2\n')
+    for name, size in (('acceleration.bar', 1.0), ('acceleration.bar.end.x', 9.80665)):
+        (found,) = measurements([file], ['pendulum'], sensor=name, channel='acc_g')
+        np.testing.assert_allclose(found.samples, [size, 2.0 * size])
