@@ -135,7 +135,9 @@ def _wanted(key: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
         return ('rad/s',), ('N m',)
     if {'drive', 'drives'} & {*path}:
         return ('s',), ('rad', 'm') if 'position' in path else ('rad/s', 'm/s')
-    return _ALONG[:-1], ('m', *_VALUES[:-1], 'rad')  # of tables, cams, and of what sweeps set
+    if 'tables' in path:
+        return _ALONG[:-1], _VALUES[:-1]
+    return ('m', 'rad'), ('m', 'rad')  # of cams, which need a whole turn, and say so
 
 
 _SAID = {
