@@ -3,11 +3,11 @@
 The only reader of comma-separated values. Commas, semicolons and tabs separate, or spaces where
 every line has some and the first none of these, or what a first line ``sep=;`` says; lines that
 begin with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``, after a
-slash, as ``angle / deg``, or below it, in a line without numbers that stands above numbers. A file
-without headings has the columns ``1``, ``2`` and so on. Where cells have commas and no number has
-a point, they are decimal ones, unless all of them might stand before thousands. That these do not
-is assumed, and said, of semicolons between cells where every number has one comma and most are not
-round.
+slash, as ``angle / deg``, or below it, in a line without numbers that stands above numbers; else
+its name may end with it, as ``angle_deg``. A file without headings has the columns ``1``, ``2``
+and so on. Where cells have commas and no number has a point, they are decimal ones, unless all of
+them might stand before thousands. That these do not is assumed, and said, of semicolons between
+cells where every number has one comma and most are not round.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.terminal import print_notice
-from mechanism_sim.units import to_si_text
+from mechanism_sim.units import COMMON, to_si, to_si_text
 
 LARGEST, MOST = 1 << 21, 20_000
 """Bytes and lines of a file; a pressure measured every twentieth of a degree is half of it."""
@@ -41,6 +41,11 @@ _EXCEL = re.compile(r'"?sep=([;,|\t])"?', re.IGNORECASE)
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
 _WITH_UNIT = re.compile(r'(?:[^\s"\[(]+\s*)?[\[(][^\])]*[\])]')
+_AMBIGUOUS = 't', 'in', 'min', 'bar'
+"""Ends of names that mean tangential, inlet, minimum or a link as often as units."""
+_IN_NAMES = {*COMMON, 'ns', 'degree', 'degrees'} - {*_AMBIGUOUS}
+_PER_SECOND = re.compile(r's([23]|\^[23]|[²³])?')
+_MOVED, _FORCES, _ARMS = ('m', 'mm', 'cm', 'rad', 'mrad', 'deg'), ('N', 'kN'), ('m', 'cm', 'mm')
 _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
 
 
@@ -134,6 +139,45 @@ def assume(what: str) -> None:
     print_notice(what)
 
 
+def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
+    """The unit that a name ends with, as ``angle_deg`` and ``speed_rad_s``, or is, as ``rpm``.
+
+    Empty where there is none, or none of the `wanted` SI units fits it. A small letter may be an
+    index, as in ``omega_m``: it counts only where just one unit is wanted, and that fits.
+    """
+    *others, last = name.strip().split('_')
+    before = others[-1] if others else ''
+    if before in _MOVED and _PER_SECOND.fullmatch(last):
+        unit = f'{before}/{last}'
+    elif before in _FORCES and last in _ARMS:
+        unit = f'{before} {last}'
+    elif last in _AMBIGUOUS or before in _IN_NAMES:
+        return ''
+    else:
+        unit = last
+        if len(last) == 1 and not (others and (last.isupper() or len(wanted) == 1)):
+            return ''
+    if unit not in _IN_NAMES and not _is_unit(unit):
+        return ''
+    return unit if not wanted or any(_fits(unit, x) for x in wanted) else ''
+
+
+def _fits(unit: str, wanted: str) -> bool:
+    try:
+        to_si(f'1 {unit}', wanted)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_unit(text: str) -> bool:
+    """True of a product of common units."""
+    try:
+        return bool(text) and bool(to_si_text(f'1 {text}'))
+    except ValueError:
+        return False
+
+
 def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     """The table in a file.
 
@@ -196,9 +240,7 @@ def _slashed(heading: str) -> tuple[str, str] | None:
     unit = unit.strip()
     if _within(unit):
         unit = unit[1:-1].strip()
-    try:
-        to_si_text(f'1 {re.sub("1 */ *", "", unit)}')
-    except ValueError:
+    if not _is_unit(re.sub('1 */ *', '', unit)):
         return None
     return (name.strip(), unit) if slash and unit else None
 

@@ -1,8 +1,8 @@
 """Measured signals in files: instants, values and unit of a channel.
 
 =========  ==================================================================================
-``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets
-           or after a slash; cells that are empty or not numbers are samples that are missing
+``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets,
+           after a slash or at the ends of names; cells that are empty are samples that are missing
 ``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
@@ -17,6 +17,8 @@ import re
 import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
+from datetime import time as clock
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings, simplefilter
@@ -24,14 +26,14 @@ from warnings import catch_warnings, filterwarnings, simplefilter
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.csv_tables import assume, read_csv
+from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
+from mechanism_sim.tables import ENDINGS
 from mechanism_sim.units import to_si
 
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
-_TIME_UNITS = 's', 'ms', 'us', 'ns'  # which may stand behind an underline
 _JITTER = 1e-3
 """Of the interval between samples, by which evenly taken ones are off in a file."""
 _STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
@@ -75,6 +77,15 @@ class ChannelSamples:
         return np.split(self.values, np.flatnonzero(self._intervals > 1.0) + 1)
 
     @property
+    def parted(self) -> tuple[Array, Array]:
+        """Times and values, with one that is not a number wherever samples are missing."""
+        if not self.missing:
+            return self.times, self.values
+        before = np.flatnonzero(self._intervals > 1.0)
+        times = np.insert(self.times, before + 1, self.times[before])
+        return times, np.insert(self.values, before + 1, np.nan)
+
+    @property
     def _intervals(self) -> Array:
         """How many intervals of sampling lie between samples (N - 1,): 1 where none is missing."""
         gaps = np.diff(self.times)
@@ -113,12 +124,15 @@ def choose(
     return found[name]
 
 
-def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSamples]:
+def read_signals(
+    path: Path | str, full_scale: str = '', scaled: bool = True
+) -> dict[str, ChannelSamples]:
     """All channels of a file by name.
 
     Parameters
     ----------
     full_scale : quantity with a unit of the largest number of a WAV, as ``'50 m/s^2'``
+    scaled : whether whole numbers of a WAV are refused without it
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -128,7 +142,7 @@ def read_signals(path: Path | str, full_scale: str = '') -> dict[str, ChannelSam
         raise InputError(f'{path} does not exist')
     if full_scale and reader is not _wav:
         raise InputError(f'{path} has units of its own: a full scale is for WAV')
-    channels = reader(path, full_scale) if reader is _wav else reader(path)
+    channels = reader(path, full_scale, scaled) if reader is _wav else reader(path)
     found = {c.name: checked(path, c) for c in channels}
     if not found:
         raise InputError(f'{path} has no channel that is a function of time')
@@ -141,11 +155,21 @@ def is_signal_file(path: Path | str) -> bool:
 
 
 def refuse_signals(path: Path | str, kind: str) -> None:
-    """Refuse a file of signals where another `kind` is wanted."""
+    """Refuse a file of signals, or another table, where another `kind` is wanted."""
     if is_signal_file(path) and Path(path).is_file():
         raise InputError(
             f"'{path}' is a file of signals, not a {kind}: 'mechanism-sim analyze' and "
             "'mechanism-sim plot' read it"
+        )
+    refuse_table(path, kind)
+
+
+def refuse_table(path: Path | str, kind: str) -> None:
+    """Refuse a table of a kind that is written and not read, such as .xlsx."""
+    if Path(path).suffix.lower() in ENDINGS and not is_signal_file(path):
+        raise InputError(
+            f"'{path}' is a table, not a {kind}: 'mechanism-sim analyze' and 'mechanism-sim plot' "
+            f'read {", ".join(READERS)}: write it as .csv'
         )
 
 
@@ -165,16 +189,20 @@ def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
 
 def _csv(path: Path) -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
-    split = {c: c.lower().rpartition('_') for c in table.cells}
-    named = {c: '' if c.lower() in _TIMES else u for c, (x, _, u) in split.items()
-             if c.lower() in _TIMES or (x in _TIMES and u in _TIME_UNITS)}  # fmt: skip
-    time = next(iter(named), None)
+    named = {c: named_unit(c.lower(), ['s']) for c in table.cells}
+    bare = {c: c.lower().removesuffix(f'_{unit}') for c, unit in named.items()}
+    time = next((c for c in named if bare[c] in _TIMES), None)
     if time is None:
         raise InputError(
             f"{table.where} has no column of time: name one 't [s]'; its first line is "
             f'{quoted(table.heading)}'
         )
     unit = table.units[time] or named[time]
+    if _is_date(first := next(iter(table.column(time)), '')):
+        raise InputError(
+            f"{table.where}: column '{time}' has dates, as '{first.strip()}': write seconds from "
+            "the first sample, or from the start of the machine, on, with the heading 't [s]'"
+        )
     if not unit:
         assume(f"{table.where}: column '{time}' has no unit: it is read in seconds")
     try:
@@ -183,10 +211,24 @@ def _csv(path: Path) -> list[ChannelSamples]:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
     t = seconds * table.numbers(time)[:, 0]
     return [
-        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], table.units[name])
-        for name in table.cells
+        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], unit or named_unit(name))
+        for name, unit in table.units.items()
         if name != time and not table.is_text(name)  # but labels
     ]
+
+
+def _is_date(cell: str) -> bool:
+    """True of a date, or a time of day, as ISO 8601 has it."""
+    text = cell.strip()
+    if len(text) < 5 or ('-' not in text[4:] and ':' not in text):  # a number
+        return False
+    for read in (datetime.fromisoformat, clock.fromisoformat):
+        try:
+            read(text)
+        except ValueError:
+            continue
+        return True
+    return False
 
 
 def _number(cell: str) -> float:
@@ -196,7 +238,7 @@ def _number(cell: str) -> float:
         return np.nan
 
 
-def _wav(path: Path, full_scale: str) -> list[ChannelSamples]:
+def _wav(path: Path, full_scale: str, scaled: bool) -> list[ChannelSamples]:
     from scipy.io import wavfile  # noqa: PLC0415 - slow to load
 
     try:
@@ -210,7 +252,7 @@ def _wav(path: Path, full_scale: str) -> list[ChannelSamples]:
         raise InputError(f'{path} cannot be read: {error}') from error
     values, unit = np.atleast_2d(data.T).astype(float), ''
     whole = data.dtype.kind in 'iu'
-    if whole or full_scale:
+    if (whole and scaled) or full_scale:
         given = _QUANTITY.fullmatch(full_scale.strip())
         largest, unit = (_number(given[1]), given[2]) if given else (np.nan, '')
         if not 0.0 < largest < np.inf:

@@ -79,6 +79,7 @@ class SignalSpectrum:
     unit: str
     band: tuple[float, float] | None = None  #: of an envelope [Hz]
     share: float | None = None  #: of the power of the signal that is in the band
+    signal_unit: str = ''  #: of the values of the signal itself
 
     def significant_part(self, rate: float | None) -> tuple[float, Array, Array]:
         """Part worth drawing of orders or of an envelope: its end, places and values (N,).
@@ -268,8 +269,13 @@ class _Samples:
         check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
         channel = channels[name].since(start)
         if channel.rate is None:
-            raise InputError(f"channel '{name}' is sampled unevenly: it has no spectrum")
-        return cls.of(name, channel.runs, channel.rate, channel.unit or '1')
+            gaps = np.diff(channel.times)
+            raise InputError(
+                f"channel '{name}' is sampled unevenly, every {gaps.min():.3g} s to "
+                f'{gaps.max():.3g} s: it has no spectrum: take its values at even instants first, '
+                'as by numpy.interp'
+            )
+        return cls.of(name, channel.runs, channel.rate, channel.unit)
 
     @property
     def longest(self) -> Array:
@@ -278,7 +284,8 @@ class _Samples:
 
 
 def _spectrum(signal: _Samples) -> SignalSpectrum:
-    return SignalSpectrum(power(signal.runs, signal.rate), f'({signal.unit})^2/Hz')
+    lines, unit = power(signal.runs, signal.rate), signal.unit
+    return SignalSpectrum(lines, f'({unit or 1})^2/Hz', signal_unit=unit)
 
 
 def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
@@ -296,7 +303,7 @@ def _envelope(signal: _Samples, band: tuple[float, float] | None) -> SignalSpect
     band = band or shock_band(signal.longest, signal.rate)
     found = envelope_spectrum(signal.longest, signal.rate, band)
     share = band_share(signal.longest, signal.rate, band)
-    return SignalSpectrum(found, f'({signal.unit})^2', band, share)
+    return SignalSpectrum(found, f'({signal.unit or 1})^2', band, share, signal.unit)
 
 
 def _struck(record: Record, joint: str, skip: int) -> Struck:

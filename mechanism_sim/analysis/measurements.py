@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from mechanism_sim.analysis.collectors import Signal, SignalCollectors
 from mechanism_sim.analysis.open_run import MessageRun
 from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.analysis.series import Series
-from mechanism_sim.csv_tables import assume
+from mechanism_sim.arrays import Array
+from mechanism_sim.csv_tables import assume, named_unit
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
@@ -28,6 +30,8 @@ from mechanism_sim.signal_files import (
 )
 from mechanism_sim.units import counted
 
+_ROTATIONS = 'rad', 'rad/s'
+"""Units that files have otherwise as often, in deg and rpm."""
 _EVEN = 0.01
 """Of an interval between samples: so late they may be in all, to count as the sensor's own."""
 _FAR, _LONG = 1000.0, 10.0
@@ -171,7 +175,8 @@ def _of_channel(
     if first > _FAR * max(last - first, machine.scene.duration or 0.0, _LONG):
         raise InputError(
             f"{path}: channel '{channel.name}' begins at {first:.12g} s, but runs of "
-            f'{machine.name} begin at 0: count its times from the start of the run'
+            f'{machine.name} begin at 0: count its times from the start of the run: subtract '
+            f'{first:.12g} s if that is the first sample, else the time when the machine started'
         )
     if before := int((channel.times < 0.0).sum()):
         assume(
@@ -179,13 +184,25 @@ def _of_channel(
         )
     keys = machine.scene.sensors.get(name)
     if keys is None:
-        quantity = catalogue(machine)[name]
-        return QuantityRecord(machine, name, t, channel.in_unit(quantity.unit)[later])
+        values = _in_unit(path, channel, catalogue(machine)[name].unit)
+        return QuantityRecord(machine, name, t, values[later])
     if keys.trigger:
         raise InputError(f'{path}: {name} has a trigger: give its times, and take that away')
-    y = channel.in_unit(QUANTITIES[keys.measures])[later]
+    y = _in_unit(path, channel, QUANTITIES[keys.measures])[later]
     late = np.abs(t - (t[0] + np.arange(len(t)) / keys.sample_rate)).max() * keys.sample_rate
     return SensorRecord(machine, name, float(t[0]), y, None if late < _EVEN else t)
+
+
+def _in_unit(path: Path | str, channel: ChannelSamples, unit: str) -> Array:
+    """Values (N,) of a channel in an SI unit; of angles without a unit it is said that they are.
+
+    Joint states in a bag are in SI units, whatever their joints are called.
+    """
+    if is_signal_file(path) and not channel.unit:
+        channel = replace(channel, unit=named_unit(channel.name, [unit]))
+        if not channel.unit and unit in _ROTATIONS:
+            assume(f"{path}: channel '{channel.name}' has no unit: it is read in {unit}")
+    return channel.in_unit(unit)
 
 
 def _of_sensor(bag: Bag, machine: Machine, signal: Signal) -> SensorRecord:

@@ -364,23 +364,39 @@ def single(found: Sequence[Series], name: str, where: object) -> Series:
 
 
 class AskedSignals:
-    """Answers about a file of measured signals, as `Asked` gives them about a run."""
+    """Answers about a file of measured signals, as `Asked` gives them about a run.
 
-    def __init__(self, path: Path | str, full_scale: str = '') -> None:
-        self.path, self._channels = Path(path), read_signals(path, full_scale)
+    Parameters
+    ----------
+    full_scale, scaled : as for `read_signals`
+    """
+
+    def __init__(self, path: Path | str, full_scale: str = '', scaled: bool = True) -> None:
+        self.path, self.channels = Path(path), read_signals(path, full_scale, scaled)
 
     def series(
         self, names: Sequence[str], start: float | None = None, end: float | None = None
     ) -> list[Series]:
-        """Series of these channels, in their order, from `start` to `end` [s]."""
+        """Series of these channels, in their order, from `start` to `end` [s].
+
+        Where samples are missing there is one that is not a number.
+        """
         found = []
         for name in names:
-            check_known(name, self._channels, f"{self.path} has no channel '{name}'", 'it has:')
-            c = self._channels[name]
-            found.append(Series(name, c.unit, c.times, c.values).within(start, end))
+            check_known(name, self.channels, f"{self.path} has no channel '{name}'", 'it has:')
+            c = self.channels[name]
+            found.append(Series(name, c.unit, *c.parted).within(start, end))
         if not any(len(s.t) for s in found):
             raise InputError(f'there are no values of {", ".join(names)} between these times')
         return found
+
+    def in_rows(self, series: Sequence[Series]) -> list[Series]:
+        """Series for a table: what the file has, without the gaps."""
+        known = [np.isfinite(s.values) for s in series]
+        return [
+            replace(s, t=s.t[rows], values=s.values[rows])
+            for s, rows in zip(series, known, strict=True)
+        ]
 
     def recorded(self, name: str) -> Series:
         """Values of a channel, all of them."""
@@ -389,11 +405,11 @@ class AskedSignals:
     @property
     def usual(self) -> list[str]:
         """Names of all channels."""
-        return [*self._channels]
+        return [*self.channels]
 
     def names(self) -> Iterator[Name]:
         """All channels."""
-        return (Name(name, c.unit) for name, c in self._channels.items())
+        return (Name(name, c.unit) for name, c in self.channels.items())
 
 
 def _signal(record: Record, sensor: str) -> Series:

@@ -95,6 +95,11 @@ class Series:
         """Its name, with that of its run where there are several."""
         return f'{self.run}: {self.name}' if self.run else self.name
 
+    @property
+    def known(self) -> int:
+        """Number of its values but for those that are not a number, as in gaps."""
+        return int(np.isfinite(self.values).sum())
+
     def at(self, t: Array) -> Array:
         """Values at times (N,) [s]: straight between instants, not a number before and after."""
         if np.array_equal(t, self.t):

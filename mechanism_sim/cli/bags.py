@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,14 +23,13 @@ from mechanism_sim.cli.options import (
     skipped_turns,
     workers_options,
 )
-from mechanism_sim.cli.source import namespace_option, warn_if_incomplete
+from mechanism_sim.cli.source import namespace_option, warn_if_incomplete, warn_of_gaps
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.terminal import echo
 from mechanism_sim.units import counted
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.details import Wanted
-    from mechanism_sim.signal_files import ChannelSamples
 
 
 def add(command: Command) -> None:
@@ -116,7 +113,7 @@ def _analyze(options: argparse.Namespace) -> int:
     if options.fit is not None:
         refuse_options(options, _DETAILS, 'does not apply to --fit')
         return _fit(options)
-    from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
+    from mechanism_sim.signal_files import is_signal_file, refuse_table  # noqa: PLC0415
 
     if len(options.bags) == 1 and is_signal_file(options.bags[0]):
         return _analyze_signals(options)
@@ -124,6 +121,7 @@ def _analyze(options: argparse.Namespace) -> int:
     if len(options.bags) > 1:
         raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
     (options.bag,) = options.bags
+    refuse_table(options.bag, 'bag')
     from mechanism_sim.analysis.details import Details  # noqa: PLC0415
     from mechanism_sim.analysis.summary import analyze  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
@@ -187,7 +185,7 @@ def _analyze_signals(options: argparse.Namespace) -> int:
     wanted = _wanted(options)
     channels = read_signals(file, options.full_scale or '')
     if wanted or plots:
-        _warn_of_gaps(channels)
+        warn_of_gaps(channels)
     even = [name for name, c in channels.items() if c.rate]
     drawn = wanted if wanted or not plots else replace(wanted, spectra=even, envelopes=even)
     details = channel_details(channels, drawn)
@@ -199,17 +197,6 @@ def _analyze_signals(options: argparse.Namespace) -> int:
     more = {'details': details.to_json()} if drawn else {}
     found = channel_figures(channels)
     return print_result(options, found, lambda x: {'channels': x} | more, render_channels)
-
-
-def _warn_of_gaps(channels: Mapping[str, ChannelSamples]) -> None:
-    for name, channel in channels.items():
-        if channel.missing:
-            longest = max(len(x) for x in channel.runs)
-            print(
-                f'mechanism-sim: {name}: {channel.missing} samples are missing; spectra are of '
-                f'the longest run of those that are there, {longest} of {len(channel.values)}',
-                file=sys.stderr,
-            )
 
 
 def _fit(options: argparse.Namespace) -> int:
@@ -275,7 +262,7 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
         sensors = () if asked.messages else asked.record.sensors
         names = [x for x in (*wanted.spectra, *wanted.envelopes) if x not in sensors]
         channels = {x: samples_of(bags[0], s) for x in names if (s := asked.recorded(x))}
-        _warn_of_gaps(channels)
+        warn_of_gaps(channels)
         if asked.messages and channels:
             refuse_options(options, ['skip', 'against', 'pin-radius'], 'needs a run')
             return channel_details(channels, wanted)

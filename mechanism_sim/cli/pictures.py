@@ -29,6 +29,7 @@ from mechanism_sim.cli.source import (
     simulate_run,
     source_options,
     warn_if_incomplete,
+    warn_of_gaps,
 )
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.recording.runs import BAG_ENDINGS
@@ -253,6 +254,7 @@ def _plot_several(options: argparse.Namespace) -> int:
         raise InputError(f'plot: name what of {", ".join(runs)} is to be plotted')
     _check_files(options)
     series: list[Series] = []
+    in_rows: list[Series] = []
     for run in runs:
         if not (_is_recorded(run) or is_bag(run)):
             raise InputError(f"'{run}' is not recorded: plot shows several runs of files only")
@@ -265,8 +267,14 @@ def _plot_several(options: argparse.Namespace) -> int:
                 warn_if_incomplete(bag, run)
                 asked = Asked(bag, namespace=options.namespace)
             found = asked.series(names, options.start, options.end)
+        rows = found
+        if isinstance(asked, AskedSignals):
+            gaps = {f'{run}: {s.name}': asked.channels[s.name] for s in found}
+            warn_of_gaps(gaps, spectra=False)
+            rows = asked.in_rows(found)
         series += [replace(s, run=run) for s in found]
-    return _write(options, series, (', '.join(names), OVER_TIME), (None, []))
+        in_rows += [replace(s, run=run) for s in rows]
+    return _write(options, series, (', '.join(names), OVER_TIME), (None, []), in_rows)
 
 
 def _plot_signals(options: argparse.Namespace) -> int:
@@ -278,12 +286,14 @@ def _plot_signals(options: argparse.Namespace) -> int:
         refuse_options(options, ['output', 'against'], 'needs the name of a channel')
     else:
         _check_files(options)
-    asked = AskedSignals(options.scene, options.full_scale or '')
+    # names need no scale
+    asked = AskedSignals(options.scene, options.full_scale or '', bool(options.what))
     if not options.what:
         return _list(options, asked, None)
     series = asked.series(options.what, options.start, options.end)
-    over = _over(options, asked, series)
-    return _write(options, series, (Path(options.scene).name, over), (None, []))
+    warn_of_gaps({s.name: asked.channels[s.name] for s in series}, spectra=False)
+    titled = Path(options.scene).name, _over(options, asked, series)
+    return _write(options, series, titled, (None, []), asked.in_rows(series))
 
 
 def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:
@@ -340,9 +350,7 @@ def _write(
         drawn = lines.draw(chart(series, *titled, own, struck))
         for picture in pictures:
             figures.save(drawn, picture)
-    rows = [
-        {'name': s.line, 'unit': s.unit, 'samples': len(s.t), 'ideal': s.ideal} for s in series
-    ]
+    rows = [{'name': s.line, 'unit': s.unit, 'samples': s.known, 'ideal': s.ideal} for s in series]
     return print_either(options, {'files': files, 'series': rows}, '\n'.join(files))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,11 +20,13 @@ from mechanism_sim.cli.options import (
 )
 from mechanism_sim.errors import InputError
 from mechanism_sim.recording.runs import BAG_ENDINGS, MCAP
+from mechanism_sim.units import counted
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
     from mechanism_sim.recording.reader import Bag
     from mechanism_sim.scene import Machine
+    from mechanism_sim.signal_files import ChannelSamples
 
 
 def source_options(sub: argparse.ArgumentParser) -> None:
@@ -79,6 +81,24 @@ def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
     """Warn on standard error that a bag was cut short."""
     if not bag.complete:
         print(f'mechanism-sim: {path} was cut short; what could be read is shown', file=sys.stderr)
+
+
+def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -> None:
+    """Warn on standard error of samples that are missing in signals, and what becomes of them."""
+    for name, channel in channels.items():
+        if channel.missing:
+            longest = max(len(x) for x in channel.runs)
+            said = (
+                f'spectra are of the longest run of those that are there, {longest} of '
+                f'{len(channel.values)}'
+                if spectra
+                else 'its line is broken there'
+            )
+            print(
+                f'mechanism-sim: {name}: {counted(channel.missing, "sample")} '
+                f'{"is" if channel.missing == 1 else "are"} missing; {said}',
+                file=sys.stderr,
+            )
 
 
 def simulate_run(

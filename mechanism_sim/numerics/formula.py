@@ -41,7 +41,7 @@ def flag_of(guard: hy.expression) -> hy.expression:
     return hy.select(hy.gt(guard, hy.expression(0.0)), hy.expression(1.0), hy.expression(0.0))
 
 
-def _coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, float] | None:
+def coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, float] | None:
     """By which numbers a sum contains some of the names; None if it is no such sum."""
     if not {*node.names} & {*angles}:
         return {}
@@ -61,7 +61,7 @@ def _coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, fl
             return None
     found: dict[str, float] = {}
     for weight, part in terms:
-        own = _coefficients(part, angles)
+        own = coefficients(part, angles)
         if own is None:
             return None
         found |= {name: found.get(name, 0.0) + weight * x for name, x in own.items()}
@@ -197,7 +197,7 @@ class _Builder:
         name, before = node.name, self._without_turns
         if name in PERIODIC or name in self._words.cyclic:
             often = self._words.cyclic.get(name, 1.0)
-            turns = [_coefficients(x, self._words.angles.keys()) for x in node.args]
+            turns = [coefficients(x, self._words.angles.keys()) for x in node.args]
             if all(
                 x is not None and all(float.is_integer(often * n) for n in x.values())
                 for x in turns

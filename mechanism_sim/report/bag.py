@@ -269,9 +269,10 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
     s = line.spectrum
     whole = float(s.values.sum()) or 1.0
     rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
+    rms = f'{math.sqrt(whole * s.step):.6g} {line.signal_unit}'.rstrip()
     title = (
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
-        f'Hz, RMS {math.sqrt(whole * s.step):.6g} of all lines'
+        f'Hz, RMS {rms} of all lines'
     )
     return Section(title, table=[('peak at [Hz]', line.unit, 'share of the total'), *rows])
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Mapping
-from typing import Annotated, Any
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Annotated, Any, Protocol
 
 import heyoka as hy
 import numpy as np
@@ -22,6 +22,7 @@ from mechanism_sim.numerics.expressions import (
     unit_hint,
     unit_of,
 )
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.units import (
     QuantityValue,
@@ -34,8 +35,16 @@ from mechanism_sim.units import (
 
 OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
 """Names in formulas of loads for the point at which they act, with units."""
+_TO_DEGREES = 12.0
+"""Of an angle in the argument of a table: ratios of gears are below, 57.3 for degrees is not."""
 OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
 """Names in formulas of springs for themselves: these are no names of states."""
+
+
+class _PointsOfTable(Protocol):
+    """A table of a scene, whose keys are read in a module above."""
+
+    points: Sequence[tuple[QuantityValue, QuantityValue]]
 
 
 def or_formula(*units: str) -> UnitValue:
@@ -143,12 +152,44 @@ def check_formula(
                     f'of {other.removesuffix("_rate")}; call one of the links otherwise'
                 )
         symbols = {x: hy.expression(x) for x in units}
+        _refuse_degrees(root, tables, [x for x in places.links if x not in tree.sliding])
         formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
         if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
             units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
             _check_units(root, units, text, unit, _starts(places, [*root.names, where]))
     except InputError as error:
         raise InputError(f'{where}: {error}') from error
+
+
+def table_calls(
+    root: ExpressionNode, tables: Collection[str], links: Collection[str]
+) -> Iterator[tuple[ExpressionNode, dict[str, float]]]:
+    """Calls of tables in a formula at sums of angles, and how often these count each link.
+
+    Parameters
+    ----------
+    links : those that turn
+    """
+    for node in root.walk():
+        if node.kind == 'call' and node.name in tables:
+            found = formula.coefficients(node.args[0], links)
+            if found and max(map(abs, found.values())) < _TO_DEGREES:
+                yield node, found
+
+
+def _refuse_degrees(
+    root: ExpressionNode, tables: Mapping[str, _PointsOfTable], links: Collection[str]
+) -> None:
+    """Refuse bare places of a table, whole quarters of a turn in degrees, that are read in rad."""
+    for node, _ in table_calls(root, tables, links):
+        (first, _), *_, (last, _) = tables[node.name].points
+        span = last.value - first.value
+        if not last.unit and span > 2.0 * TWO_PI and not span % 90.0:
+            raise InputError(
+                f'{node.text} reads the places of tables.{node.name}, {first.value:g} to '
+                f"{last.value:g} without a unit, in rad: write '{last.value:g} deg', or "
+                f"'{last.value:g} rad' if they are, in the heading of a file 'angle [deg]'"
+            )
 
 
 def _has_value(node: ExpressionNode, tables: Collection[str]) -> bool:

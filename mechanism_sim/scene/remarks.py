@@ -9,17 +9,28 @@ from __future__ import annotations
 import math
 import re
 import statistics
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+import numpy as np
+from numpy.polynomial import polynomial
+
 from mechanism_sim.documents import texts_of
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.drive_range import drive_range
+from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.expressions import ExpressionNode
+from mechanism_sim.planar.drive import DriveLaw, Law, ends
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.formula_keys import table_calls
+from mechanism_sim.scene.gate import TURN
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
-from mechanism_sim.units import to_si
+from mechanism_sim.scene.table_keys import TablePart
+from mechanism_sim.units import to_si, written
 
 _GYRATION = 30.0
 """Radius of gyration over the size of a link, and of size over radius: a bar has 0.29."""
@@ -39,6 +50,12 @@ _THICKEST = 10.0
 """[Pa s] of oil: as honey; ISO VG 3200, the thickest grade of ISO 3448, has 2.9 at 40 deg C."""
 _FASTEST = 3e4
 """[rad/s]: turbochargers."""
+_WHOLE = 1e-6
+"""Of a number of turns: so near to a whole one, an angle in degrees of six digits is meant."""
+_ROUND = 0.9
+"""Of a turn: what is followed up to about one, and is so far from its start, does not swing."""
+_IN_LAW = 33
+"""Angles of a law by which it is seen how far it turns."""
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 
@@ -53,6 +70,7 @@ def doubts(machine: Machine) -> list[str]:
         *_plays(machine),
         *_oils(machine),
         *_others(machine),
+        *_tables(machine),
     ]
 
 
@@ -178,6 +196,84 @@ def _others(machine: Machine) -> Iterator[str]:
     main, fastest = machine.plan.main, machine.drive.fastest
     if main not in machine.mechanism.displacements and fastest > _FASTEST:
         yield f'{main} turns at {fastest * 30.0 / math.pi:g} rpm: is the unit right?'
+
+
+def _tables(machine: Machine) -> Iterator[str]:
+    """Tables over the angle of a link that turns on, which do not come again with its turns."""
+    if not (tables := machine.scene.tables):
+        return
+    content = machine.scene.to_document()
+    links = [x for x in machine.plan.links if x not in machine.plan.ideal.displacements]
+    said = (text for key, part in content.items() if key != 'tables' for _, text in texts_of(part))
+    for text in dict.fromkeys(x for x in said if any(f'{name}(' in x for name in tables)):
+        with suppress(InputError):  # words that are no formula
+            for node, factors in table_calls(formula.read(text, tables), tables, links):
+                turning = [(x, n) for x, n in factors.items() if _turns_on(machine, x)]
+                if len(turning) == 1:  # of two, their difference need not turn
+                    yield from _out_of_turn(node, tables[node.name], *turning[0])
+
+
+def _out_of_turn(
+    node: ExpressionNode, table: TablePart, link: str, factor: float
+) -> Iterator[str]:
+    """A question for a table that does not fit to the turns of a link that its argument counts."""
+    (first, _), *_, (last, value) = table.points
+    span, where = last.value - first.value, f'tables.{node.name}'
+    turns = span / abs(TURN * factor)
+    # parts of a turn, or several: cams and valves may have one period in two turns of a crank
+    fits = any(abs(x - round(x)) < _WHOLE for x in (turns, 1.0 / turns) if x > 0.5)
+    if table.curve.cyclic and not fits:
+        yield (
+            f'{where} repeats every {math.degrees(span):.6g} deg, no whole part of a turn of '
+            f'{link}: {node.text} is another in every turn: is its last point missing?'
+        )
+    elif not table.curve.cyclic and turns < 1.0 + _WHOLE:  # of more, turns are meant to count
+        missing = "'periodic: true'" if fits else "'periodic: true' with points over a whole turn"
+        yield (
+            f'{where} is not periodic, but {link} turns on: {node.text} stays at '
+            f'{written(value.value, value.unit)} beyond {math.degrees(last.value):.6g} deg: is '
+            f'{missing} missing?'
+        )
+
+
+def _turns_on(machine: Machine, link: str) -> bool:
+    """True of a drive that turns beyond a turn, and of a link that it takes along, as by gears.
+
+    As far as the laws of drives and a linkage with a single one tell: what a motor moves turns,
+    what a torque moves may come to rest.
+    """
+    plan, turn = machine.plan, machine.drive.period
+    until = machine.scene.duration or (2.0 * turn if math.isfinite(turn) else 0.0)
+    drive = link if link in plan.laws else plan.main
+    laws = plan.laws_until(drive, until) if drive in plan.laws else ()
+    single = drive in plan.laws and len(plan.laws[drive]) == 1
+    steady = single and isinstance(laws[0], DriveLaw) and laws[0].degree <= 1
+    straight = drive in plan.ideal.displacements
+    if not laws or (steady and not any(laws[0].coefficients[1:])):
+        return False
+    if not isinstance(laws[0], DriveLaw):
+        given = machine.scene.drives.get(drive, machine.scene.drive)
+        if given is None or not given.motor:
+            return False
+    elif not steady and not straight and _way(laws, until) <= TURN:
+        return False
+    ideal = machine.rigid
+    at, free = ideal.assembly, drive not in plan.prescribed
+    if len(plan.laws) > 1 or at.freedom != free or at.overdriven:
+        return link == drive and not straight
+    found = drive_range(ideal.plan.kinematics([drive]), at.q, ideal.nominal.reach)
+    k = ideal.plan.ideal.coordinates.index(link)
+    return not found.limited and bool(abs(found.at_high[k] - at.q[k]) > _ROUND * TURN)
+
+
+def _way(laws: Sequence[Law], duration: float) -> float:
+    """How far apart the angles of a prescribed drive are in a run [rad]."""
+    angles = [
+        polynomial.polyval(np.linspace(begin, end, _IN_LAW) - law.reference_time, law.coefficients)
+        + TURN * law.turns
+        for law, begin, end in ends(laws, duration)
+    ]
+    return float(np.ptp(np.concatenate(angles)))
 
 
 def _length(x: float) -> str:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
 from mechanism_sim.catalogue import TABLE_FOLDERS
-from mechanism_sim.csv_tables import read_csv
+from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import Part, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
@@ -33,7 +33,8 @@ class TablePart(Part):
     points: list[tuple[Along, Value]] = Field(min_length=2)
     """List of [x, y], such as [20 mm, 1.5 kN], with increasing x; two of the same x are a step.
     Instead of it `file` names a file of comma-separated values beside the scene, and `columns` two
-    of its columns, else the first two: its first line gives their names, with units in brackets.
+    of its columns, else the first two: its first line gives their names, with units in brackets or
+    behind an underscore, as in angle_deg.
     """
     ramp: Literal['linear', 'smooth'] = 'linear'
     """Between two points; smooth has no corners, and no extremes but at points."""
@@ -110,7 +111,7 @@ def with_files(
         path, units = allowed_file(where, folder, name), content.get('units')
         if made == 'edges':
             return rest | {made: drawn_edges(path, where, content.get('layer'), units)}
-        return rest | {made: _points_of(path, where, content.get('columns'), units)}
+        return rest | {made: _points_of(path, where, content, _wanted(key))}
     return {
         k: with_files(file, folder, x, f'{key}.{k}', instead, replaced) for k, x in content.items()
     }
@@ -127,23 +128,51 @@ _KEYS = {
 }
 
 
-def _points_of(path: Path, where: str, columns: Any, units: Any) -> list[list[str]]:
+def _wanted(key: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """SI units in which the columns of a file may be, by the path of the key that names it."""
+    path = key.split('.')
+    if 'motor' in path:
+        return ('rad/s',), ('N m',)
+    if {'drive', 'drives'} & {*path}:
+        return ('s',), ('rad', 'm') if 'position' in path else ('rad/s', 'm/s')
+    if 'tables' in path:
+        return _ALONG[:-1], _VALUES[:-1]
+    return ('m', 'rad'), ('m', 'rad')  # of cams, which need a whole turn, and say so
+
+
+_SAID = {
+    's': 'seconds',
+    'rad': 'SI units, an angle in rad',
+    'rad/s': 'SI units, rotation in rad/s',
+}
+"""How a column is read of which no unit is known, by the first of those that it may have."""
+
+
+def _points_of(
+    path: Path, where: str, keys: Mapping[str, Any], wanted: Sequence[Sequence[str]]
+) -> list[list[str]]:
     """The points in two columns of a file, as text with units."""
-    table = read_csv(path, where)
-    chosen = columns if columns is not None else list(table.cells)[:2]
+    table, units = read_csv(path, where), keys.get('units')
+    chosen = columns if (columns := keys.get('columns')) is not None else list(table.cells)[:2]
     for key, given in (('columns', chosen), ('units', units or ['', ''])):
         if not isinstance(given, list) or len(given) != 2 or not all(map(_is_text, given)):
             raise InputError(f'{table.where}: {key} must be a list of two names')
-    headed = [table.units[c] for c in chosen if table.column(c) is not None]
-    for name, said, asked in zip(chosen, headed, units or headed, strict=True):
+    found = []
+    for name, asked, fitting in zip(chosen, units or ['', ''], wanted, strict=True):
+        said = table.units[name] if table.column(name) is not None else ''
         if said and asked and not _alike(said, asked):
             raise InputError(
                 f"{table.where}: its first line has column '{name}' in '{said}', and units in "
                 f"'{asked}': keep one"
             )
-    units = [asked or said for asked, said in zip(units or headed, headed, strict=True)]
+        unit = asked or said or named_unit(name, fitting)
+        if not unit and fitting[0] in _SAID:
+            assume(
+                f"{table.where}: column '{name}' has no unit: it is read in {_SAID[fitting[0]]}"
+            )
+        found.append(unit)
     return [
-        [f'{x!r} {unit}'.strip() for x, unit in zip(row, units, strict=True)]
+        [f'{x!r} {unit}'.strip() for x, unit in zip(row, found, strict=True)]
         for row in table.numbers(*chosen).tolist()
     ]
 

@@ -267,7 +267,7 @@ def _by_least_squares(
     return Result(
         tuple(estimates), correlation, search.runs, search.failed,
         math.sqrt(sum(known) / len(known)) if known else math.nan, float(sure), GAUSS_NEWTON,
-        _reason(fit.part, window, whole), window, residuals,
+        _reason(fit.part, window, whole, sure), window, residuals,
     )  # fmt: skip
 
 
@@ -277,12 +277,15 @@ def _share(r: Array, samples: Array) -> float:
     return math.sqrt(r @ r / len(r)) / own if own else math.inf
 
 
-def _reason(part: float, window: float, whole: float) -> str:
-    """Of how much was compared."""
+def _reason(part: float, window: float, whole: float, sure: bool) -> str:
+    """Of how much was compared; that runs follow it, only where they do."""
     if part >= 1.0:
-        return 'runs follow the whole signal'
+        return 'runs follow the whole signal' if sure else 'the whole signal was compared'
+    first = f'the first {window:.4g} s of {whole:.4g} s'
     return (
-        f'the first {window:.4g} s of {whole:.4g} s, which runs follow, say enough or all they can'
+        f'{first}, which runs follow, say enough or all they can'
+        if sure
+        else (f'{first} were compared; no run follows more')
     )
 
 

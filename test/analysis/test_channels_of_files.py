@@ -11,8 +11,10 @@ from running import run, run_json
 from scipy.io import wavfile
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.series import Series
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import lines
+from mechanism_sim.report.charts.lines import chart
 
 draw = lines.draw
 RATE, TONE, SIZE, COUNT = 2000.0, 125.0, 3.0, 4096
@@ -97,6 +99,78 @@ def test_a_channel_is_plotted_over_another(rig, monkeypatch):
     assert panel.x.words == 'way'
     np.testing.assert_allclose(panel.curves[0].x, 2.0 + TIMES[kept], rtol=1e-12)
     np.testing.assert_allclose(panel.curves[0].y, WAVE[kept], rtol=1e-12)
+
+
+def test_a_line_is_broken_where_samples_are_missing(tmp_path, monkeypatch):
+    """Rows that are left out, and cells without a value; numbers are those of the file."""
+    seen = []
+    monkeypatch.setattr(lines, 'draw', lambda chart: seen.append(chart) or draw(chart))
+    kept = [k for k in range(40) if not 10 <= k < 14]
+    texts = {
+        'rows': ''.join(f'{k},{k}\n' for k in kept),
+        'cells': ''.join(f'{k},{k if k in kept else ""}\n' for k in range(40)),
+    }
+    for name, text in texts.items():
+        file, out = tmp_path / f'{name}.csv', tmp_path / f'{name}.npz'
+        file.write_text(f't [ms],way [mm]\n{text}')
+        done = run_json('plot', str(file), 'way', '-o', str(tmp_path / 'a.svg'), '-o', str(out))
+        assert done['series'][0]['samples'] == len(np.load(out)['way']) == 36
+        curve = seen[-1].panels[0].curves[0]
+        assert np.flatnonzero(np.isnan(curve.y)).tolist() == [10]
+        assert curve.x[9:12] == pytest.approx([0.009, 0.009, 0.014])
+        said = run('plot', str(file), 'way', '-o', str(tmp_path / 'a.svg')).stderr
+        assert 'way: 4 samples are missing; its line is broken there' in said
+
+
+def test_a_long_line_with_gaps_is_thinned_and_stays_broken():
+    t = np.arange(200_000) / 1000.0
+    y = np.sin(t)
+    y[100_000:100_050] = np.nan
+    (curve,) = chart([Series('way', 'N', t, y)], '').panels[0].curves
+    assert len(curve.x) < 50_000
+    assert np.isnan(curve.y).sum() == 1
+    assert curve.x[np.isnan(curve.y)] == pytest.approx(100.0, abs=0.01)
+
+
+def test_recordings_of_one_quantity_in_other_units_share_their_axes(tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr(lines, 'draw', lambda chart: seen.append(chart) or draw(chart))
+    files = []
+    for unit, size in (('deg', 180.0 / math.pi), ('rad', 1.0)):
+        files.append(str(tmp_path / f'{unit}.csv'))
+        rows = ''.join(f'{k},{size * 0.1 * k!r}\n' for k in range(9))
+        (tmp_path / f'{unit}.csv').write_text(f't [s],position.table [{unit}]\n{rows}')
+    done = run('plot', *files, 'position.table', '-o', str(tmp_path / 'a.svg'))
+    assert done.returncode == 0, done.stderr
+    (panel,) = seen[0].panels
+    first, second = panel.curves
+    np.testing.assert_allclose(first.y, second.y)
+    assert panel.y.unit == 'deg'
+
+
+def test_channels_of_a_wav_are_listed_without_its_scale(tmp_path):
+    file = tmp_path / 'rig.wav'
+    wavfile.write(file, int(RATE), np.zeros((100, 2), np.int16))
+    assert [x['name'] for x in run_json('plot', str(file))] == ['1', '2']
+    assert 'write for example --full-scale' in run('plot', str(file), '1').stderr
+
+
+def test_tables_that_are_not_read_say_which_are(tmp_path):
+    for name, ending in (('plot', 'xlsx'), ('analyze', 'parquet'), ('solve', 'npz')):
+        file = tmp_path / f'out.{ending}'
+        file.write_bytes(b'PK')
+        done = run(name, str(file))
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert 'read .csv, .wav, .uff, .unv, .tdms: write it as .csv' in done.stderr
+
+
+def test_a_spectrum_has_units_and_uneven_samples_a_way(tmp_path):
+    file = tmp_path / 'a.csv'
+    file.write_text('t [ms],a_deg\n' + ''.join(f'{k},{k % 7}\n' for k in range(40)))
+    assert ' deg of all lines' in run('analyze', str(file), '--spectrum', 'a_deg').stdout
+    file.write_text('t [ms],a\n' + ''.join(f'{k * k},{k}\n' for k in range(40)))
+    said = run('analyze', str(file), '--spectrum', 'a').stderr
+    assert 'every 0.001 s to 0.077 s: it has no spectrum: take its values at even' in said
 
 
 def test_python_plots_channels_as_the_command_does(rig):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanism_sim.csv_tables import read_csv
+from mechanism_sim.csv_tables import named_unit, read_csv
 from mechanism_sim.errors import InputError
 
 
@@ -127,3 +127,32 @@ def test_mistakes_are_a_sentence_with_file_and_line(table, text, said):
         all_of_it()
     assert str(error.value).startswith("s.yaml: drive.position: 't.csv'")
     assert said in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ('name', 'wanted', 'unit'),
+    [
+        ('angle_deg', ('rad', 'm'), 'deg'),
+        ('rpm', ('rad/s',), 'rpm'),
+        ('force_N', (), 'N'),
+        ('speed_rad_s', (), 'rad/s'),
+        ('acc_m_s2', ('m/s^2',), 'm/s2'),
+        ('M_kN_m', ('N m',), 'kN m'),
+        ('torque_Nm', (), 'Nm'),
+        ('acc_g', ('m/s^2',), 'g'),
+        ('rig/rod_mm', ('m',), 'mm'),
+        ('stamp_ns', ('s',), 'ns'),
+        ('force_mm', ('N', 'N m'), ''),  # fits not
+        ('omega_m', ('rad', 'm', 's'), ''),  # the motor's
+        ('acc_g', (), ''),
+        ('p_in', ('m',), ''),
+        ('force_min', (), ''),
+        ('impulse_N_s', (), ''),
+        ('t', ('s',), ''),
+        ('channel_2', (), ''),
+        ('N', ('N',), ''),
+        ('', (), ''),
+    ],
+)
+def test_a_name_may_end_with_a_unit(name, wanted, unit):
+    assert named_unit(name, wanted) == unit

@@ -119,6 +119,9 @@ def test_uneven_instants_are_kept(tmp_path):
         ('t,x,y\n0,1,1\n1,2,2\n', None, r'several channels \(x, y\): choose one'),
         ('t,rod,y\n0,1,1\n1,2,2\n', 'rot', "no channel 'rot'; did you mean 'rod'"),
         ('t [kg],x\n0,1\n1,2\n', None, "column 't'"),
+        ('time,x\n2025-11-29T04:20:00.001,1\n', None, "'time' has dates, as '2025-.* write sec"),
+        ('time,x\n2025-11-29 04:20:00Z,1\n', None, 'write seconds from the first sample'),
+        ('time,x\n04:20:00.5,1\n', None, "has dates, as '04:20:00.5'"),
     ],
 )
 def test_csv_that_is_no_signal_is_refused(tmp_path, text, channel, words):
@@ -246,3 +249,22 @@ def test_a_missing_sample_parts_a_signal_that_is_even_otherwise(tmp_path):
     file.write_text('t,y\n0,1\n0.001,2\n0.0025,3\n0.0035,4\n')
     assert read_signal(file).rate is None
     assert read_signal(file).missing == 0
+
+
+def test_a_channel_may_have_its_unit_behind_an_underscore(tmp_path):
+    file = table(tmp_path, 'time_ms,angle_deg,acc_g,n [rpm]\n0,180,1,60\n1,90,2,60\n')
+    found = read_signals(file)
+    assert {name: c.unit for name, c in found.items()} == {
+        'angle_deg': 'deg', 'acc_g': '', 'n': 'rpm',
+    }  # fmt: skip
+    assert found['angle_deg'].in_unit('rad') == pytest.approx([np.pi, np.pi / 2.0])
+
+
+def test_values_are_parted_where_samples_are_missing(tmp_path):
+    file = table(tmp_path, 't [s],y [N]\n0,1\n0.1,2\n0.2,\n0.3,4\n0.4,5\n0.5,6\n')
+    found = read_signal(file)
+    t, y = found.parted
+    assert t.tolist() == [0.0, 0.1, 0.1, 0.3, 0.4, 0.5]
+    np.testing.assert_equal(y, [1.0, 2.0, np.nan, 4.0, 5.0, 6.0])
+    file.write_text('t [s],y\n0,1\n0.1,2\n0.25,4\n0.3,5\n')  # uneven, but nothing is missing
+    assert read_signal(file).parted[0].tolist() == [0.0, 0.1, 0.25, 0.3]

@@ -113,6 +113,62 @@ def test_every_thousandfold_length_of_the_package_is_questioned():
     assert count > 20
 
 
+PRESS = """
+links:
+  crank: {length: 50 mm, mass: 5 kg, inertia: 0.02 kg m^2}
+  rod: {length: 250 mm, mass: 4 kg, inertia: 0.03 kg m^2}
+  ram: {mass: 20 kg}
+joints:
+  shaft: {revolute: [ground, crank]}
+  pin: {revolute: [crank.end, rod]}
+  wrist: {revolute: [rod.end, ram]}
+  guide: {prismatic: [ground, ram]}
+drive: {coordinate: crank, motor: {stall_torque: 300 N m, no_load_speed: 100 rpm}}
+tables: {punch: {points: [[0 deg, 0 N], [330 deg, 20 kN], [360 deg, 0 N]]}}
+loads: {punching: {at: ram, force: [-punch(crank), 0]}}
+guess: {rod: 0 deg, ram: 300 mm}
+duration: 4 s
+"""
+TO_350 = {'points': [['0 deg', '0 N'], ['350 deg', '20 kN']]}
+LEVEL = {'points': [['0 deg', '1 N'], ['180 deg', '1 N']]}
+LONG = {'points': [['0 deg', '1 N'], ['720 deg', '1 N']]}
+DRIVE = {'coordinate': 'crank'}
+RUN_UP = {'points': [['0 s', '60 rpm'], ['1 s', '90 rpm']]}
+
+
+@pytest.mark.parametrize(
+    ('override', 'said'),
+    [
+        ({}, "not periodic, but crank turns on: punch(crank) stays at 0 N beyond 360 deg"),
+        ({'drive': DRIVE | {'speed': '90 rpm'}}, "is 'periodic: true' missing?"),
+        ({'drive': DRIVE | {'position': '400 deg*sin(t)'}}, 'crank turns on'),
+        ({'drive': DRIVE | {'profile': RUN_UP}, 'duration': None}, 'crank turns on'),
+        ({'tables.punch': TO_350}, "beyond 350 deg: is 'periodic: true' with points"),
+        ({'tables.punch': TO_350 | {'periodic': True}}, 'repeats every 350 deg, no whole part'),
+        ({'tables.punch.periodic': True}, ''),
+        ({'tables.punch': LONG}, ''),  # two turns
+        ({'tables.punch': LEVEL | {'periodic': True}}, ''),
+        ({'tables.punch': LONG | {'periodic': True}}, ''),
+        ({'drive': DRIVE | {'position': '60 deg*sin(t)'}}, ''),
+        ({'drive': DRIVE | {'torque': 0}}, ''),  # it may swing
+        ({'loads.punching.force': ['-punch(rod)', 0]}, ''),
+        ({'links.crank.length': '400 mm', 'guess.ram': '600 mm'}, ''),  # it cannot turn round
+    ],
+)  # fmt: skip
+def test_a_table_over_an_angle_that_turns_on_comes_again(override, said):
+    machine = ms.load_scene(made(PRESS), override)
+    found = [doubt for doubt in doubts(machine) if 'punch' in doubt]
+    assert len(found) == bool(said)
+    assert said in ''.join(found)
+
+
+def test_a_link_that_gears_turn_is_one_that_turns_on():
+    table = {'points': [['0 deg', '0 N m'], ['350 deg', '3 N m']]}
+    loads = {'drag': {'at': 'wheel', 'torque': 'drag(wheel)'}}
+    machine = ms.load_scene('gear_pair', {'tables.drag': table, 'loads': loads})
+    assert any('but wheel turns on' in doubt for doubt in doubts(machine))
+
+
 def test_questions_come_first():
     machine = ms.load_scene(FOUR_BAR, {'links.crank.inertia': '2645 kg m^2'})
     lines = render(check(machine)).splitlines()

@@ -186,3 +186,41 @@ def test_a_file_that_an_override_replaces_is_not_read(override, scene):
 def test_a_table_as_we_write_it_is_read_again(scene):
     """A heading that a spreadsheet would compute is marked, and read without its mark."""
     assert load_scene(str(scene(text="'=a [deg],b [N]\n0,1\n360,2\n", columns=['=a', 'b'])))
+
+
+def curve_of(file):
+    return load_scene(str(file)).scene.tables['load'].curve
+
+
+def test_units_may_be_behind_names_of_columns(scene, capsys):
+    """As ``time_ms`` is read; what the scene says goes before it."""
+    text = 'angle_deg,force_kN\n0,0\n180,1.5\n360,0\n'
+    assert curve_of(scene(text=text, periodic=True))(np.array([math.pi])) == pytest.approx(1500.0)
+    assert curve_of(scene(text=text, units=['rad', 'N']))(np.array([180.0])) == pytest.approx(1.5)
+    motor = {'coordinate': 'arm', 'motor': {'curve': {'file': 'load.csv'}}}
+    file = scene(text='rpm,torque_Nm\n0,12\n1500,0\n')
+    content = yaml.safe_load(file.read_text()) | {'tables': {}, 'drive': motor}
+    file.write_text(yaml.safe_dump(content))
+    (_, (last, _)) = load_scene(str(file)).scene.drive.motor.curve.points
+    assert last.value == pytest.approx(50.0 * math.pi)
+    assert not capsys.readouterr().err
+
+
+def test_places_without_a_unit_are_told(scene, capsys):
+    assert curve_of(scene(text='angle,force\n0,0\n1,1.5\n2,0\n'))
+    said = capsys.readouterr().err
+    assert said.endswith("column 'angle' has no unit: it is read in SI units, an angle in rad\n")
+    assert said.count('\n') == 1  # of forces nobody asks: they are in N
+
+
+def test_places_that_are_evidently_degrees_are_no_radians(scene):
+    file = scene(text='angle,force\n0,0\n180,1500\n360,0\n')
+    bare = yaml.safe_load(file.read_text())
+    said = "reads the places of tables.load, 0 to 360 without a unit, in rad: write '360 deg'"
+    push = {'loads': {'push': {'at': 'arm.end', 'torque': 'load(arm) * 1'}}}
+    file.write_text(yaml.safe_dump(bare | push))
+    assert said in refusal(file)
+    for right in ('load(arm*180/pi)', 'load(57.3*arm)', 'load(t)', 'load(arm_rate)'):
+        push['loads']['push']['torque'] = right
+        file.write_text(yaml.safe_dump(bare | push))
+        assert load_scene(str(file))

@@ -61,7 +61,7 @@ def test_times_that_count_from_elsewhere_are_refused(tmp_path):
     file, t = tmp_path / 'clock.csv', np.linspace(0.0, 3.0, 61)
     rows = zip((t + 1.7e9).tolist(), oscillation(t).tolist(), strict=True)
     file.write_text('t [s],position.mass [m]\n' + ''.join(f'{x!r},{y!r}\n' for x, y in rows))
-    with pytest.raises(InputError, match=r'begins at 1700000000 s, but runs of mass_on_spring'):
+    with pytest.raises(InputError, match=r'begins at 1700000000 s, but runs .* subtract 17000'):
         measurements([file], ['mass_on_spring'])
 
 
@@ -140,6 +140,8 @@ def test_a_signal_of_another_machine_is_said_to_be_none():
     found = identify([other], wanted(other), seed=1)
     assert not found.plausible
     assert 'not reliable' in fit_text(found)
+    assert 'which runs follow' not in fit_text(found)
+    assert 'runs follow the whole' not in fit_text(found)
 
 
 @pytest.mark.parametrize(
@@ -393,3 +395,25 @@ def test_a_wrong_method_is_refused_in_one_sentence(tmp_path):
     done = run('analyze', str(tmp_path / 'a.csv'), '--fit', STIFFNESS, '--method', 'gaus-newton')
     assert (done.returncode, done.stderr.count('\n')) == (2, 1)
     assert "did you mean 'gauss-newton'" in done.stderr
+
+
+def test_angles_of_a_file_without_a_unit_are_told(tmp_path, capsys):
+    """As times are; a unit behind an underscore is read."""
+    file, t = tmp_path / 'angle.csv', np.linspace(0.0, 1.0, 21)
+    for heading, size in (('position.bar', 1.0), ('angle_deg', math.pi / 180.0)):
+        rows = ''.join(f'{x!r},{20.0 * x!r}\n' for x in t.tolist())
+        file.write_text(f't [s],{heading}\n{rows}')
+        (found,) = measurements([file], ['pendulum'], sensor='position.bar', channel=heading)
+        np.testing.assert_allclose(found.samples, 20.0 * size * t)
+    said = capsys.readouterr().err
+    assert said.endswith("channel 'position.bar' has no unit: it is read in rad\n")
+    assert said.count('\n') == 1
+
+
+def test_what_fits_decides_on_a_letter_at_the_end_of_a_name(tmp_path):
+    """A gram is none where an acceleration is wanted; of other quantities it is an index."""
+    file = tmp_path / 'acc.csv'
+    file.write_text('t_s,acc_g\n0,1\n0.001,2\n')
+    for name, size in (('acceleration.bar', 1.0), ('acceleration.bar.end.x', 9.80665)):
+        (found,) = measurements([file], ['pendulum'], sensor=name, channel='acc_g')
+        np.testing.assert_allclose(found.samples, [size, 2.0 * size])

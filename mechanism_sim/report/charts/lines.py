@@ -38,7 +38,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
-from mechanism_sim.units import for_people
+from mechanism_sim.units import QuantityValue, for_people, to_si_text
 
 TOGETHER = 4
 """Lines that a panel holds; more are put beside each other by what they are of."""
@@ -280,9 +280,7 @@ def _of(
         yield from [line] if s.ideal else [line, line.start()]
         return
     if not over.turns:
-        if np.isfinite(y).all():
-            x, y = thin(SampledLine(x, y), _MANY)
-        yield ChartCurve(x, y, dash=0 if s.ideal else dash, **same)
+        yield ChartCurve(*_thinned(x, y), dash=0 if s.ideal else dash, **same)
         return
     pieces = _pieces(x, y, s.t)
     whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE]
@@ -304,6 +302,16 @@ def _of(
     only = bool(whole) and (s.ideal or len(pieces) > TURNS)
     shown = pieces[newest : newest + 1] if only else pieces[newest:]
     yield _curve(shown, dash=0 if s.ideal else dash, **same)
+
+
+def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
+    """As many points as a line shows; where values are missing it stays broken."""
+    known = np.isfinite(y)
+    if len(x) <= _MANY or not known.any():
+        return x, y
+    at, values = thin(SampledLine(x[known], y[known]), _MANY)
+    behind = np.unique(np.searchsorted(at, x[~known], 'right'))
+    return np.insert(at, behind, at[behind - 1]), np.insert(values, behind, np.nan)
 
 
 Turn = tuple[Array, Array, Array]
@@ -363,11 +371,11 @@ def chart(
     units: dict[str, list[Series]] = {}
     for s in series:
         if s not in bands:
-            units.setdefault(s.unit, []).append(s)
+            units.setdefault(_si(s.unit).unit, []).append(s)
     found: list[Panel] = []
     struck = np.asarray(impacts, np.float64)
     for lines in units.values():
-        found += panels(lines, over, numbers, NOTHING if found else struck)
+        found += panels(_in_one_unit(lines), over, numbers, NOTHING if found else struck)
     if bands:
         found.append(modes({replace(s, name=_parts(s)[1]).line: Spells.of(s) for s in bands}))
     if over.kind == 'time':
@@ -376,6 +384,25 @@ def chart(
         found = [replace(p, x=axis) for p in found]
     wide = 6.0 if found[0].form != 'plain' else 8.0
     return Chart('', title, tuple(found), over.kind, columns=columns(found), width=wide)
+
+
+def _si(unit: str) -> QuantityValue:
+    """One of a unit, in the SI unit that it leads to; itself where that is not known."""
+    try:
+        return to_si_text(f'1 {unit}') if unit else QuantityValue(1.0, '')
+    except ValueError:
+        return QuantityValue(1.0, unit)
+
+
+def _in_one_unit(lines: Sequence[Series]) -> Sequence[Series]:
+    """Lines of one kind: as they are where all have one unit, else in SI units."""
+    if len({s.unit for s in lines}) == 1:
+        return lines
+    sizes = [_si(s.unit) for s in lines]
+    return [
+        replace(s, unit=si.unit, values=si.value * s.values)
+        for s, si in zip(lines, sizes, strict=True)
+    ]
 
 
 def _item(s: Series, numbers: Mapping[str, int]) -> str:
