@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 _LONG_WORD = re.compile(r'(\S{100})\S{300,}(\S{50})')
 
@@ -52,12 +52,32 @@ def quoted(value: object) -> str:
     return _SHORT.repr(value)
 
 
-def nearest(word: str, known: Iterable[str], likeness: float = 0.5) -> str:
-    """``; did you mean 'X'?`` for the nearest of the known words, or nothing."""
+_ALIKE = 0.75
+"""Likeness of words that are one with a slip: of 'half_harmonic', 'simple_harmonic' has 0.71."""
+
+
+def nearest(
+    word: str, known: Iterable[str], likeness: float = 0.5, *, deeper: Sequence[str] = ()
+) -> str:
+    """``; did you mean 'X'?`` for the nearest of the known words, or nothing.
+
+    Parameters
+    ----------
+    likeness : 0 to 1, of words that begin alike or have the same letters; others need `_ALIKE`
+    deeper : paths that end with the word itself, which are named, too
+    """
     import difflib  # noqa: PLC0415 - few runs are refused
 
-    close = difflib.get_close_matches(word[:100], list(known), 1, likeness)
-    return f"; did you mean '{close[0]}'?" if close else ''
+    short = word[:100]
+    close = [
+        x
+        for x in difflib.get_close_matches(short, list(known), 10, likeness)
+        if x[:3] == short[:3]
+        or sorted(x) == sorted(short)
+        or difflib.get_close_matches(short, [x], 1, _ALIKE)
+    ]
+    said = ' or '.join(f"'{x}'" for x in [*close[:1], *deeper])
+    return f'; did you mean {said}?' if said else ''
 
 
 def check_known(name: str | None, known: Collection[str], wrong: str, those: str) -> None:

@@ -9,10 +9,10 @@ import ast
 import inspect
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     BaseModel,
@@ -153,6 +153,9 @@ class Part(BaseModel):
 
     A key with nothing behind it is as good as left out.
     """
+
+    #: words of other books and programs for its keys and their values, and what is written here
+    other_words: ClassVar[Mapping[str, str]] = {}
 
     # only that of a whole scene is built, when first asked for: a fifth of the start of a process
     model_config = ConfigDict(
