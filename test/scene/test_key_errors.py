@@ -150,7 +150,7 @@ CURVE = 'joints.contact.law.segments.0.curve'
         ('rise_dwell_return', CURVE, 'linear', "here that is 'polynomial' with 'conditions'"),
         ('slider_crank', 'joints.x.type', 'revolute', 'as in revolute: [LINK.POINT, LINK.POINT];'),
         ('slider_crank', 'brakes', {}, 'torque: -2 N m*sign(LINK_rate)}}'),
-        ('rubbing_compressor', DRY, '1 Nm', 'here that is a load: loads: {NAME: {at: LINK, torque'),
+        ('rubbing_compressor', DRY, '1 Nm', 'a load: loads: {NAME: {at: LINK, torque: -0.5 N m*'),
     ],
 )  # fmt: skip
 def test_words_of_others_lead_to_what_is_written_here(scene, key, value, says):
@@ -181,7 +181,7 @@ def test_what_stands_for_other_words_is_known_here():
         ),
         ('watched_compressor', 'sensors.a.range', "'sensors.a.range'; did you mean 'adc.range'?"),
         ('slider_crank', 'rtol', "'rtol'; did you mean 'solver.rtol'?"),
-        ('slider_crank', 'module', "'module'; did you mean 'gears.NAME.module'?"),
+        ('slider_crank', 'module', "did you mean 'joints.NAME.module' or 'gears.NAME.module'?"),
         ('rise_dwell_return', 'joints.contact.law.rise', "did you mean 'segments.0.rise'?"),
         ('slider_crank', 'links.rod.nose', "'links.rod.nose'; allowed here"),
     ],
