@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -156,6 +156,8 @@ class Part(BaseModel):
 
     #: words of other books and programs for its keys and their values, and what is written here
     other_words: ClassVar[Mapping[str, str]] = {}
+    #: its name with nothing behind it is one of its kind, as of a link, and not left out
+    by_name_alone: ClassVar[bool] = False
 
     # only that of a whole scene is built, when first asked for: a fifth of the start of a process
     model_config = ConfigDict(
@@ -169,11 +171,14 @@ class Part(BaseModel):
             return {}
         if not isinstance(data, dict):
             return data
+        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
         data = {key: plain(value) for key, value in data.items()}
-        if None not in data.values():
-            return data
-        known = {field.alias or name for name, field in cls.model_fields.items()}
-        return {k: v for k, v in data.items() if v is not None or k not in known}
+        data |= {
+            k: _without_empty_names(v, fields[k].annotation)
+            for k, v in data.items()
+            if k in fields and isinstance(v, dict) and None in v.values()
+        }
+        return {k: v for k, v in data.items() if v is not None or k not in fields}
 
     @classmethod
     def keys_for(cls, data: Any) -> list[str]:
@@ -191,6 +196,16 @@ class Part(BaseModel):
         which : `include`, `exclude`, `exclude_unset` of pydantic
         """
         return self.model_dump(by_alias=True, **which)
+
+
+def _without_empty_names(named: dict[str, Any], kind: Any) -> dict[str, Any]:
+    """Values by name without empty ones, but for parts whose name alone says something."""
+    of = get_args(kind)[-1] if get_origin(kind) is dict else Any
+    if of is Any:  # by paths of overrides, which leave out what is behind them
+        return named
+    if isinstance(of, type) and issubclass(of, Part) and of.by_name_alone:
+        return named
+    return {name: value for name, value in named.items() if value is not None}
 
 
 @cache

@@ -196,6 +196,8 @@ class LinkPart(Part, metaclass=PartMaker):
     tilt: TiltPart | None = None
     """Tilt out of its plane; it stays in the plane if not given."""
 
+    by_name_alone = True
+
 
 class PointMass(Part):
     """A mass at a point of a link, ``LINK.POINT``."""

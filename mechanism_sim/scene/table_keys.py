@@ -177,7 +177,7 @@ def allowed_file(where: str, folder: Path, name: str) -> Path:
             f"{where}: '{name}' lies outside the folder of the scene, '{folders[0]}': put it "
             f"there, or allow its folder by --tables-from '{places[0].parent}' or {TABLE_FOLDERS}"
         )
-    found = next((x for x in allowed if os.path.exists(x)), None)  # noqa: PTH110 - any name
+    found = next((x for x in allowed if os.path.exists(x)), None)
     if found is None:
         looked = "' nor in '".join(dict.fromkeys(map(str, folders)))
         raise InputError(

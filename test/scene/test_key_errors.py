@@ -222,3 +222,20 @@ def test_words_that_are_far_from_each_other_are_not_suggested():
         assert nearest(word, [known]) == ''
     for word, known in [('drvie', 'drive'), ('tpo', 'top'), ('damping', 'damping_ratio')]:
         assert nearest(word, [known]) == f"; did you mean '{known}'?"
+
+
+def test_a_name_with_nothing_behind_it_is_left_out_but_of_a_link():
+    """As any key is: `--set loads.brake=null` removes a load."""
+    scene = ms.load_scene('watched_compressor').scene
+    drive = {'coordinate': 'crank', 'speed': '60 rpm'}
+    for section in ('sensors', 'joints', 'masses', 'springs', 'drives', 'tables', 'guess'):
+        found = ms.load_scene(
+            'watched_compressor', {f'{section}.none': None, 'drive': drive}
+        ).scene
+        assert getattr(found, section) == getattr(scene, section)
+    first = next(iter(scene.sensors))
+    without = ms.load_scene('watched_compressor', {f'sensors.{first}': None})
+    assert first not in without.scene.sensors
+    text = 'title: a bar\nmechanism: linkage\nlinks: {bar: }\n'
+    text += 'joints: {pin: {revolute: [ground, bar]}}\ndrive: {coordinate: bar, speed: 1}'
+    assert list(ms.load_scene(text).scene.links) == ['bar']
