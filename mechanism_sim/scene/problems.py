@@ -10,7 +10,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError, nearest, other_word, quoted
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene.facts import facts_of
 from mechanism_sim.units import EXAMPLES
@@ -78,7 +78,7 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind == 'extra_forbidden':
         models, there = _at(model, path[:-1]), _value(data, path[:-1])
         known = _keys(models, there)
-        hint = _other_words(models, path[-1])
+        hint = _other_word(models, path[-1])
         hint = hint or nearest(path[-1], known, deeper=_deeper(models, path[-1], there))
         return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
     if kind == 'missing':
@@ -92,7 +92,7 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         return f'{where if isinstance(value, dict) else shown} {context["error"]}'.lstrip()
     if kind == 'literal_error':
         allowed = re.findall(r"'([^']*)'", str(context['expected']))
-        hint = _other_words(_at(model, path[:-1]), str(value)) or nearest(str(value), allowed)
+        hint = _other_word(_at(model, path[:-1]), str(value)) or nearest(str(value), allowed)
         return f'{shown} is not possible{hint}; allowed: {context["expected"]}'
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
@@ -104,8 +104,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     # of a value that may be one of several types, each has a problem of its own
     own = [p for p in problems if _place(p, data) == path]
     if kind == 'model_type' and len(own) == 1:
-        models = [m for m in _at(model, path) if issubclass(m, Part)]
-        known = [key for m in models for key in m.keys_for({})]
+        models = _at(model, path)
+        known = _keys(models, {})
         must = f'{shown}: it must be {_TYPES[kind]}{_instead(models, value)}'
         return f'{must}; allowed here: {", ".join(known)}'
     if kind == 'dict_type' and isinstance(value, list | tuple):
@@ -189,14 +189,10 @@ def _keys(models: Iterable[type[BaseModel]], data: Any) -> list[str]:
     return list(dict.fromkeys(key for keys in known for key in keys))
 
 
-def _other_words(models: Iterable[type[BaseModel]], word: str) -> str:
-    """A clause on a word of other books and programs, however it is joined: 3-4-5, 345, SHM."""
-    said = {_bare(w): s for m in models if issubclass(m, Part) for w, s in m.other_words.items()}
-    return f'; here that is {said[_bare(word)]}' if _bare(word) in said else ''
-
-
-def _bare(word: str) -> str:
-    return re.sub(r'\W|_', '', word).lower()
+def _other_word(models: Iterable[type[BaseModel]], word: str) -> str:
+    """A clause on a key, or on a value of one, that has another name in some models."""
+    known = {w: s for m in models if issubclass(m, Part) for w, s in m.other_words.items()}
+    return other_word(word, known)
 
 
 def _deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
