@@ -59,7 +59,9 @@ class Table(dict[str, NDArray[Any]]):
     @classmethod
     def of(cls, columns: Sequence[Column]) -> Self:
         """Columns as arrays: of whole numbers, of others, NaN where there is none, or of texts."""
-        found = {c.name: np.array(c.values, dtype=_type_of(c.values)) for c in columns}
+        found: dict[str, NDArray[Any]] = {
+            c.name: np.array(c.values, dtype=_type_of(c.values)) for c in columns
+        }
         return cls(found, {c.name: c.unit for c in columns})
 
     def __repr__(self) -> str:

@@ -376,10 +376,8 @@ def _end(run: Stream) -> Iterator[Section]:
     rows: list[tuple[str, ...]] = [('coordinate', 'position', 'speed', 'acceleration')]
     for c in physics.coordinates:
         unit = 'm' if c in physics.displacements else 'rad'
-        units = [f'{unit}{per}' for per in RATES.values()]
-        values = [data[kind][c] for kind in RATES]
-        cells = [f'{shown(x, u, 10)} {u}' for x, u in zip(values, units, strict=True)]
-        rows.append((c, *cells))
+        both = [(data[kind][c], f'{unit}{per}') for kind, per in RATES.items()]
+        rows.append((c, *(f'{shown(x, u, 10)} {u}' for x, u in both)))
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
     if states := data.get('states'):
         units = {x.label: x.unit for x in run.machine.plan.states}

@@ -176,7 +176,7 @@ def _place(problem: ErrorDetails, data: Any) -> list[str]:
 
 
 def _value(data: Any, path: Iterable[str]) -> Any:
-    """What stands at a path."""
+    """The value at a path."""
     for part in path:
         inner = enumerate(data) if isinstance(data, list | tuple) else data.items()
         data = {str(key): x for key, x in inner}[part]
