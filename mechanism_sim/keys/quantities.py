@@ -171,14 +171,17 @@ class Part(BaseModel):
             return {}
         if not isinstance(data, dict):
             return data
-        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
         data = {key: plain(value) for key, value in data.items()}
-        data |= {
-            k: _without_empty_names(v, fields[k].annotation)
-            for k, v in data.items()
-            if k in fields and isinstance(v, dict) and None in v.values()
-        }
-        return {k: v for k, v in data.items() if v is not None or k not in fields}
+        empty = [k for k, v in data.items() if v is None or (type(v) is dict and _has_none(v))]
+        if not empty:
+            return data
+        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
+        for key in set(empty) & fields.keys():
+            if data[key] is None:
+                del data[key]
+            else:
+                data[key] = _without_empty_names(data[key], fields[key].annotation)
+        return data
 
     @classmethod
     def keys_for(cls, data: Any) -> list[str]:
@@ -196,6 +199,10 @@ class Part(BaseModel):
         which : `include`, `exclude`, `exclude_unset` of pydantic
         """
         return self.model_dump(by_alias=True, **which)
+
+
+def _has_none(named: dict[str, Any]) -> bool:
+    return any(value is None for value in named.values())  # `in` would compare arrays
 
 
 def _without_empty_names(named: dict[str, Any], kind: Any) -> dict[str, Any]:

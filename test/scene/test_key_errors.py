@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 from pydantic_core.core_schema import ErrorType
@@ -239,3 +240,5 @@ def test_a_name_with_nothing_behind_it_is_left_out_but_of_a_link():
     text = 'title: a bar\nmechanism: linkage\nlinks: {bar: }\n'
     text += 'joints: {pin: {revolute: [ground, bar]}}\ndrive: {coordinate: bar, speed: 1}'
     assert list(ms.load_scene(text).scene.links) == ['bar']
+    points = {'a': np.array([0.1, 0.2]), 'b': None}
+    assert ms.LinkPart(points=points).points == {'a': (0.1, 0.2)}
