@@ -74,7 +74,7 @@ def nearest(
     close = [
         x
         for x in difflib.get_close_matches(short, list(known), 10, likeness)
-        if x[:3] == short[:3]
+        if x.startswith(short[: max(2, len(short) // 2)])
         or sorted(x) == sorted(short)
         or difflib.get_close_matches(short, [x], 1, _ALIKE)
     ]

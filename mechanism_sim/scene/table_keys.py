@@ -181,7 +181,7 @@ def allowed_file(where: str, folder: Path, name: str) -> Path:
     if found is None:
         looked = "' nor in '".join(dict.fromkeys(map(str, folders)))
         raise InputError(
-            f"{where}: there is no '{name}' in '{looked}': put it there, or say in "
-            'which folder it is by --tables-from DIR'
+            f"{where}: '{name}' cannot be read: there is none in '{looked}'; put it there, or say "
+            'in which folder it is by --tables-from DIR'
         )
     return found
