@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import reprlib
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
 
 _LONG_WORD = re.compile(r'(\S{100})\S{300,}(\S{50})')
 
@@ -56,12 +58,84 @@ def quoted(value: object) -> str:
     return _SHORT.repr(value)
 
 
-def nearest(word: str, known: Iterable[str], likeness: float = 0.5) -> str:
-    """``; did you mean 'X'?`` for the nearest of the known words, or nothing."""
+_ALIKE = 0.75
+"""Likeness of words that are one with a slip: of 'half_harmonic', 'simple_harmonic' has 0.71."""
+
+
+def nearest(
+    word: str, known: Iterable[str], likeness: float = 0.5, *, deeper: Sequence[str] = ()
+) -> str:
+    """``; did you mean 'X'?`` for the nearest of the known words, or nothing.
+
+    Parameters
+    ----------
+    likeness : 0 to 1, of words that begin alike or have the same letters; others need `_ALIKE`
+    deeper : paths that end with the word itself, which are named, too
+    """
     import difflib  # noqa: PLC0415 - few runs are refused
 
-    close = difflib.get_close_matches(word[:100], list(known), 1, likeness)
-    return f"; did you mean '{close[0]}'?" if close else ''
+    short = word[:100]
+    close = [
+        x
+        for x in difflib.get_close_matches(short, list(known), 10, likeness)
+        if x.startswith(short[: max(2, len(short) // 2)])
+        or sorted(x) == sorted(short)
+        or difflib.get_close_matches(short, [x], 1, _ALIKE)
+    ]
+    said = ' or '.join(f"'{x}'" for x in [*close[:1], *deeper])
+    return f'; did you mean {said}?' if said else ''
+
+
+def other_word(word: str, words: Mapping[str, str]) -> str:
+    """``; here that is X`` for a word of other books and programs, or nothing.
+
+    Parameters
+    ----------
+    words : what is said here, by such words; however they are joined: 3-4-5, 345
+    """
+    said = {_bare(other): own for other, own in words.items()}
+    return f'; here that is {said[_bare(word)]}' if _bare(word) in said else ''
+
+
+def _bare(word: str) -> str:
+    return re.sub(r'\W|_', '', word).lower()
+
+
+def check_options(
+    function: Callable[..., Any],
+    given: Iterable[str],
+    *others: Callable[..., Any] | str,
+    words: Mapping[str, str] = MappingProxyType({}),
+) -> None:
+    """Refuse keywords that a public function hands on, and nobody takes.
+
+    Parameters
+    ----------
+    others : functions that they are handed on to, of which those with defaults count, and names
+    words : as of `other_word`
+    """
+    known = [
+        p.name for p in _parameters(function) if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+    ]
+    for other in others:
+        known += (
+            [other]
+            if isinstance(other, str)
+            else [p.name for p in _parameters(other) if p.default is not p.empty]
+        )
+    for name in given:
+        if name not in known:
+            hint = other_word(name, words) or nearest(name, known)
+            raise InputError(
+                f"{function.__name__} has no option '{name}'{hint}; it has "
+                f'{", ".join(dict.fromkeys(known))}'
+            )
+
+
+def _parameters(function: Callable[..., Any]) -> Collection[Any]:
+    import inspect  # noqa: PLC0415 - commands need it rarely
+
+    return inspect.signature(function).parameters.values()
 
 
 def check_known(name: str | None, known: Collection[str], wrong: str, those: str) -> None:

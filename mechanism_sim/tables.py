@@ -58,11 +58,10 @@ class Table(dict[str, NDArray[Any]]):
 
     @classmethod
     def of(cls, columns: Sequence[Column]) -> Self:
-        """Columns as arrays: of numbers, NaN where there is none, or of texts."""
-        found = {}
-        for c in columns:
-            texts = any(isinstance(value, str) for value in c.values)
-            found[c.name] = np.array(c.values, dtype=object if texts else float)
+        """Columns as arrays: of whole numbers, of others, NaN where there is none, or of texts."""
+        found: dict[str, NDArray[Any]] = {
+            c.name: np.array(c.values, dtype=_type_of(c.values)) for c in columns
+        }
         return cls(found, {c.name: c.unit for c in columns})
 
     def __repr__(self) -> str:
@@ -108,6 +107,13 @@ class Table(dict[str, NDArray[Any]]):
     def to_polars(self) -> Any:
         """A `polars.DataFrame`."""
         return needed('polars').DataFrame(dict(self))
+
+
+def _type_of(values: Sequence[Any] | NDArray[Any]) -> type:
+    """The type of a column in memory: as in files, whole numbers are such if all are."""
+    if any(isinstance(value, str) for value in values):
+        return object
+    return int if len(values) and {type(value) for value in values} == {int} else float
 
 
 def _short(value: Any) -> str:

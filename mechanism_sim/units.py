@@ -84,6 +84,10 @@ _KNOWN = {
     'kJ': (Decimal(1000), 'J'),
     'W': (Decimal(1), 'W'),
     'kW': (Decimal(1000), 'W'),
+    'mW': (Decimal('1e-3'), 'W'),
+    'mJ': (Decimal('1e-3'), 'J'),
+    'km': (Decimal(1000), 'm'),
+    'dm': (Decimal('1e-1'), 'm'),
     'cm': (Decimal('1e-2'), 'm'),
     'mm': (Decimal('1e-3'), 'm'),
     'um': (Decimal('1e-6'), 'm'),
@@ -92,8 +96,12 @@ _KNOWN = {
     'ms': (Decimal('1e-3'), 's'),
     'us': (Decimal('1e-6'), 's'),
     'min': (Decimal(60), 's'),
+    'h': (Decimal(3600), 's'),
     'kHz': (Decimal(1000), 'Hz'),
     'kN': (Decimal(1000), 'N'),
+    'MN': (Decimal(1_000_000), 'N'),
+    'daN': (Decimal(10), 'N'),
+    'mN': (Decimal('1e-3'), 'N'),
     'kPa': (Decimal(1000), 'Pa'),
     'bar': (Decimal(100_000), 'Pa'),
     'MPa': (Decimal(1_000_000), 'Pa'),
@@ -276,8 +284,13 @@ def alike(a: str, b: str) -> bool:
     return (first and first.powers) == (second and second.powers)
 
 
-COMMON = tuple(_KNOWN)
-"""Names of units that are read without a library."""
+@lru_cache
+def common(unit: str) -> str:
+    """A product of common units as `read_common` reads it, ``N m`` of ``Nm``; else nothing."""
+    spelled = _respelled(unit)
+    names = [name for name, _ in _powers(spelled)]
+    known = names and not _FACTOR.sub('', spelled) and _KNOWN.keys() >= {*names}
+    return spelled if known else ''
 
 
 def read_common(number: str, unit: str) -> QuantityValue:

@@ -174,6 +174,14 @@ def open_run(
     return run
 
 
+def run_of_machine(source: Bag | Path | str | Piece | Cycle | Record, what: str) -> Record:
+    """A run whose machine is known, which `what` needs."""
+    record = open_run(source)
+    if not isinstance(record, Record):
+        raise InputError(f'{source}: {what} needs the machine, and this bag has none')
+    return record
+
+
 def is_run(source: object) -> bool:
     """True if it is a run, or the path of one, and not a scene, which is still to be run."""
     file = isinstance(source, str | Path) and str(source).endswith(BAG_ENDINGS)

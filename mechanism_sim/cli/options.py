@@ -108,7 +108,9 @@ def scene_options(
 
 def tables_option(sub: argparse.ArgumentParser) -> None:
     """Add the option for the files that scenes may name."""
-    text = 'a further folder in which tables of a scene may be, besides its own; several times'
+    text = (
+        'a further folder in which tables of a scene are looked for, after its own; several times'
+    )
     several(sub, '--tables-from', 'DIR', text)
 
 

@@ -149,6 +149,11 @@ class Friction(Part):
     efficiency: Annotated[float, si(''), Field(gt=0.0, le=1.0)] | None = None
     """Of a chain or a toothed belt, in the place of a coefficient."""
 
+    other_words = dict.fromkeys(
+        ('dry_torque', 'torque', 'coulomb_torque', 'friction_torque', 'breakaway_torque'),
+        'a load: loads: {NAME: {at: LINK, torque: -0.5 N m*sign(LINK_rate)}}',
+    )
+
     @model_validator(mode='after')
     def _one_size(self) -> Friction:
         if len({'coefficient', 'efficiency'} & self.model_fields_set) != 1:

@@ -9,10 +9,10 @@ import ast
 import inspect
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -154,6 +154,11 @@ class Part(BaseModel):
     A key with nothing behind it is as good as left out.
     """
 
+    #: words of other books and programs for its keys and their values, and what is written here
+    other_words: ClassVar[Mapping[str, str]] = {}
+    #: its name with nothing behind it is one of its kind, as of a link, and not left out
+    by_name_alone: ClassVar[bool] = False
+
     # only that of a whole scene is built, when first asked for: a fifth of the start of a process
     model_config = ConfigDict(
         extra='forbid', frozen=True, json_schema_extra=_describe, defer_build=True
@@ -167,10 +172,16 @@ class Part(BaseModel):
         if not isinstance(data, dict):
             return data
         data = {key: plain(value) for key, value in data.items()}
-        if None not in data.values():
+        empty = [k for k, v in data.items() if v is None or (type(v) is dict and _has_none(v))]
+        if not empty:
             return data
-        known = {field.alias or name for name, field in cls.model_fields.items()}
-        return {k: v for k, v in data.items() if v is not None or k not in known}
+        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
+        for key in set(empty) & fields.keys():
+            if data[key] is None:
+                del data[key]
+            else:
+                data[key] = _without_empty_names(data[key], fields[key].annotation)
+        return data
 
     @classmethod
     def keys_for(cls, data: Any) -> list[str]:
@@ -188,6 +199,20 @@ class Part(BaseModel):
         which : `include`, `exclude`, `exclude_unset` of pydantic
         """
         return self.model_dump(by_alias=True, **which)
+
+
+def _has_none(named: dict[str, Any]) -> bool:
+    return any(value is None for value in named.values())  # `in` would compare arrays
+
+
+def _without_empty_names(named: dict[str, Any], kind: Any) -> dict[str, Any]:
+    """Values by name without empty ones, but for parts whose name alone says something."""
+    of = get_args(kind)[-1] if get_origin(kind) is dict else Any
+    if of is Any:  # by paths of overrides, which leave out what is behind them
+        return named
+    if isinstance(of, type) and issubclass(of, Part) and of.by_name_alone:
+        return named
+    return {name: value for name, value in named.items() if value is not None}
 
 
 @cache

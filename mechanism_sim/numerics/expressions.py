@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from mechanism_sim.errors import InputError, nearest, quoted
-from mechanism_sim.units import COMMON, alike, product, read_common, root
+from mechanism_sim.units import alike, common, product, read_common, root
 
 SMOOTH = 'sin', 'cos', 'tan', 'exp', 'log', 'sqrt', 'tanh'
 CORNERED = 'abs', 'sign', 'min', 'max'
@@ -56,6 +56,7 @@ _LEVELS = {
 }  # fmt: skip
 """How strongly a sign between operands binds; ``not`` does as 3, a sign before a term as 7."""
 _WORDS = 'if', 'else', 'and', 'or', 'not'
+_BETWEEN_UNITS = '/', '·', '⋅'
 AFTER = (
     "after the expression in {} may stand 'from TIME', 'to TIME' and 'per revolution', each once"
 )
@@ -241,23 +242,19 @@ class _ExpressionReader:
         number, unit, start = self._now.text.replace('_', ''), '', self._now.start
         self._at += 1
         while True:
-            at = self._at + bool(unit and self._now.text == '/')
-            if self._tokens[at].text not in COMMON or self._tokens[at + 1].text == '(':
+            over = self._now.text if unit and self._now.text in _BETWEEN_UNITS else ''
+            found, count = self._unit(self._at + bool(over))
+            if not found:
                 break
-            unit += (self._take('/') or ' ') + self._now.text
-            self._at += 1
+            unit += ('/' if over == '/' else ' ') + found
+            self._at += bool(over) + count
             if self._take('^', '**'):
                 unit += f'^{self._take("-")}{self._now.text}'
                 self._at += self._now.kind == 'number' or self._refuse()
         behind, text = self._now.text, quoted(self._text)
         if self._now.kind == 'name' and behind not in _WORDS:
-            called = self._tokens[self._at + 1].text == '('
-            products = [
-                f'{a} {b}' for a in COMMON for b in COMMON if a + b == behind and not called
-            ]
-            hint = f"; did you mean '{products[0]}'? A" if products else ': a'
             raise InputError(
-                f"'{behind}' behind {number} in {text} is not a unit{hint} product is written "
+                f"'{behind}' behind {number} in {text} is not a unit: a product is written "
                 f'{number}*{behind}'
             )
         if not unit:
@@ -267,6 +264,14 @@ class _ExpressionReader:
         except (ValueError, ArithmeticError) as error:
             raise InputError(f'{text}: {error}') from error
         return self._node(start, 'number', value=value, unit=si)
+
+    def _unit(self, at: int) -> tuple[str, int]:
+        """The unit that begins at a token, and its number of tokens; nothing of a function."""
+        first, slash, last, behind = (self._tokens[at : at + 4] + [self._tokens[-1]] * 4)[:4]
+        if slash.text == '/' and behind.text != '(' and not common(first.text):
+            found = common(f'{first.text}/{last.text}')  # r/min
+            return found, 3
+        return '' if slash.text == '(' else common(first.text), 1
 
     def _call(self, token: _Token) -> ExpressionNode:
         """A function with its arguments; a figure also has words after them."""
@@ -389,7 +394,7 @@ def sides(text: str, *signs: str) -> tuple[str, str, str] | None:
 def unit_hint(name: str) -> str:
     """A clause on a name that is not known, if it is that of a unit; else nothing."""
     said = ', a unit: it stands behind its number, as in 20 N m or 300 rpm'
-    return said if name in COMMON else ''
+    return said if common(name) else ''
 
 
 # --- units ---------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Any
 
 from mechanism_sim import output
 from mechanism_sim.analysis import comparison
-from mechanism_sim.analysis.open_run import is_run, open_run
+from mechanism_sim.analysis.open_run import is_run, run_of_machine
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages import report as pages
@@ -80,9 +80,7 @@ def record_of(
 ) -> Record:
     """The run of a source, or that part of it which is asked for."""
     if is_run(source):
-        record = open_run(source)
-        if not isinstance(record, Record):
-            raise InputError(f'{source}: a report needs the machine, and this bag has none')
+        record = run_of_machine(source, 'a report')
         first = record.start if start is None else start
         if revolutions is None and duration is None:
             return record.between(first, record.end)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from mechanism_sim.analysis.open_run import Asked, AskedSignals, is_run
+from mechanism_sim.analysis.open_run import Asked, AskedSignals, is_run, run_of_machine
 from mechanism_sim.analysis.record import Record
+from mechanism_sim.errors import InputError, check_options
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.report import drawing, figures, lines
 from mechanism_sim.report.picture import Picture
@@ -19,6 +20,8 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.signal_files import is_signal_file
 from mechanism_sim.units import argument
+
+_TO_FILE = dict.fromkeys(('file', 'filename', 'output'), 'savefig(FILE) of the picture')
 
 
 def draw(
@@ -36,6 +39,11 @@ def draw(
     how : ``positions``, ``labels`` as `mechanism_sim.report.drawing.draw` has them; ``points``,
         names ``LINK.POINT`` whose paths are drawn, and ``duration`` [s] of drives without a period
     """
+    if isinstance(angle, str | Path) and Path(angle).suffix in figures.SUFFIXES:
+        raise InputError(
+            f"draw gives a picture back, which writes itself: draw(...).savefig('{angle}')"
+        )
+    check_options(draw, how, drawing.draw, 'points', 'duration', words=_TO_FILE)
     points, duration = how.pop('points', ()), how.pop('duration', None)
     still = how.get('positions', 1) == 1 and not points
     found, at = instant(load_scene(scene), angle, t, duration, points, still)
@@ -63,6 +71,7 @@ def plot(
     revolutions, duration : length of the run of a scene
     how : ``against``, ``start``, ``end`` as `mechanism_sim.report.lines.plot` has them
     """
+    check_options(plot, how, lines.plot, words=_TO_FILE)
     if isinstance(source, str | Path) and is_signal_file(source):
         return lines.plot_recorded(AskedSignals(source), *names, **how)
     if not is_run(source):
@@ -78,7 +87,7 @@ def plot(
 
 
 def animate(
-    scene: Source,
+    scene: Source | Piece | Cycle | Bag | Record,
     file: str | Path,
     run: Piece | None = None,
     *,
@@ -97,16 +106,21 @@ def animate(
 
     Parameters
     ----------
-    scene : all that `load_scene` takes
+    scene : all that `load_scene` takes, or a solution, a cycle, a bag or its path
     file : .mp4, .gif, .svg to be numbered, or a folder for SVG frames
     run : what it does, such as a solution; the scene's own run if not
     start, end, fps, speed : as `mechanism_sim.report.video.film` has them
     size : longer side, or width and height [pixels]
     shown : ``lens``, ``forces``, ``paths``, ``labels`` of `mechanism_sim.report.screen.FilmParts`
     """
-    machine, target = load_scene(scene), Target(str(file))
+    check_options(animate, shown, FilmParts)
+    target = Target(str(file))
     start, end = argument('start', start, 's'), argument('end', end, 's')
     fps = argument('fps', fps, 'Hz')
-    record = Record(machine, run or simulate(machine), {})
+    if run is None and is_run(scene):
+        record = run_of_machine(scene, 'a film')  # type: ignore[arg-type]
+    else:
+        machine = load_scene(scene)  # type: ignore[arg-type]
+        record = Record(machine, run or simulate(machine), {})
     chosen = film(record, target, start, end, fps, speed)
     return chosen.write(FilmParts(**shown), size)[0]

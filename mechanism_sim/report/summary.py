@@ -35,6 +35,7 @@ SHARE = 0.999
 
 _BRIEF = 1.5  # times the load of that share: what is larger is a peak
 _SENTENCES = 4  # of what repeats
+_ROUNDING = 1e-12  # of the greatest of its kind, as of a cycle
 _COMPLIANCE = 'deflection', 'stress', 'bearing_moment', 'axial_force'
 
 _IMPACT_KEYS = (
@@ -221,7 +222,9 @@ def energy_rows(
     initial: float, final: float, work: float, dissipated: float, missing: float, exchanged: float
 ) -> Iterator[SummaryRow]:
     """The balance of energy of a run [J]."""
-    yield SummaryRow('energy', f'{initial:.6g} J to {final:.6g}', 'J')
+    nothing = _ROUNDING * max(abs(initial), abs(final))
+    begin, end = (x if abs(x) > nothing else 0.0 for x in (initial, final))
+    yield SummaryRow('energy', f'{begin:.6g} J to {end:.6g}', 'J')
     yield amount('work of drives', work, 'J')
     yield amount('dissipated, less work of loads', dissipated, 'J')
     yield SummaryRow('energy error at the end', f'{missing:.3g}', 'J')
@@ -341,13 +344,40 @@ def sections(run: Stream, turns: ImpactTally) -> Iterator[Section]:
     yield from _end(run)
 
 
+def _nothing(run: Stream) -> dict[str, float]:
+    """By unit what is left of zero by rounding, of the greatest of its kind at the end of a run.
+
+    Forces, where there are but such, of the energy over the size of the machine.
+    """
+    physics, o, e = run.machine.physics, run.final.observed, run.energy
+    size, energy = run.machine.mechanism.size, max(abs(e.initial), abs(e.final)) if e else 0.0
+    greatest = {'rad': 1.0, 'm': size, 'N': energy / size, 'N m': energy}
+    straight = np.array([c in physics.displacements for c in physics.coordinates], bool)
+    for own, unit, length in ((~straight, 'rad', 1.0), (straight, 'm', size)):
+        speed, rate = (
+            float(np.abs(x[own]).max(initial=0.0)) for x in (o.velocity, o.acceleration)
+        )
+        greatest |= {f'{unit}/s': speed, f'{unit}/s^2': max(rate, speed**2 / length)}
+    if physics.has_forces:
+        for efforts, unit in ((o.reaction, 'N'), (o.reaction_moment, 'N m')):
+            finite = np.abs(efforts[np.isfinite(efforts)])
+            greatest[unit] = float(finite.max(initial=greatest[unit]))
+    return {unit: _ROUNDING * x for unit, x in greatest.items()}
+
+
 def _end(run: Stream) -> Iterator[Section]:
     """Coordinates at the end, and what joints, drives and links carry there."""
-    physics, data = run.machine.physics, _final(run)
+    physics, data, nothing = run.machine.physics, _final(run), _nothing(run)
+
+    def shown(value: float, unit: str, digits: int = 9) -> str:
+        value = value if abs(value) > nothing.get(unit, 0.0) else 0.0
+        return f'{value:z.{digits}g}'
+
     rows: list[tuple[str, ...]] = [('coordinate', 'position', 'speed', 'acceleration')]
     for c in physics.coordinates:
         unit = 'm' if c in physics.displacements else 'rad'
-        rows.append((c, *(f'{data[kind][c]:z.10g} {unit}{per}' for kind, per in RATES.items())))
+        both = [(data[kind][c], f'{unit}{per}') for kind, per in RATES.items()]
+        rows.append((c, *(f'{shown(x, u, 10)} {u}' for x, u in both)))
     yield Section(f'at the end, t = {run.duration:.9g} s', table=rows)
     if states := data.get('states'):
         units = {x.label: x.unit for x in run.machine.plan.states}
@@ -357,8 +387,8 @@ def _end(run: Stream) -> Iterator[Section]:
         moments = data['reaction_moments']
         carried = [('joint', 'force x', 'force y', *(['moment'] if moments else []))]
         for joint, force in reactions.items():
-            cells = ['no limit' if z is None else f'{z:z.9g} N' for z in force]
-            moment = f'{moments[joint]:z.9g} N m' if joint in moments else ''
+            cells = ['no limit' if z is None else f'{shown(z, "N")} N' for z in force]
+            moment = f'{shown(moments[joint], "N m")} N m' if joint in moments else ''
             carried.append((joint, *cells, *([moment] if moments else [])))
         yield Section(table=carried)
     known = catalogue(run.machine)
@@ -373,7 +403,7 @@ def _end(run: Stream) -> Iterator[Section]:
     loads = data.get('loads', {}).items()
     sizes += [(f'load {name}', load, physics.unknowns[name]) for name, load in loads]
     yield Section(rows=[
-        SummaryRow(name, 'not determined' if size is None else f'{size:z.9g}', unit)
+        SummaryRow(name, 'not determined' if size is None else shown(size, unit), unit)
         for name, size, unit in sizes
     ])  # fmt: skip
 

@@ -18,6 +18,7 @@ from mechanism_sim import output
 from mechanism_sim.report.derivation import Equation, MachineEquations, derive
 from mechanism_sim.report.symbols import Expression, Symbol
 from mechanism_sim.scene import Source, load_scene
+from mechanism_sim.units import unrounded
 
 _GREEK = {
     r'\theta': 'θ', r'\lambda': 'λ', r'\tau': 'τ', r'\sigma': 'σ',
@@ -31,15 +32,15 @@ _LINE = 150
 
 
 class _Text(StrPrinter):  # type: ignore[misc]
-    """Text that Python and sympy read, to the last digit."""
+    """Text that Python and sympy read, to the last digit that is not rounding."""
 
     def _print_Float(self, expr: Any) -> str:
-        return repr(float(expr))
+        return repr(unrounded(float(expr)))
 
 
 class _Latex(LatexPrinter):  # type: ignore[misc]
     def _print_Float(self, expr: Any) -> str:
-        mantissa, _, exponent = repr(float(expr)).partition('e')
+        mantissa, _, exponent = repr(unrounded(float(expr))).partition('e')
         return rf'{mantissa} \cdot 10^{{{int(exponent)}}}' if exponent else mantissa
 
 
@@ -242,7 +243,7 @@ def _signed(terms: list[str]) -> list[str]:
 
 def _value(s: Symbol) -> tuple[str, str]:
     """Value and unit as text."""
-    return '' if s.value is None else repr(s.value), s.unit
+    return '' if s.value is None else repr(unrounded(s.value)), s.unit
 
 
 def _wrapped(text: str, width: int) -> list[str]:

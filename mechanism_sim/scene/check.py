@@ -147,7 +147,7 @@ def check(machine: Machine) -> Report:
         gaps,
         _starts(machine),
         [note for note in notes if isinstance(note, Limit)],
-        _left_out(machine, len(loose)),
+        _left_out(machine, loose),
         notes,
         [*doubts(machine), *undetermined_accelerations(machine)],
         coordinate_starts(machine),
@@ -232,7 +232,7 @@ def _surfaces(c: Play) -> str:
     return contact
 
 
-def _left_out(machine: Machine, gaps: int) -> list[str]:
+def _left_out(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
     """Physics that the level leaves out, with reasons."""
     plan, level = machine.plan, machine.level
     found = []
@@ -244,9 +244,9 @@ def _left_out(machine: Machine, gaps: int) -> list[str]:
     elif not any(machine.scene.gravity):
         found.append('gravity: it is zero')
     found += unused(machine)
-    if gaps and not any(c.friction for c in machine.plan.clearances.values()):
-        found.append('friction and pin radius: none given')
-    if gaps and gaps < sum(isinstance(j, Revolute) for j in plan.joints):
+    if smooth := [name for name, c in loose.items() if c.wall and not c.friction]:
+        found.append(f'friction in the clearance of {", ".join(smooth)}: none given')
+    if loose and len(loose) < sum(isinstance(j, Revolute) for j in plan.joints):
         found.append('clearance in the other joints: none given')
     grounded = [{j.first, j.second} for j in plan.joints if GROUND in (j.first, j.second)]
     given = plan.prescribed if machine.level.dynamic else []

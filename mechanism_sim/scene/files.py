@@ -71,9 +71,10 @@ def content_of(
             raise InputError(f'{name}:{error}') from error
         return SceneContent(name, name, _keys_and_values(name, data, 'scene'), Path.cwd())
     if not isinstance(source, str | Path):
+        own = ', as .machine of this run' if hasattr(source, 'machine') else ''
         raise InputError(
             f'{quoted(source)} is not a scene: give a name, a path, YAML as text, a dictionary, '
-            'a Scene or a machine'
+            f'a Scene or a machine{own}'
         )
     path = find_scene(str(source))
     return SceneContent(path.name, path.stem, read_yaml(path, 'scene', replaced), path.parent)

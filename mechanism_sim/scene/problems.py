@@ -10,7 +10,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError, nearest, other_word, quoted
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene.facts import facts_of
 from mechanism_sim.units import EXAMPLES
@@ -30,6 +30,12 @@ _TYPES = {
     'finite_number': 'finite',
 }
 """Right values by the sort of problem."""
+
+_NAMES = 'name', 'id', 'coordinate'
+"""Keys by which entries of lists have their names elsewhere, or are said to be of a link."""
+
+_FEW = 3
+"""Paths that a sentence suggests."""
 
 _BOUNDS = {
     'greater_than': ('gt', 'more than'),
@@ -70,8 +76,10 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     path, kind, value = _place(problem, data), problem['type'], problem['input']
     where, context = '.'.join(path), problem.get('ctx', {})
     if kind == 'extra_forbidden':
-        known = _keys(model, path[:-1], data)
-        hint = nearest(path[-1], known)
+        models, there = _at(model, path[:-1]), _value(data, path[:-1])
+        known = _keys(models, there)
+        hint = _other_word(models, path[-1])
+        hint = hint or nearest(path[-1], known, deeper=_deeper(models, path[-1], there))
         return f"unknown key '{where}'{hint}; allowed here: {', '.join(known)}"
     if kind == 'missing':
         return f"'{where}' is missing"
@@ -83,7 +91,8 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind == 'value_error':
         return f'{where if isinstance(value, dict) else shown} {context["error"]}'.lstrip()
     if kind == 'literal_error':
-        hint = nearest(str(value), re.findall(r"'([^']*)'", str(context['expected'])))
+        allowed = re.findall(r"'([^']*)'", str(context['expected']))
+        hint = _other_word(_at(model, path[:-1]), str(value)) or nearest(str(value), allowed)
         return f'{shown} is not possible{hint}; allowed: {context["expected"]}'
     if kind in _BOUNDS:
         key, words = _BOUNDS[kind]
@@ -92,13 +101,16 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
         least = context['min_length']
         few = 'it must not be empty' if least == 1 else f'it must have {least} entries'
         return f'{shown}: {few}'
-    if kind == 'model_type' and len(problems) == 1:
-        models = [m for m in _at(model, path) if issubclass(m, Part)]
-        known = [key for m in models for key in m.keys_for({})]
+    # of a value that may be one of several types, each has a problem of its own
+    own = [p for p in problems if _place(p, data) == path]
+    if kind == 'model_type' and len(own) == 1:
+        models = _at(model, path)
+        known = _keys(models, {})
         must = f'{shown}: it must be {_TYPES[kind]}{_instead(models, value)}'
         return f'{must}; allowed here: {", ".join(known)}'
-    # of a value that may be one of several types, each has a problem of its own
-    ways = [_must_be(p, model, path) for p in problems if _place(p, data) == path]
+    if kind == 'dict_type' and isinstance(value, list | tuple):
+        return f'{shown}: it must be names with values, not a list: {_named_entry(value)}'
+    ways = [_must_be(p, model, path) for p in own]
     return f'{shown}: it must be {", or ".join(dict.fromkeys(filter(None, ways)))}'
 
 
@@ -118,6 +130,14 @@ def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
             continue
         return f'{alone}: write {{{field.alias or key}: {"[...]" if listed else value}}}'
     return alone
+
+
+def _named_entry(entries: Sequence[Any]) -> str:
+    """How the first of some entries of a list is written below its name, which it may have."""
+    first = entries[0] if entries and isinstance(entries[0], Mapping) else {}
+    named = next((key for key in _NAMES if isinstance(first.get(key), str)), '')
+    rest = next((f'{key}: ...' for key in first if key != named), '...')
+    return f'each entry needs a name before it, as {first.get(named, "NAME")}: {{{rest}}}'
 
 
 def _must_be(problem: ErrorDetails, model: type[BaseModel], path: list[str]) -> str:
@@ -155,15 +175,37 @@ def _place(problem: ErrorDetails, data: Any) -> list[str]:
     return [*found, str(last)] if there or problem['type'] == 'missing' else found
 
 
-def _keys(model: type[BaseModel], path: list[str], data: Any) -> list[str]:
-    """Keys allowed at a place of the schema, beside those that stand there."""
+def _value(data: Any, path: Iterable[str]) -> Any:
+    """The value at a path."""
     for part in path:
         inner = enumerate(data) if isinstance(data, list | tuple) else data.items()
         data = {str(key): x for key, x in inner}[part]
-    known = [
-        m.keys_for(data) if issubclass(m, Part) else [*m.model_fields] for m in _at(model, path)
-    ]
+    return data
+
+
+def _keys(models: Iterable[type[BaseModel]], data: Any) -> list[str]:
+    """Keys allowed in one of some models, beside those that stand there."""
+    known = [m.keys_for(data) if issubclass(m, Part) else [*m.model_fields] for m in models]
     return list(dict.fromkeys(key for keys in known for key in keys))
+
+
+def _other_word(models: Iterable[type[BaseModel]], word: str) -> str:
+    """A clause on a key, or on a value of one, that has another name in some models."""
+    known = {w: s for m in models if issubclass(m, Part) for w, s in m.other_words.items()}
+    return other_word(word, known)
+
+
+def _deeper(models: Iterable[type[BaseModel]], key: str, data: Any) -> list[str]:
+    """Paths to a key in the parts of some models; none if these are so many that they say little.
+
+    Parts by name are at NAME, the first of a list is at 0.
+    """
+    found = []
+    for above, field in ((k, f) for m in models for k in _keys([m], data) for f in _named([m], k)):
+        between = {'': '', 'list': '0.', 'dict': 'NAME.'}[facts_of(field).many]
+        if _named(_models(field.annotation), key):
+            found.append(f'{above}.{between}{key}')
+    return found if len(found) <= _FEW else []
 
 
 def _at(model: type[BaseModel], path: Iterable[str]) -> list[type[BaseModel]]:

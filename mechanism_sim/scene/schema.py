@@ -196,6 +196,8 @@ class LinkPart(Part, metaclass=PartMaker):
     tilt: TiltPart | None = None
     """Tilt out of its plane; it stays in the plane if not given."""
 
+    by_name_alone = True
+
 
 class PointMass(Part):
     """A mass at a point of a link, ``LINK.POINT``."""
@@ -208,6 +210,10 @@ class PointMass(Part):
 
 class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
+
+    other_words = dict.fromkeys(
+        ('type', 'kind'), 'the key itself, as in revolute: [LINK.POINT, LINK.POINT]'
+    )
 
     @model_validator(mode='after')
     def _one_kind(self) -> JointPart:
@@ -465,6 +471,11 @@ class AnyScene(Part):
     """Curves through points, by the names by which formulas call them, as in press(ram)."""
     measures: dict[str, str] = {}
     """Measures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
+
+    other_words = dict.fromkeys(
+        ('brake', 'brakes'),
+        'loads: {NAME: {at: LINK, torque: -2 N m*sign(LINK_rate)}}, of dry friction',
+    )
 
     def to_yaml(self) -> str:
         """The scene as a file gives it, which means the same to the last bit."""

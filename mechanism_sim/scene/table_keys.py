@@ -190,16 +190,27 @@ def _is_text(x: Any) -> bool:
 
 
 def allowed_file(where: str, folder: Path, name: str) -> Path:
-    """Where a file is, with all links followed: below the folder of the scene, or one allowed."""
+    """Where a file is, with all links followed: in the folder of the scene, or in one allowed.
+
+    They are searched in this order; a file below none of them is refused.
+    """
     others = [x for x in os.environ.get(TABLE_FOLDERS, '').split(os.pathsep) if x]
     try:
-        found = (folder / name).resolve()
         folders = [folder.resolve(), *(Path(x).resolve() for x in others)]
+        places = [(x / name).resolve() for x in folders]
     except RuntimeError as error:  # of pathlib, for links in a circle
         raise InputError(f"{where}: '{name}' cannot be read: its links form a circle") from error
-    if not any(found.is_relative_to(x) for x in folders):
+    allowed = [x for x in places if any(x.is_relative_to(above) for above in folders)]
+    if not allowed:
         raise InputError(
             f"{where}: '{name}' lies outside the folder of the scene, '{folders[0]}': put it "
-            f"there, or allow its folder by --tables-from '{found.parent}' or {TABLE_FOLDERS}"
+            f"there, or allow its folder by --tables-from '{places[0].parent}' or {TABLE_FOLDERS}"
+        )
+    found = next((x for x in allowed if os.path.exists(x)), None)
+    if found is None:
+        looked = "' nor in '".join(dict.fromkeys(map(str, folders)))
+        raise InputError(
+            f"{where}: '{name}' cannot be read: there is none in '{looked}'; put it there, or say "
+            'in which folder it is by --tables-from DIR'
         )
     return found

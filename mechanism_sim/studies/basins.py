@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, check_options
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import (
     START,
+    TURNS,
     Response,
     follow,
     read_response,
@@ -20,7 +21,7 @@ from mechanism_sim.studies.bifurcation import (
     varied,
 )
 from mechanism_sim.studies.parameters import Parameter
-from mechanism_sim.studies.runs import Call, Show, Workers
+from mechanism_sim.studies.runs import OF_WORKERS, Call, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
@@ -99,6 +100,7 @@ def basins(
     vary : lowest and highest value, and their number, by dotted path; two of them
     at_impacts, when : as of `bifurcation`
     """
+    check_options(basins, when, *TURNS, words=OF_WORKERS)
     machine = load_scene(scene)
     if len(vary) != 2:
         raise InputError(f'basins: two keys are varied, not {len(vary)}')

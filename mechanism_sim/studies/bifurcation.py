@@ -20,7 +20,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
-from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.errors import InputError, RunError, check_options, nearest
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.configuration import converted
@@ -31,7 +31,7 @@ from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, parameters
 from mechanism_sim.studies.periodic import CLOCK
-from mechanism_sim.studies.runs import Call, Row, Show, Workers
+from mechanism_sim.studies.runs import OF_WORKERS, Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
@@ -99,6 +99,10 @@ class SectionPlan:
     transient: int = 60
     keep: int = 60
     longest: int = 16
+
+
+TURNS = 'transient', 'keep', 'longest'
+"""Numbers of turns of a `SectionPlan`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +213,7 @@ def bifurcation(
     starts : whether each value is begun from the scene's own start, too
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
     """
+    check_options(bifurcation, when, *TURNS, words=OF_WORKERS)
     machine = load_scene(scene)
     if len(vary) != 1:
         raise InputError(f'bifurcation: one key is varied, not {len(vary)}; `basins` takes two')

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.errors import InputError, RunError, check_options
 from mechanism_sim.scene import Source, load_scene
 from mechanism_sim.studies.goal import CycleTrial, Goal, read_goals
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.optimum import Budget, Optimum, optimum
 from mechanism_sim.studies.parameters import Limits, Parameter, parameters, read_limits
-from mechanism_sim.studies.runs import FinishedRows, Show, Workers
+from mechanism_sim.studies.runs import OF_WORKERS, FinishedRows, Show, Workers
 from mechanism_sim.studies.trials import DIFFERENCES, EXACT, Trials
 
 _ROUNDING = 1e-12
@@ -36,7 +36,6 @@ _HOW = {
 Differences cost a run for each key, exact slopes 11 to 28: half the cycles, thrice the time.
 """
 _OF_CYCLE = 'duration', 'periods', 'start'
-_KNOWN = *_HOW, *_OF_CYCLE, 'so_that', 'minimise', 'subject_to', 'workers', 'show'
 
 
 @dataclass(frozen=True)
@@ -139,10 +138,8 @@ def find(
     -------
     Both kinds have ``values`` by path, ``measures`` and the number of ``evaluations``.
     """
+    check_options(find, how, *_HOW, *_OF_CYCLE, words=OF_WORKERS)
     asked = {key: how.pop(key, usual) for key, usual in _HOW.items()}
-    for key in how:
-        if key not in _OF_CYCLE:
-            raise InputError(f"find has no option '{key}'{nearest(key, _KNOWN)}")
     goals = read_goals(so_that, minimise, asked['maximise'], subject_to)
     machine, samples = load_scene(scene), asked['samples']
     if samples < 2:

@@ -34,7 +34,7 @@ import scipy
 
 from mechanism_sim import strict_json
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, nearest
+from mechanism_sim.errors import InputError, RunError, check_options, nearest
 from mechanism_sim.joints.contact_keys import Clearance, WearPart
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
@@ -240,6 +240,7 @@ def life(
     bags : folder for a bag of each stage
     how : ``tolerance``, ``revolutions``, ``skip`` of `LifePlan`
     """
+    check_options(life, how, LifePlan)
     machine = load_scene(scene)
     plan = LifePlan(cycles=float(cycles), **how)
     worn = _worn_bearings(machine, plan)

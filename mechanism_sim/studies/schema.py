@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -88,3 +89,8 @@ class SweepFile(Part):
     """Record every run: scene, laws, motion, impacts and changes of mode."""
     windows: WindowsPart | None = None
     """Cut windows from the signals of the sensors."""
+
+    other_words: ClassVar[Mapping[str, str]] = {
+        'seed': "'design.seed' of what is drawn at random, and of the noise of a sensor "
+        'set: {sensors.NAME.noise.seed: 1}'
+    }

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from mechanism_sim import output, tables
 from mechanism_sim.engine import plotting
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, check_options
 from mechanism_sim.scene import Source
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
 from mechanism_sim.studies.row import SweepTask
-from mechanism_sim.studies.runs import Row, Show, Workers, has_failed
+from mechanism_sim.studies.runs import OF_WORKERS, Row, Show, Workers, has_failed
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Shard
@@ -69,6 +69,7 @@ def sweep(
         below ``if __name__ == '__main__':``, as two and more
     how : ``dask``, ``bags``, ``windows``, ``restart``, ``show`` of `run_plan`
     """
+    check_options(sweep, how, run_plan, words=OF_WORKERS)
     plan = read_plan(source, measures, scene=scene)
     with tempfile.TemporaryDirectory() as folder:
         table = Path(file) if file else Path(folder) / 'sweep.csv'

@@ -285,7 +285,7 @@ def test_blocks_of_a_trigger_are_turns_and_no_gaps():
     ('options', 'words'),
     [
         (['--spectrum', 'rocker'], "no sensor 'rocker'"),
-        (['--wear', 'crank_coupler'], "did you mean 'coupler_rocker'?"),
+        (['--wear', 'crank_coupler'], 'such joints of four_bar_clearance: coupler_rocker'),
         (['--average', 'speed.coupler'], 'no quantity'),
         (['--skip', '9', '--orders', 'rocker_accelerometer'], 'whole turns'),
         (['--skip', '-1', '--wear', JOINT], 'at least 0'),

@@ -175,7 +175,7 @@ def test_common_units_are_those_of_pint_to_the_last_bit(number, factors):
         assert mine == expected
 
 
-@pytest.mark.parametrize('unit', units.COMMON)
+@pytest.mark.parametrize('unit', units._KNOWN)
 def test_units_in_formulas_are_those_of_numbers(unit):
     found = units.read_common('3', unit)
     assert found.value == units._text_to_si(f'3 {unit}', found.unit, 'hint')

@@ -242,6 +242,19 @@ def test_what_is_no_scene_is_one_sentence(source, said):
          'the second value must be larger'),
         (lambda: ms.sweep({'grid': {}}, scene='pendulum'), "either 'revolutions' or 'duration'"),
         (lambda: ms.report('pendulum', 'a.pdf'), '.html'),
+        (lambda: ms.draw('pendulum', 'x.svg'), "draw(...).savefig('x.svg')"),
+        (lambda: ms.draw('pendulum', file='x.svg'), 'here that is savefig(FILE) of the picture'),
+        (lambda: ms.draw('pendulum', position=3), "has no option 'position'; did you mean 'pos"),
+        (lambda: ms.plot('pendulum', agains='t'), "plot has no option 'agains'; did you mean 'ag"),
+        (lambda: ms.animate('pendulum', 'x.gif', label='all'), "did you mean 'labels'?; it has"),
+        (lambda: ms.ensemble('pendulum', {}, n_jobs=2), "no option 'n_jobs'; here that is 'worke"),
+        (lambda: ms.ensemble('pendulum', {}, mesures=''), "'mesures'; did you mean 'measures'?"),
+        (lambda: ms.sweep('x', processes=2), "no option 'processes'; here that is 'workers'; it"),
+        (lambda: ms.find('pendulum', {}, cores=2), "no option 'cores'; here that is 'workers'"),
+        (lambda: ms.life('pendulum', tolerances=1), "did you mean 'tolerance'?; it has scene, un"),
+        (lambda: ms.bifurcation('pendulum', {}, joint=''), "bifurcation has no option 'joint'"),
+        (lambda: ms.basins('pendulum', {}, transients=3), "did you mean 'transient'?; it has"),
+        (lambda: ms.draw(ms.simulate('pendulum', duration=0.1)), 'or a machine, as .machine of'),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_one_sentence(call, said, tmp_path, monkeypatch):
@@ -259,3 +272,13 @@ def test_parts_of_a_scene_have_their_keys_in_their_signatures():
     scene = inspect.signature(ms.Scene).parameters
     assert {'links', 'joints', 'loads', 'springs', 'tables', 'measures'} <= {*scene}
     assert AffineTorque(constant='2 Nm').constant == 2.0
+
+
+@pytest.mark.parametrize('name', [n for n in ms.__all__ if inspect.isfunction(getattr(ms, n))])
+def test_keywords_that_nobody_takes_are_refused_by_the_name_of_the_function(name):
+    """Not by that of a private one which they are handed on to."""
+    function = getattr(ms, name)
+    needed = [p for p in inspect.signature(function).parameters.values() if p.default is p.empty]
+    count = sum(p.kind is p.POSITIONAL_OR_KEYWORD for p in needed)
+    with pytest.raises((InputError, TypeError), match=rf"^{name}(\(\) got| has no option).*'zzz'"):
+        function(*['pendulum'] * count, zzz=1)

@@ -57,6 +57,17 @@ def test_a_force_that_is_nothing_has_no_sign():
     assert ' -0 ' not in told
 
 
+def test_what_rounding_leaves_of_zero_is_shown_as_zero():
+    """A Geneva wheel that rests carries nothing; JSON has what is computed."""
+    free = 'drive={coordinate: crank, torque: {constant: 1}, speed: 120 rpm, start_angle: 180 deg}'
+    asked = 'solve', 'geneva', '--duration', '0.5', '--set', free, '--set', 'gravity=[0, 0]'
+    told = run(*asked).stdout.partition('at the end')[2]
+    assert re.search(r'^  ground_crank +0 N +0 N$', told, re.MULTILINE)
+    assert not re.search(r'e-[2-9]\d', told)
+    reactions = run_json(*asked)['final']['reactions'].values()
+    assert any(0.0 < abs(x) < 1e-20 for force in reactions for x in force)
+
+
 def test_all_endings_are_told(tmp_path):
     done = run('plot', 'slider_crank', 'drive_torque', '-o', str(tmp_path / 'a.jpg'))
     assert done.returncode == 2

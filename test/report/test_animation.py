@@ -72,6 +72,18 @@ def joints(machine, solution, t):
     return {'crank_coupler': A, 'coupler_rocker': pin}, pin - bushing
 
 
+def test_a_solution_is_filmed_as_its_machine_with_it_is(machine, solution, tmp_path):
+    how = {'start': 0.15, 'end': 0.16, 'speed': 0.01, 'fps': 2.0}
+    for name, given in (('a', (solution,)), ('b', (machine, solution))):
+        first, *more = given
+        ms.animate(first, tmp_path / name, *more, **how)
+    for k in range(2):
+        one, other = (tmp_path / name / f'frame_{k:04d}.svg' for name in 'ab')
+        assert {n: [*x] for n, x in circles(one).items()} == {
+            n: [*x] for n, x in circles(other).items()
+        }
+
+
 def test_frames_of_svg_show_pins_where_the_run_has_them(machine, solution, tmp_path):
     """Pins of the frame give the scale; the bearing is magnified so that its clearance is seen."""
     files = ms.animate(

@@ -826,3 +826,13 @@ def test_pages_and_notebooks_have_set_mathematics(variant):
     letters = {''.join(x.itertext()) for x in root.iter('mi')}
     assert not [x for x in letters if '_' in x or 'dot' in x]  # all indices are set below
     assert str(set_by) == set_by.plain()
+
+
+def test_numbers_have_the_digits_that_they_have():
+    """Not those of rounding, in text and in LaTeX."""
+    rounded = {'links.piston.mass': 0.1 * 0.1 * 0.125, 'links.rod.inertia': 0.1 * 3.0}
+    setter = ms.equations(ms.load_scene('slider_crank', rounded))
+    assert [repr(x) for x in rounded.values()] == ['0.0012500000000000002', '0.30000000000000004']
+    for text in (setter.plain(), setter.latex()):
+        assert '0.00125' in text
+        assert not re.search(r'\d\.\d*(0{8}|9{8})\d', text)

@@ -208,3 +208,16 @@ def test_forces_that_are_not_determined_name_it_too():
     notes = check(parallelogram(mass=1.0, inertia=0.001)).notes
     open_ = next(note for note in notes if note.startswith('not determined'))
     assert 'reaction.R' in open_
+
+
+def test_what_is_said_to_be_left_out_is_nowhere_in_the_notes():
+    """Friction of an ideal joint is no friction in the clearance of another."""
+    pin = {'joints.pinion_bearing.friction': {'coefficient': 0.1, 'radius': '10 mm'}}
+    name = next(iter(ms.load_scene('gear_rattle').scene.joints))
+    pin = {key.replace('pinion_bearing', name): value for key, value in pin.items()}
+    found = check(ms.load_scene('gear_rattle', pin))
+    assert f'{name}: friction, coefficient 0.1' in '\n'.join(found.notes)
+    said = [item for item in found.left_out if 'friction' in item]
+    assert said == ['friction in the clearance of mesh: none given']
+    rubbing = {**pin, 'joints.mesh.backlash.friction': 0.1}
+    assert not [x for x in check(ms.load_scene('gear_rattle', rubbing)).left_out if 'frict' in x]

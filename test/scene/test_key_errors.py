@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from typing import Any, get_args
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 from pydantic_core.core_schema import ErrorType
 
 import mechanism_sim as ms
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.joints.cam.keys import SegmentPart
+from mechanism_sim.joints.contact_keys import Friction
 from mechanism_sim.joints.joint_keys import KINDS
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene.four_bar import FourBarScene
@@ -130,3 +133,112 @@ def test_what_is_said_of_some_wrong_values(key: str, value: object, says: str) -
     with pytest.raises(InputError) as refused:
         ms.load_scene('slider_crank_engine' if 'rocker' not in key else 'loader', {key: value})
     assert says in str(refused.value)
+
+
+DRY = 'joints.crank_rod.friction.dry_torque'
+CURVE = 'joints.contact.law.segments.0.curve'
+
+
+@pytest.mark.parametrize(
+    ('scene', 'key', 'value', 'says'),
+    [
+        ('rise_dwell_return', CURVE, 'simple_harmonic', "here that is 'harmonic';"),
+        ('rise_dwell_return', CURVE, 'SHM', "here that is 'harmonic';"),
+        ('rise_dwell_return', CURVE, 'parabolic', "here that is 'constant_acceleration';"),
+        ('rise_dwell_return', CURVE, '3-4-5', "here that is 'polynomial_345';"),
+        ('rise_dwell_return', CURVE, 345, "here that is 'polynomial_345';"),
+        ('rise_dwell_return', CURVE, '4-5-6-7', "here that is 'polynomial_4567';"),
+        ('rise_dwell_return', CURVE, 'linear', "here that is 'polynomial' with 'conditions'"),
+        ('slider_crank', 'joints.x.type', 'revolute', 'as in revolute: [LINK.POINT, LINK.POINT];'),
+        ('slider_crank', 'brakes', {}, 'torque: -2 N m*sign(LINK_rate)}}'),
+        ('rubbing_compressor', DRY, '1 Nm', 'a load: loads: {NAME: {at: LINK, torque: -0.5 N m*'),
+    ],
+)  # fmt: skip
+def test_words_of_others_lead_to_what_is_written_here(scene, key, value, says):
+    with pytest.raises(InputError) as refused:
+        ms.load_scene(scene, {key: value})
+    assert says in str(refused.value)
+
+
+def test_what_stands_for_other_words_is_known_here():
+    """Names in quotes are allowed values, those in flow style are read."""
+    for word, said in SegmentPart.other_words.items():
+        for name in re.findall(r"^'(\w+)'$", said):
+            assert name in get_args(SegmentPart.model_fields['curve'].annotation), word
+    law = {'points': [['0 deg', 0], ['120 deg', '20 mm'], ['360 deg', 0]], 'degree': 1}
+    ms.load_scene('rise_dwell_return', {'joints.contact.law': law})
+    for load in (Friction.other_words['dry_torque'], Scene.other_words['brakes']):
+        text = re.search(r'torque: ([^}]*)', load)[1].replace('LINK', 'crank')
+        ms.load_scene('slider_crank', {'loads.brake': {'at': 'crank', 'torque': text}})
+
+
+@pytest.mark.parametrize(
+    ('scene', 'key', 'says'),
+    [
+        (
+            'watched_compressor',
+            'sensors.a.jitter',
+            "'sensors.a.jitter'; did you mean 'adc.jitter'?",
+        ),
+        ('watched_compressor', 'sensors.a.range', "'sensors.a.range'; did you mean 'adc.range'?"),
+        ('slider_crank', 'rtol', "'rtol'; did you mean 'solver.rtol'?"),
+        ('slider_crank', 'module', "did you mean 'joints.NAME.module' or 'gears.NAME.module'?"),
+        ('rise_dwell_return', 'joints.contact.law.rise', "did you mean 'segments.0.rise'?"),
+        ('slider_crank', 'links.rod.nose', "'links.rod.nose'; allowed here"),
+    ],
+)
+def test_a_key_of_a_part_of_the_part_is_suggested_with_its_path(scene, key, says):
+    with pytest.raises(InputError) as refused:
+        ms.load_scene(scene, {key: 1})
+    assert says in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'says'),
+    [
+        ('drives', [{'coordinate': 'left', 'position': '30 deg'}], 'as left: {position: ...}'),
+        ('links', [{'name': 'rod', 'length': '0.3 m'}], 'as rod: {length: ...}'),
+        ('loads', [{'at': 'rod', 'force': [0, 0]}], 'as NAME: {at: ...}'),
+        ('loads', [3], 'as NAME: {...}'),
+        ('loads', [], 'as NAME: {...}'),
+    ],
+)
+def test_a_list_in_the_place_of_names_is_shown_with_a_name(key, value, says):
+    with pytest.raises(
+        InputError, match='names with values, not a list: each entry needs a'
+    ) as no:
+        ms.load_scene('slider_crank', {key: value})
+    assert str(no.value).endswith(says)
+
+
+def test_an_example_of_a_key_is_given_beside_other_problems():
+    with pytest.raises(InputError, match=r'write \{width: 0\.15 mm\}; allowed here: width'):
+        ms.load_scene('gear_rattle', {'joints.mesh.backlash': '0.15 mm', 'sensors.a': 5})
+
+
+def test_words_that_are_far_from_each_other_are_not_suggested():
+    far = [('simple_harmonic', 'half_harmonic'), ('parabolic', 'harmonic'), ('linear', 'spline')]
+    far += [('jitter', 'integrator'), ('range', 'transducer'), ('seed', 'scene'), ('type', 'rope')]
+    for word, known in [*far, ('brakes', 'tables')]:
+        assert nearest(word, [known]) == ''
+    for word, known in [('drvie', 'drive'), ('tpo', 'top'), ('damping', 'damping_ratio')]:
+        assert nearest(word, [known]) == f"; did you mean '{known}'?"
+
+
+def test_a_name_with_nothing_behind_it_is_left_out_but_of_a_link():
+    """As any key is: `--set loads.brake=null` removes a load."""
+    scene = ms.load_scene('watched_compressor').scene
+    drive = {'coordinate': 'crank', 'speed': '60 rpm'}
+    for section in ('sensors', 'joints', 'masses', 'springs', 'drives', 'tables', 'guess'):
+        found = ms.load_scene(
+            'watched_compressor', {f'{section}.none': None, 'drive': drive}
+        ).scene
+        assert getattr(found, section) == getattr(scene, section)
+    first = next(iter(scene.sensors))
+    without = ms.load_scene('watched_compressor', {f'sensors.{first}': None})
+    assert first not in without.scene.sensors
+    text = 'title: a bar\nmechanism: linkage\nlinks: {bar: }\n'
+    text += 'joints: {pin: {revolute: [ground, bar]}}\ndrive: {coordinate: bar, speed: 1}'
+    assert list(ms.load_scene(text).scene.links) == ['bar']
+    points = {'a': np.array([0.1, 0.2]), 'b': None}
+    assert ms.LinkPart(points=points).points == {'a': (0.1, 0.2)}

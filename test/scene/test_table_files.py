@@ -95,6 +95,23 @@ def test_a_folder_of_tables_can_be_allowed(scene, tmp_path, monkeypatch, capsys)
     assert 'not a regular file' in refusal(scene('/dev/zero'))
 
 
+def test_a_table_is_looked_for_in_all_folders_that_of_the_scene_first(
+    scene, tmp_path, monkeypatch
+):
+    """What a scene names by a path that leads out of a folder is not found in others."""
+    (tmp_path / 'data').mkdir()
+    monkeypatch.setenv(TABLE_FOLDERS, f'{tmp_path / "none"}{os.pathsep}{tmp_path / "data"}')
+    file = scene(text=None)
+    for folder in (file.parent, tmp_path / 'none', tmp_path / 'data'):
+        assert f"'{folder}'" in refusal(file)  # it says where it looked
+    (tmp_path / 'data' / 'load.csv').write_text(GOOD)
+    assert load_scene(str(file)).scene.tables['load'].points[-1][1].value == 2.0
+    scene(text=GOOD.replace(',2', ',3'))
+    assert load_scene(str(file)).scene.tables['load'].points[-1][1].value == 3.0
+    (tmp_path / 'load.csv').write_text(GOOD)
+    assert 'lies outside the folder of the scene' in refusal(scene('../load.csv'))
+
+
 def test_what_has_no_end_or_no_beginning_is_refused_at_once(scene):
     """In a process of its own: it would hang, or grow until nothing is left."""
     file = scene(text=None)

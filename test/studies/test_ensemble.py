@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from four_bars import RADIAL
 
@@ -107,6 +108,17 @@ def test_a_row_that_fails_says_why_and_others_go_on():
     assert found['digest'][0] is None
     assert found.solutions[0] is None
     assert found.solutions[1].digest() == found['digest'][1]
+
+
+def test_whole_numbers_are_such_in_memory_as_in_files(tmp_path):
+    """Unless one is missing."""
+    runs = {'scene': SCENE, 'revolutions': 1, 'grid': {'drive.speed': [30, 31]}}
+    found = ms.sweep(runs, tmp_path / 'table.parquet')
+    kept = pq.read_table(tmp_path / 'table.parquet').to_pandas()
+    assert found['run'].dtype == found['steps'].dtype == np.int64
+    for name, values in found.items():
+        assert values.dtype == object or values.dtype == kept[name].dtype, name
+    assert ms.ensemble(SCENE, {'drive.speed': [30, 31]}, 1).to_frame().run.dtype == np.int64
 
 
 @pytest.mark.parametrize(

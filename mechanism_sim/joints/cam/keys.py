@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -79,6 +80,12 @@ Curve = Literal[
 ]
 
 
+_UNIFORM = (
+    "'polynomial' with 'conditions' on the velocity at both ends, where the speed jumps, or "
+    "'points' of the law with 'degree: 1'"
+)
+
+
 class ConditionPart(Part):
     """Conditions on a polynomial at a place of its segment."""
 
@@ -114,6 +121,14 @@ class SegmentPart(Part):
     """Points of a spline, from [0, 0] to [1, 1]."""
     ends: Literal['clamped', 'natural', 'not-a-knot'] = 'clamped'
     """Of a spline."""
+
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('simple_harmonic', 'SHM', 'cosine', 'sinusoidal'), "'harmonic'"),
+        **dict.fromkeys(('parabolic', 'quadratic'), "'constant_acceleration'"),
+        **dict.fromkeys(('3-4-5', 'poly345', 'quintic'), "'polynomial_345'"),
+        **dict.fromkeys(('4-5-6-7', 'poly4567'), "'polynomial_4567'"),
+        **dict.fromkeys(('linear', 'constant_velocity', 'uniform'), _UNIFORM),
+    }
 
     @model_validator(mode='after')
     def _points_make_a_spline(self) -> SegmentPart:
