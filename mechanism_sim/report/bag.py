@@ -273,7 +273,11 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
         f'Hz, RMS {math.sqrt(whole * s.step):.6g} of all lines'
     )
-    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the total'), *rows])
+    # the mean of each segment is taken off (Welch), and what is slower with it
+    span = 1.0 / s.step if s.step else math.inf
+    note = f'RMS and shares are those about the mean of each segment of {span:.4g} s'
+    head = 'peak at [Hz]', line.unit, 'share of all lines'
+    return Section(title, table=[head, *rows], notes=[note])
 
 
 def _envelope(name: str, line: SignalSpectrum) -> Section:
