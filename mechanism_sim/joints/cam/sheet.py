@@ -13,13 +13,13 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
 from mechanism_sim.joints.cam.interference import find_cut_away
 from mechanism_sim.joints.cam.laws import DERIVATIVES, check_smoothness
+from mechanism_sim.joints.cam.outlines import OutlineLaw
 from mechanism_sim.joints.cam.profiles import (
     Cam,
     drawing_angles,
     extent,
     find_flaws,
     greatest,
-    smallest_base_radius,
 )
 from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure, Polygon, Sheet
 
@@ -44,9 +44,12 @@ class CamParts(JointParts):
         cam, law = joint.cam, joint.cam.law
         remarks = [str(flaw) for flaw in (*find_flaws(cam, clearance), *find_cut_away(cam))]
         figures = list(_cam_figures(cam, sense * self.speed(joint.first)))
-        if isinstance(cam.follower, Translating | Oscillating) and not law.reciprocating:
+        # a profile that is given has but one base circle
+        given = isinstance(law, OutlineLaw) and cam.law_on is None
+        rises = isinstance(cam.follower, Translating | Oscillating)
+        if rises and not law.reciprocating and not given:
             try:
-                radius = smallest_base_radius(law, cam.follower, PRESSURE_ANGLE)
+                radius = cam.smallest_base_radius(PRESSURE_ANGLE)
                 figures.append(PartFigure('base_radius_for_30_deg', radius, 'm'))
             except InputError as told:
                 remarks.append(f'{told}')
