@@ -21,6 +21,7 @@ from mechanism_sim.numerics.extremes import ExtremeSearch
 
 #: points of a piece of a law at which an extreme is looked for first
 SAMPLES = 181
+_SAME = 1e-9  # [m] between points that are one; both limits at a break are drawn if they differ
 _BLURRED = 4.0  # times the rounding of values: what is as high as the greatest
 _HALVED = 50  # times, from a piece of a law down to rounding
 _WIDER = 1.25  # factor between base radii that are looked at, up to 750 times as large or small
@@ -227,6 +228,18 @@ def drawing_angles(law: Law, step: float) -> Array:
     return np.concatenate(
         [np.linspace(*p, max(n, 2)) for p, n in zip(pieces, counts, strict=True)]
     )
+
+
+def outline_angles(law: Law) -> Array:
+    """Angles (n,) of a turn or stroke between which a polygon is the profile: 0.05 um of 100 mm."""
+    return drawing_angles(law, extent(law) / 3600)
+
+
+def distinct(points: Array, closed: bool) -> Array:
+    """Points (2, n) without those that repeat the one before, as at the breaks of a law."""
+    moved = np.hypot(*np.diff(points, prepend=points[:, -1:])) > _SAME
+    moved[0] |= not closed
+    return points[:, moved]
 
 
 def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float | None, float]:
