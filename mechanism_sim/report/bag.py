@@ -338,9 +338,9 @@ def _map(part: str, wear: WearMap) -> Section:
         f'sliding work {wear.work.sum():.6g} J'
     )
     hardest = sorted(range(len(wear.load_way)), key=lambda k: -wear.load_way[k])[:_SECTORS]
-    rows = [
-        (f'{math.degrees(wear.middles[k]):.4g}', float(wear.load_way[k]), float(wear.work[k]),
-         float(wear.impulse[k]))
+    rows = [  # in as many digits as hold, see `wear_sums`
+        (f'{math.degrees(wear.middles[k]):.4g}',
+         *(f'{x[k]:.3g}' for x in (wear.load_way, wear.work, wear.impulse)))
         for k in sorted(hardest)
     ]  # fmt: skip
     return Section(title, table=[('direction [deg]', 'N m', 'J', 'impacts [N s]'), *rows])

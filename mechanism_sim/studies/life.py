@@ -366,7 +366,7 @@ def wear_in(
     for joint in joints:
         play = machine.plan.clearances[joint]
         assert isinstance(play, Clearance) and play.wear  # noqa: S101, PT018 - it wears
-        sums = wear_sums(machine, solution, joint, PLACES, times, play.journal, shared=True) / size
+        sums = wear_sums(machine, solution, joint, PLACES, times, play.journal) / size
         degree = play.profile.harmonics if play.profile else 16
         worn = [_smooth(_depth(s, play, play.wear, k), degree) for k, s in enumerate(sums)]
         row['depths'][joint], row['scatter'][joint] = np.transpose(worn, (1, 0, 2)).tolist()
