@@ -44,7 +44,7 @@ class LineSpectrum:
         return float(self.frequency[1]) if len(self.frequency) > 1 else 0.0
 
     def strongest(self, count: int) -> list[tuple[float, float]]:
-        """The highest of the local peaks as (frequency, value), in falling order; 0 Hz left out."""
+        """The highest local peaks as (frequency, value), in falling order; 0 Hz left out."""
         peaks = self._peaks()
         chosen = peaks[np.argsort(self.values[peaks])[::-1][:count]]
         return [(float(self.frequency[k]), float(self.values[k])) for k in chosen]

@@ -231,7 +231,7 @@ def drawing_angles(law: Law, step: float) -> Array:
 
 
 def outline_angles(law: Law) -> Array:
-    """Angles (n,) of a turn or stroke between which a polygon is the profile: 0.05 um of 100 mm."""
+    """Angles (n,) of the corners of a drawn profile, which keep a radius of 100 mm to 0.05 um."""
     return drawing_angles(law, extent(law) / 3600)
 
 

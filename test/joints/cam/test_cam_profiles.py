@@ -308,7 +308,7 @@ def test_the_place_of_an_extreme_is_known_and_that_of_a_constant_is_none():
     begin, end = diagram.breaks[1:3]
     assert end - begin < turn
     for power in (2, 3, 4):  # a break is met exactly
-        at, _ = greatest(diagram, lambda x, p=power: -np.abs(np.sin(0.5 * (x - begin))) ** p)
+        at, _ = greatest(diagram, lambda x, p=power: -(np.abs(np.sin(0.5 * (x - begin))) ** p))
         assert at == begin
     flat = greatest(diagram, lambda x: np.where((x > begin) & (x < end), 1.0, 0.5))
     assert flat == (begin, 1.0)
