@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -43,6 +43,9 @@ from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.units import argument, product
 
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
+
+
+Texts: TypeAlias = str | Sequence[str] | Mapping[str, str]
 
 
 class Measured(NamedTuple):
@@ -201,8 +204,8 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
 
 def measure(
     scene: Source | Piece,
-    pieces: Iterable[Piece] | Piece | str = (),
-    *texts: str,
+    pieces: Iterable[Piece] | Piece | Texts = (),
+    *texts: Texts,
     since: float | str = 0.0,
     until: float | str = math.inf,
 ) -> list[Measured]:
@@ -218,26 +221,41 @@ def measure(
     ----------
     scene : a run, a solution say, and the texts follow; or all that `load_scene` takes
     pieces : of the scene a `Solution`, or a `stream`
-    texts : the measures; those of the scene without any
+    texts : the measures, one by one or as lists, or as a dictionary by name; those of the scene
+        without any
     since, until : the window [s] of figures that name none
     """
     own: Any = getattr(scene, 'piece', scene)  # of a recorded run
     if isinstance(own, Piece):
-        first = (pieces,) if isinstance(pieces, str) else ()
+        first: Any = () if isinstance(pieces, tuple) and not pieces else (pieces,)
         return measure(own.machine, own, *first, *texts, since=since, until=until)
-    if isinstance(pieces, str):
-        raise InputError(f'measure: {quoted(pieces)} is of a run: give a solution before it')
+    asked = _flat(texts)
     machine = load_scene(own)
     window = argument('since', since, 's'), argument('until', until, 's')
-    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
-    for piece in [pieces] if isinstance(pieces, Piece) else pieces:
+    taken = Measurement(machine, asked if texts else dict(machine.scene.measures), *window)
+    for piece in [pieces] if isinstance(pieces, Piece | str) else pieces:
+        if not isinstance(piece, Piece):
+            raise InputError(f'measure: {quoted(piece)} is of a run: give a solution before it')
         taken.add(piece)
     found, known = taken.found(), pieces.derivatives if isinstance(pieces, Solution) else {}
-    asked = dict.fromkeys(m.text for m in found)  # measures of two names may be one text
-    slopes = {p: d.measures(*asked, window=window) for p, d in known.items() if asked}
+    each = dict.fromkeys(m.text for m in found)  # measures of two names may be one text
+    slopes = {p: d.measures(*each, window=window) for p, d in known.items() if each}
     return [
         m._replace(derivatives={p: values[m.text] for p, values in slopes.items()}) for m in found
     ]
+
+
+def _flat(given: Sequence[Texts]) -> dict[str, str] | list[str]:
+    """Texts of measures that are given one by one, in lists, or by name."""
+    if len(given) == 1 and isinstance(given[0], Mapping):
+        return dict(given[0])
+    found: list[str] = []
+    for part in given:
+        texts = part if isinstance(part, list | tuple) else [part]
+        if wrong := [x for x in texts if not isinstance(x, str)]:
+            raise InputError(f'measure: {quoted(wrong[0])} is no text of a measure')
+        found += texts
+    return found
 
 
 def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:

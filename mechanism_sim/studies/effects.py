@@ -141,7 +141,7 @@ def _independent(plan: SweepPlan) -> NDArray[np.bool_]:
     if plan.design is None or plan.design.kind != INDICES:
         return np.full(len(k), True)
     n, d = plan.design.samples, len(plan.factors)
-    repeat = 1 + max(run.values.get(REPEAT, 0) for run in plan.runs)
+    repeat = 1 + max(int(run.values.get(REPEAT) or 0) for run in plan.runs)
     # points follow each other within lists and grids, and each is repeated in its place
     return np.asarray(k // repeat % (n * (d + 2)) < 2 * n)
 

@@ -152,7 +152,7 @@ def test_the_smallest_base_circle_of_an_eccentric_cam(e, roller):
 
 @pytest.mark.parametrize('limit', [25.0, 35.0])
 def test_the_smallest_base_circle_of_a_tangent_cam(limit):
-    """Where the limit is met at its end, the flank is as long as its tangent by base and roller."""
+    """The limit is met at the end of the flank, whose length is that of a tangent."""
     slope = math.tan(math.radians(limit)) ** 2
     # lift^2 + 2 lift (base - nose) = slope (base + roller)^2
     square = (

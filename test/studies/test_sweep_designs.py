@@ -251,7 +251,7 @@ def test_the_share_beyond_a_limit_is_that_of_the_distribution():
 
 def test_the_interval_of_a_share_is_that_of_independent_runs():
     """Of a figure of one value of six most runs of a design for indices say the same again."""
-    uniform = dict.fromkeys('abcdef', [0.0, 1.0])
+    uniform = {name: [0.0, 1.0] for name in 'abcdef'}
     limits = {'y': MeasureLimits(-math.inf, 0.9)}
     plan, rows = study(uniform, 'sobol_indices', 64, lambda a, *_: a, limits)
     (found,) = exceedances(plan, rows)
