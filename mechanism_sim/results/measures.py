@@ -251,7 +251,7 @@ def _flat(given: Sequence[Texts]) -> dict[str, str] | list[str]:
         return dict(given[0])
     found: list[str] = []
     for part in given:
-        texts = part if isinstance(part, list | tuple) else [part]
+        texts: Sequence[Any] = part if isinstance(part, list | tuple) else [part]
         if wrong := [x for x in texts if not isinstance(x, str)]:
             raise InputError(f'measure: {quoted(wrong[0])} is no text of a measure')
         found += texts
