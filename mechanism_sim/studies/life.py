@@ -51,6 +51,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from mechanism_sim.studies.columns import PER_TURN
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
@@ -185,7 +186,7 @@ class Life:
                 words = name.replace('_', ' ')
                 every.append(Column(f'{name}.{joint}', [float(x) for x in values], 'm', words))
             counts = [float(s.impacts[k]) for s in stages]
-            every.append(Column(f'impacts.{joint}', counts, '', 'in a cycle'))
+            every.append(Column(f'impacts.{joint}', counts, PER_TURN, 'in a cycle'))
         for name, unit in self.units.items():
             every.append(Column(name, [s.figures[name] for s in stages], unit, 'of the run'))
         return every
