@@ -76,6 +76,7 @@ class Measurement:
     measures : as they are written, by name or as a list, or read already
     since, until : the window [s] of figures that name none
     static : whether forces are without those of inertia
+    begin : [s], before which nothing counts, whatever a figure names: a cycle may begin in a run
     """
 
     def __init__(
@@ -86,6 +87,7 @@ class Measurement:
         until: float = math.inf,
         where: str = 'measures',
         static: bool = False,
+        begin: float = -math.inf,
     ) -> None:
         given = measures if isinstance(measures, dict) else listed(measures)
         self.measures: list[Measure] = (
@@ -98,7 +100,7 @@ class Measurement:
         names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
         self._quantities = {name: catalogue(machine).find(name) for name in names}
         self._series = EventSeries(machine, [f for f in figures if f.of_events])
-        self._turns = DriveTurns(machine)
+        self._turns = DriveTurns(machine, begin)
         limits = Bound(since), Bound(until)
         self._windows: dict[tuple[Bound, Bound, bool], Window] = {}
         self._figures: dict[Figure, Window] = {}
@@ -292,7 +294,7 @@ class Window:
         since, until = self._turns.time(self._since), self._turns.time(self._until)
         edges = self._turns.edges
         if not self.per_revolution:
-            self._tally.add(piece, since, until)
+            self._tally.add(piece, max(since, self._turns.begin), until)
             return
         while True:
             begin = edges[self._turn]
@@ -320,7 +322,8 @@ class Window:
         if not self.per_revolution:
             since, until = self._turns.time(self._since), self._turns.time(self._until)
             if f.of_events:
-                value, note = self._of_events(f, since, until, last=True)
+                begin = max(since, self._turns.begin)
+                value, note = self._of_events(f, begin, until, last=True)
             else:
                 value, note = self._tally.result(f)
             lost = self._outside(since, until)

@@ -151,9 +151,7 @@ class CycleTrial:
         """
         machine = build(self.name, check_scene(self.name, self.content, values))
         one = cycle(machine, **self.how)
-        taken = Measurement(machine, list(self.measures), float(one.t[0]), float(one.t[-1]))
-        taken.add(one.solution)
-        found = taken.found()
+        found = one.measured(list(self.measures))
         for measured in found:
             if not math.isfinite(measured.value):
                 why = f': {measured.resolution}' if measured.resolution != EXACT else ''
