@@ -57,6 +57,7 @@ class Measured(NamedTuple):
     text : the measure as it is written
     resolution : `EXACT`, what the value may be off, or of how many samples it is
     derivatives : by path of a number of the scene, of a run that was asked for them
+    rounding : size of errors of the value by rounding alone: what differs by less is the same
     """
 
     name: str
@@ -66,6 +67,7 @@ class Measured(NamedTuple):
     resolution: str
     half_width: float = math.nan
     derivatives: Mapping[str, float] = MappingProxyType({})
+    rounding: float = 0.0
 
 
 class Measurement:
@@ -152,13 +154,19 @@ class Measurement:
         for window in self._windows.values():
             window.finish(self._turns.end)
         results = {f: window.result(f) for f, window in self._figures.items()}
+        blurs = {f: window.rounding(f) for f, window in self._figures.items()}
         out, units = [], self.units()
         for measure in self.measures:
             said = dict.fromkeys(results[f][1] for f in measure.figures)
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
             x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
-            unit = units[measure.name]
-            out.append(Measured(measure.name, x, unit, measure.text, resolution, half))
+            rounding = _rounding(measure, {f: x for f, (x, _) in results.items()}, blurs)
+            out.append(
+                Measured(
+                    measure.name, x, units[measure.name], measure.text, resolution, half,
+                    rounding=rounding,
+                )
+            )  # fmt: skip
         return out
 
     def _half_width(self, measure: Measure) -> float:
@@ -181,6 +189,16 @@ class Measurement:
             unit = self.units()[m.name] if values else ''
             out.append((m.name, unit, np.array(values)))
         return out
+
+
+def _rounding(measure: Measure, x: dict[Figure, float], blurs: Mapping[Figure, float]) -> float:
+    """Size of errors of a measure by rounding of its figures, to first order."""
+    value = measure.value(x.__getitem__)
+    off = (
+        measure.value((x | {f: x[f] + blurs[f]}).__getitem__) - value
+        for f in dict.fromkeys(measure.figures)
+    )
+    return sum(abs(d) for d in off if math.isfinite(d))
 
 
 def _of_turn(measure: Measure, turn: Sequence[tuple[float, str]]) -> float:
@@ -332,6 +350,13 @@ class Window:
         if not parts:
             return math.nan, 'no whole revolution'
         return float(np.mean([x for x, _ in parts])), parts[0][1]
+
+    def rounding(self, f: Figure) -> float:
+        """Size of the errors of a figure by rounding; numbers of events have none."""
+        if f.of_events:
+            return 0.0
+        tallies = self._tallies if self.per_revolution else [self._tally]
+        return max((tally.rounding(f) for tally in tallies), default=0.0)
 
     def _outside(self, since: float, until: float) -> str:
         """How much of the window [s] the run does not reach, in words."""
