@@ -61,9 +61,7 @@ def test_rounding_of_measures_is_that_of_what_they_are_made_of():
     largest = 0.5 * SPEED + 2.0 * 9.81 * ARM
     texts = 'lowest(drive_torque)', 'mean(drive_torque)', 'initial(drive_torque)'
     small = [m.rounding for m in ms.measure(run, *texts)]
-    assert small == pytest.approx(
-        [1e-13 * largest, 1e-13 * 0.5 * SPEED, 1e-13 * largest], rel=0.5
-    )
+    assert small == pytest.approx([1e-13 * largest, 1e-13 * 0.5 * SPEED, 1e-13 * largest], rel=0.5)
     (both,) = ms.measure(run, '2 * lowest(drive_torque) - highest(drive_torque)')
     assert both.rounding == pytest.approx(3e-13 * largest, rel=0.1)
     assert ms.measure(run, 'count(impacts)')[0].rounding == 0.0
