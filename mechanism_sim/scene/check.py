@@ -343,7 +343,8 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         for name in plan.touching.keys() - machine.touching.keys()
     ]
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
-    notes += elastic_notes(machine)
+    period, impacts = machine.drive.period, bool(machine.plan.clearances)
+    notes += elastic_notes(machine.mechanism, period, impacts, lambda: machine.slow_deformations)
     notes += tilt_notes(machine.mechanism)
     notes += _sensor_notes(machine)
     notes += _oscillator_notes(machine)

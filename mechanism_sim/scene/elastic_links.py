@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,15 +16,13 @@ from mechanism_sim.planar.elastic import Beam, Damping
 from mechanism_sim.planar.mechanism import (
     HigherPair,
     Joint,
+    Mechanism,
     bending_guides,
 )
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.scene.drives import is_straight
 from mechanism_sim.scene.schema import DrivePart, LinkPart
 from mechanism_sim.tolerances import TOLERANCES
-
-if TYPE_CHECKING:
-    from mechanism_sim.scene.machine import Machine
 
 _MECHANISM = TOLERANCES.mechanism
 
@@ -174,15 +171,21 @@ def _spread(
     return line, (start if start > rounding else 0.0, end if end > rounding else 0.0)
 
 
-def elastic_notes(machine: Machine) -> list[str]:
+def elastic_notes(
+    mechanism: Mechanism, period: float, impacts: bool, held: Callable[[], Mapping[str, float]]
+) -> list[str]:
     """Frequencies of the modes of each elastic link by itself, and which treatment would do.
 
     Accelerations of a machine that turns at W are about ``W^2`` times its size, and bend a link of
     the first angular frequency w by about ``(W/w)^2`` of that; loads and weight bend it besides.
+
+    Parameters
+    ----------
+    held : gives deformations [m] by coordinate that forces at the start hold, see `Start`
     """
     notes = []
-    turns, impacts = 1.0 / machine.drive.period, bool(machine.plan.clearances)
-    for link, beam in machine.mechanism.having(Beam).items():
+    turns = 1.0 / period
+    for link, beam in mechanism.having(Beam).items():
         modes = {name: w / (2.0 * math.pi) for name, w in beam.frequencies.items()}
         listed = ', '.join(f'{name} {f:.6g} Hz' for name, f in modes.items())
         ends = f'{beam.ends} ends' if beam.ends == 'pinned' else 'clamped where it starts'
@@ -192,8 +195,7 @@ def elastic_notes(machine: Machine) -> list[str]:
             note += f'; the drive turns at {turns:.6g} Hz, bend1 is {ratio:.3g} times as fast: '
             bent = ratio**-2
             if ratio >= _RIGID and not impacts:
-                held = machine.slow_deformations[f'{link}.bend1']
-                bent = max(bent, abs(held) / beam.length)
+                bent = max(bent, abs(held()[f'{link}.bend1']) / beam.length)
             note += _treatment(ratio, bent, impacts)
         notes.append(note)
     return notes

@@ -208,7 +208,7 @@ def _along(trials: Trials, samples: int) -> Finding:
         for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
             exact = {'xtol': _ROUNDING * places[k + 1], 'rtol': 4 * _ROUNDING}
             root = scipy.optimize.brentq(
-                lambda x: trials.off(x, wanted), places[k], places[k + 1], **exact
+                lambda x: trials.figure(x) - wanted, places[k], places[k + 1], **exact
             )
             there = trials.figure(root)
             found.append(Found(parameter.at(root), there, abs(there - wanted) > _JUMP * span))
