@@ -289,21 +289,13 @@ class Cycle(plotting.Rich):
         """Root of the mean square of a column over time, likewise."""
         return self._over_time('rms', name)
 
-    def measured(
-        self, measures: dict[str, str] | Sequence[str] | Sequence[Measure]
-    ) -> list[Measured]:
-        """Measures of the cycle: of the run before it nothing counts."""
-        begin, end = float(self.t[0]), float(self.t[-1])
-        taken = Measurement(self.machine, measures, begin, end, static=self.static, begin=begin)
-        taken.add(self.solution)
-        return taken.found()
-
     def _over_time(self, function: str, name: str) -> float:
         """A figure of a column; those that begin alike are taken together."""
         if (function, name) not in self._figures:
             kind = name.partition('.')[0]
             names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
-            found = zip(names, self.measured([f'{function}({n})' for n in names]), strict=True)
+            texts = [f'{function}({n})' for n in names]
+            found = zip(names, measures_of(self, texts), strict=True)
             self._figures.update({(function, n): x.value for n, x in found})
         return self._figures[function, name]
 
@@ -412,6 +404,16 @@ def cycle_window(
     if steady and duration is None:
         return machine, begin, begin + (periods or 1) * machine.drive.period
     return machine, begin, begin + span(machine, periods, duration)
+
+
+def measures_of(
+    found: Cycle, measures: dict[str, str] | Sequence[str] | Sequence[Measure]
+) -> list[Measured]:
+    """Measures of a cycle: of the run before it nothing counts."""
+    begin, end = float(found.t[0]), float(found.t[-1])
+    taken = Measurement(found.machine, measures, begin, end, static=found.static, begin=begin)
+    taken.add(found.solution)
+    return taken.found()
 
 
 def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:

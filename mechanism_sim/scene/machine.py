@@ -199,16 +199,7 @@ class Machine(Rich):
     @cached_property
     def _initial_state(self) -> State:
         with scene_errors(self.name):
-            return self._beginning.state()
-
-    @property
-    def slow_deformations(self) -> dict[str, float]:
-        """Deformations of elastic links [m] that forces at the start hold without vibration."""
-        return self._beginning.slow_deformations()
-
-    @property
-    def _beginning(self) -> Start:
-        return Start(self.plan, self.nominal, self.equations, min(self.drive.period, 1.0))
+            return Start(self.plan, self.nominal, self.equations, self.drive.period).state()
 
     # --- runs -----------------------------------------------------------------------------------
 

@@ -58,13 +58,18 @@ class Start:
 
     Attributes
     ----------
-    turn : [s] of the drive, at most a second
+    period : of the drive [s]
     """
 
     plan: ScenePlan
     nominal: Nominal
     equations: EquationsOfMotion
-    turn: float
+    period: float
+
+    @property
+    def turn(self) -> float:
+        """A turn of the drive [s], at most a second."""
+        return min(self.period, 1.0)
 
     @property
     def _loose(self) -> Mechanism:

@@ -20,6 +20,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots
+from mechanism_sim.results.cycle import measures_of
 from mechanism_sim.results.measure_tally import EXACT
 
 LINKS = ('crank', 'coupler', 'rocker')
@@ -532,7 +533,7 @@ def test_measures_of_a_cycle_count_nothing_of_the_run_before_it():
         'initial(position.piston, from 0 s)', 'integral(velocity.crank, from 0 s)',
         'highest(position.piston, to 0.5 revolutions)', 'mean(position.piston)',
     ]  # fmt: skip
-    initial, turned, highest, mean = found.measured(texts)
+    initial, turned, highest, mean = measures_of(found, texts)
     x, y = 0.05 * math.cos(math.pi / 3.0), 0.05 * math.sin(math.pi / 3.0)
     there = x + math.sqrt(0.2**2 - y**2)
     assert initial.value == pytest.approx(there, rel=1e-9)
@@ -545,7 +546,7 @@ def test_measures_of_a_cycle_count_nothing_of_the_run_before_it():
 
 def test_measures_of_a_static_cycle_are_those_of_its_columns():
     found = ms.cycle('slider_crank', static=True)
-    (rms,) = found.measured(['rms(drive_torque)'])
+    (rms,) = measures_of(found, ['rms(drive_torque)'])
     assert rms.value == found.rms('drive_torque')
     moving = ms.cycle('slider_crank')
     assert rms.value < 0.1 * moving.rms('drive_torque')  # it moves by inertia above all

@@ -166,7 +166,7 @@ def smallest_base_radius(law: Law, follower: Follower, pressure_angle: float) ->
 
 
 def _smallest_of_shape(cam: Cam, law_on: Callable[[float], Law], limit: float) -> float:
-    """The same of a cam whose law depends on its base circle, by a search from its own on."""
+    """Base radius of a cam whose law depends on it, by a search from its own on."""
 
     def excess(radius: float) -> float:
         other = replace(cam, law=law_on(radius), base_radius=radius)
