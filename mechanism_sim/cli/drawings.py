@@ -105,8 +105,12 @@ def _cycle(options: argparse.Namespace) -> int:
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
     from mechanism_sim.report import figures, measured, progress, tables  # noqa: PLC0415
     from mechanism_sim.report.sections import text  # noqa: PLC0415
-    from mechanism_sim.results.cycle import at_position, cycle, is_steady  # noqa: PLC0415
-    from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
+    from mechanism_sim.results.cycle import (  # noqa: PLC0415
+        at_position,
+        cycle,
+        is_steady,
+        measures_of,
+    )
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
@@ -122,10 +126,7 @@ def _cycle(options: argparse.Namespace) -> int:
         )  # fmt: skip
         if options.output:
             tables.write(options.output, found.table(), found.units())
-        measures = read_measures(options, machine)
-        taken = Measurement(machine, measures, float(found.t[0]), float(found.t[-1]))
-        taken.add(found.solution)
-        figures_found = taken.found()
+        figures_found = measures_of(found, read_measures(options, machine))
         there = {} if at is None else at_position(machine, at, found)
         beside = {} if at is None else {'at': strict_json.plain(there)}
         if plots:

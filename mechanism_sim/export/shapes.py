@@ -87,6 +87,14 @@ class Shape:
             for style, curves in _BUILDERS.get(self.kind, _body)(self)
         )
 
+    @property
+    def edges(self) -> tuple[Array, ...]:
+        """Curves of a body in full, holes clockwise; `paths` leave out what a picture can spare.
+
+        None of the shapes that are built from a few points.
+        """
+        return () if self.kind in _BUILDERS else _turned(self.curves)
+
     @cached_property
     def hull(self) -> Array:
         """Points (k, 2) [m] around all that is painted, or the outline of what is not."""

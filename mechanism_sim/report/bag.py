@@ -274,7 +274,11 @@ def _spectrum(name: str, line: SignalSpectrum) -> Section:
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
         f'Hz, RMS {rms} of all lines'
     )
-    return Section(title, table=[('peak at [Hz]', line.unit, 'share of the total'), *rows])
+    # the mean of each segment is taken off (Welch), and what is slower with it
+    span = 1.0 / s.step if s.step else math.inf
+    note = f'RMS and shares are those about the mean of each segment of {span:.4g} s'
+    head = 'peak at [Hz]', line.unit, 'share of all lines'
+    return Section(title, table=[head, *rows], notes=[note])
 
 
 def _envelope(name: str, line: SignalSpectrum) -> Section:
@@ -335,9 +339,9 @@ def _map(part: str, wear: WearMap) -> Section:
         f'sliding work {wear.work.sum():.6g} J'
     )
     hardest = sorted(range(len(wear.load_way)), key=lambda k: -wear.load_way[k])[:_SECTORS]
-    rows = [
-        (f'{math.degrees(wear.middles[k]):.4g}', float(wear.load_way[k]), float(wear.work[k]),
-         float(wear.impulse[k]))
+    rows = [  # in as many digits as hold, see `wear_sums`
+        (f'{math.degrees(wear.middles[k]):.4g}',
+         *(f'{x[k]:.3g}' for x in (wear.load_way, wear.work, wear.impulse)))
         for k in sorted(hardest)
     ]  # fmt: skip
     return Section(title, table=[('direction [deg]', 'N m', 'J', 'impacts [N s]'), *rows])

@@ -85,7 +85,7 @@ def render(sheet: Sheet) -> str:
     """For people: degrees and millimetres, and a column for each gear."""
     place, scale = for_people(sheet.place_unit)
     common = [
-        # extremes at breaks of a law are found a hair beside them
+        # extremes between breaks of a law are found to about 1e-9
         _cells(f, '' if f.at is None else f'at {scale * (round(f.at, 9) + 0.0):g} {place}')
         for f in sheet.figures
         if '.' not in f.name

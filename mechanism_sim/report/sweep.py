@@ -25,6 +25,7 @@ from mechanism_sim.report.charts.chart import (
 )
 from mechanism_sim.report.figures import check_picture
 from mechanism_sim.strict_json import plain
+from mechanism_sim.studies.design import INDICES
 from mechanism_sim.studies.effects import Effect, effects, exceedances, measures_of, number
 from mechanism_sim.studies.plan import REPEAT, Run, SweepPlan
 from mechanism_sim.studies.runs import Row, has_failed
@@ -151,6 +152,7 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
                 row += [_index(i) if i else '' for i in (e.first, e.total)]
             table.append(row)
         lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
+    which = 'independent runs' if plan.design and plan.design.kind == INDICES else 'runs'
     for x in exceedances(plan, rows):
         (unit,) = (c.unit for c in measures if c.name == x.measure)
         unit, scale = for_people(unit, _largest(rows, x.measure))
@@ -158,7 +160,7 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
         bounds = [f'{sign} {scale * end:.6g} {unit}' for sign, end in ends if end is not None]
         fits = '' if x.capability is None else f', Cpk {x.capability:.2f}'
         lines.append(
-            f'{x.measure} {" or ".join(bounds)}: {x.beyond} of {x.runs} runs, '
+            f'{x.measure} {" or ".join(bounds)}: {x.beyond} of {x.runs} {which}, '
             f'{100.0 * x.share:.1f} % (95 %: {100.0 * x.low:.1f} to {100.0 * x.high:.1f} %){fits}'
         )
     return lines

@@ -27,7 +27,8 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.measure_text import Measure
+from mechanism_sim.results.measures import Measured, Measurement
 from mechanism_sim.results.quantities.motion import RATES, choose_points
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.results.ranges import Extreme, Extremes, search
@@ -291,12 +292,10 @@ class Cycle(plotting.Rich):
     def _over_time(self, function: str, name: str) -> float:
         """A figure of a column; those that begin alike are taken together."""
         if (function, name) not in self._figures:
-            kind, window = name.partition('.')[0], (float(self.t[0]), float(self.t[-1]))
+            kind = name.partition('.')[0]
             names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
             texts = [f'{function}({n})' for n in names]
-            taken = Measurement(self.machine, texts, *window, static=self.static)
-            taken.add(self.solution)
-            found = zip(names, taken.found(), strict=True)
+            found = zip(names, measures_of(self, texts), strict=True)
             self._figures.update({(function, n): x.value for n, x in found})
         return self._figures[function, name]
 
@@ -405,6 +404,16 @@ def cycle_window(
     if steady and duration is None:
         return machine, begin, begin + (periods or 1) * machine.drive.period
     return machine, begin, begin + span(machine, periods, duration)
+
+
+def measures_of(
+    found: Cycle, measures: dict[str, str] | Sequence[str] | Sequence[Measure]
+) -> list[Measured]:
+    """Measures of a cycle: of the run before it nothing counts."""
+    begin, end = float(found.t[0]), float(found.t[-1])
+    taken = Measurement(found.machine, measures, begin, end, static=found.static, begin=begin)
+    taken.add(found.solution)
+    return taken.found()
 
 
 def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:

@@ -34,7 +34,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import product
 
-_AUDIT = TOLERANCES.audit
+_AUDIT, _ROUNDING = TOLERANCES.audit, TOLERANCES.rounding
 
 EXACT = 'of the motion'
 R = TypeVar('R', str, tuple[str, str])
@@ -305,8 +305,38 @@ class FigureTally:
             return self._percentile(f)
         return self._integrated(f)
 
+    def rounding(self, f: Figure) -> float:
+        """Size of the errors of a figure by rounding: what differs by less is the same.
+
+        Measured by the largest value of what it is a figure of, as that of `ExtremeSearch`: the
+        lowest force of a contact is one of hundreds of newtons less as much.
+        """
+        name, kind, size = f.argument, f.function, 0.0
+        if f in self._distances or kind == 'share':
+            return size
+        if kind in EXTREMES:
+            own, search = next(x for x in self._searches if name in x[0])
+            return float(search.rounding[own.index(name)])
+        if kind in ('change', 'initial', 'final'):
+            ends = [x[self._arguments.index(name)] for x in (self._first, self._last)
+                    if x is not None]  # fmt: skip
+            size = max(map(abs, ends), default=0.0)
+        elif kind == 'percentile':
+            size = max((float(np.abs(x.first).max(initial=0.0)) for x in self._parts[name]),
+                       default=0.0)  # fmt: skip
+        else:
+            size = self._estimate(f)[0].size
+        return _ROUNDING.value * float(size)
+
     def _integrated(self, f: Figure) -> tuple[float, str]:
         """A figure that is an integral over time, or follows from one."""
+        e, unit, time = self._estimate(f)
+        if not time:
+            return 0.0 if f.function == 'work' else math.nan, EXACT
+        return e.value, e.note(unit)
+
+    def _estimate(self, f: Figure) -> tuple[Estimate, str, float]:
+        """Such a figure with its error, its unit, and the time [s] that it is of."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
         row = _FORMS[kind], name
         rows, found = next(x for x in self._integrals if row in x[0])
@@ -318,9 +348,7 @@ class FigureTally:
             unit, e = product(unit, 's'), found.integral(i)
         else:
             e = found.root(i) if kind == 'rms' else found.mean(i)
-        if not found.time:
-            return 0.0 if kind == 'work' else math.nan, EXACT
-        return e.value, e.note(unit)
+        return e, unit, found.time
 
     def _percentile(self, f: Figure) -> tuple[float, str]:
         """The level that is not exceeded for a share of the time."""

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -45,6 +45,9 @@ from mechanism_sim.units import argument, product
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
 
 
+Texts: TypeAlias = str | Sequence[str] | Mapping[str, str]
+
+
 class Measured(NamedTuple):
     """Value of a measure.
 
@@ -54,6 +57,7 @@ class Measured(NamedTuple):
     text : the measure as it is written
     resolution : `EXACT`, what the value may be off, or of how many samples it is
     derivatives : by path of a number of the scene, of a run that was asked for them
+    rounding : size of errors of the value by rounding alone: what differs by less is the same
     """
 
     name: str
@@ -63,6 +67,7 @@ class Measured(NamedTuple):
     resolution: str
     half_width: float = math.nan
     derivatives: Mapping[str, float] = MappingProxyType({})
+    rounding: float = 0.0
 
 
 class Measurement:
@@ -73,6 +78,7 @@ class Measurement:
     measures : as they are written, by name or as a list, or read already
     since, until : the window [s] of figures that name none
     static : whether forces are without those of inertia
+    begin : [s], before which nothing counts, whatever a figure names: a cycle may begin in a run
     """
 
     def __init__(
@@ -83,6 +89,7 @@ class Measurement:
         until: float = math.inf,
         where: str = 'measures',
         static: bool = False,
+        begin: float = -math.inf,
     ) -> None:
         given = measures if isinstance(measures, dict) else listed(measures)
         self.measures: list[Measure] = (
@@ -95,7 +102,7 @@ class Measurement:
         names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
         self._quantities = {name: catalogue(machine).find(name) for name in names}
         self._series = EventSeries(machine, [f for f in figures if f.of_events])
-        self._turns = DriveTurns(machine)
+        self._turns = DriveTurns(machine, begin)
         limits = Bound(since), Bound(until)
         self._windows: dict[tuple[Bound, Bound, bool], Window] = {}
         self._figures: dict[Figure, Window] = {}
@@ -147,13 +154,19 @@ class Measurement:
         for window in self._windows.values():
             window.finish(self._turns.end)
         results = {f: window.result(f) for f, window in self._figures.items()}
+        blurs = {f: window.rounding(f) for f, window in self._figures.items()}
         out, units = [], self.units()
         for measure in self.measures:
             said = dict.fromkeys(results[f][1] for f in measure.figures)
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
             x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
-            unit = units[measure.name]
-            out.append(Measured(measure.name, x, unit, measure.text, resolution, half))
+            rounding = _rounding(measure, {f: x for f, (x, _) in results.items()}, blurs)
+            out.append(
+                Measured(
+                    measure.name, x, units[measure.name], measure.text, resolution, half,
+                    rounding=rounding,
+                )
+            )  # fmt: skip
         return out
 
     def _half_width(self, measure: Measure) -> float:
@@ -176,6 +189,16 @@ class Measurement:
             unit = self.units()[m.name] if values else ''
             out.append((m.name, unit, np.array(values)))
         return out
+
+
+def _rounding(measure: Measure, x: dict[Figure, float], blurs: Mapping[Figure, float]) -> float:
+    """Size of errors of a measure by rounding of its figures, to first order."""
+    value = measure.value(x.__getitem__)
+    off = (
+        measure.value((x | {f: x[f] + blurs[f]}).__getitem__) - value
+        for f in dict.fromkeys(measure.figures)
+    )
+    return sum(abs(d) for d in off if math.isfinite(d))
 
 
 def _of_turn(measure: Measure, turn: Sequence[tuple[float, str]]) -> float:
@@ -201,8 +224,8 @@ def per_turn(measures: Sequence[Measure], skip: int) -> list[Measure]:
 
 def measure(
     scene: Source | Piece,
-    pieces: Iterable[Piece] | Piece | str = (),
-    *texts: str,
+    pieces: Iterable[Piece] | Piece | Texts = (),
+    *texts: Texts,
     since: float | str = 0.0,
     until: float | str = math.inf,
 ) -> list[Measured]:
@@ -218,26 +241,41 @@ def measure(
     ----------
     scene : a run, a solution say, and the texts follow; or all that `load_scene` takes
     pieces : of the scene a `Solution`, or a `stream`
-    texts : the measures; those of the scene without any
+    texts : the measures, one by one or as lists, or as a dictionary by name; those of the scene
+        without any
     since, until : the window [s] of figures that name none
     """
     own: Any = getattr(scene, 'piece', scene)  # of a recorded run
     if isinstance(own, Piece):
-        first = (pieces,) if isinstance(pieces, str) else ()
+        first: Any = () if isinstance(pieces, tuple) and not pieces else (pieces,)
         return measure(own.machine, own, *first, *texts, since=since, until=until)
-    if isinstance(pieces, str):
-        raise InputError(f'measure: {quoted(pieces)} is of a run: give a solution before it')
+    asked = _flat(texts)
     machine = load_scene(own)
     window = argument('since', since, 's'), argument('until', until, 's')
-    taken = Measurement(machine, list(texts) or dict(machine.scene.measures), *window)
-    for piece in [pieces] if isinstance(pieces, Piece) else pieces:
+    taken = Measurement(machine, asked if texts else dict(machine.scene.measures), *window)
+    for piece in [pieces] if isinstance(pieces, Piece | str) else pieces:
+        if not isinstance(piece, Piece):
+            raise InputError(f'measure: {quoted(piece)} is of a run: give a solution before it')
         taken.add(piece)
     found, known = taken.found(), pieces.derivatives if isinstance(pieces, Solution) else {}
-    asked = dict.fromkeys(m.text for m in found)  # measures of two names may be one text
-    slopes = {p: d.measures(*asked, window=window) for p, d in known.items() if asked}
+    each = dict.fromkeys(m.text for m in found)  # measures of two names may be one text
+    slopes = {p: d.measures(*each, window=window) for p, d in known.items() if each}
     return [
         m._replace(derivatives={p: values[m.text] for p, values in slopes.items()}) for m in found
     ]
+
+
+def _flat(given: Sequence[Texts]) -> dict[str, str] | list[str]:
+    """Texts of measures that are given one by one, in lists, or by name."""
+    if len(given) == 1 and isinstance(given[0], Mapping):
+        return dict(given[0])
+    found: list[str] = []
+    for part in given:
+        texts: Sequence[Any] = part if isinstance(part, list | tuple) else [part]
+        if wrong := [x for x in texts if not isinstance(x, str)]:
+            raise InputError(f'measure: {quoted(wrong[0])} is no text of a measure')
+        found += texts
+    return found
 
 
 def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], where: str) -> None:
@@ -274,7 +312,7 @@ class Window:
         since, until = self._turns.time(self._since), self._turns.time(self._until)
         edges = self._turns.edges
         if not self.per_revolution:
-            self._tally.add(piece, since, until)
+            self._tally.add(piece, max(since, self._turns.begin), until)
             return
         while True:
             begin = edges[self._turn]
@@ -302,7 +340,8 @@ class Window:
         if not self.per_revolution:
             since, until = self._turns.time(self._since), self._turns.time(self._until)
             if f.of_events:
-                value, note = self._of_events(f, since, until, last=True)
+                begin = max(since, self._turns.begin)
+                value, note = self._of_events(f, begin, until, last=True)
             else:
                 value, note = self._tally.result(f)
             lost = self._outside(since, until)
@@ -311,6 +350,13 @@ class Window:
         if not parts:
             return math.nan, 'no whole revolution'
         return float(np.mean([x for x, _ in parts])), parts[0][1]
+
+    def rounding(self, f: Figure) -> float:
+        """Size of the errors of a figure by rounding; numbers of events have none."""
+        if f.of_events:
+            return 0.0
+        tallies = self._tallies if self.per_revolution else [self._tally]
+        return max((tally.rounding(f) for tally in tallies), default=0.0)
 
     def _outside(self, since: float, until: float) -> str:
         """How much of the window [s] the run does not reach, in words."""

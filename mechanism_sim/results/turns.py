@@ -72,8 +72,9 @@ class DriveTurns:
     edges : the start of the run, and the ends of its whole turns so far [s]
     """
 
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
+    def __init__(self, machine: Machine, begin: float = -math.inf) -> None:
+        """`begin` [s]: what was before counts as not seen."""
+        self._machine, self._first = machine, begin
         self._known = isinstance(machine.drive.law, DriveLaw) and not machine.drive.law.straight
         self._index = machine.physics.coordinates.index(machine.plan.main)
         self._start: Place | None = None
@@ -85,7 +86,7 @@ class DriveTurns:
         curve = piece.motion.curve
         begin, self.end = float(curve.start[0]), curve.end
         if self._start is None:
-            self._start, self.begin = beginning(curve, self._index), begin
+            self._start, self.begin = beginning(curve, self._index), max(begin, self._first)
             self.edges = [0.0 if self._known else begin]
         if self._known:
             try:

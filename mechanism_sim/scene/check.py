@@ -28,6 +28,7 @@ from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
+from mechanism_sim.scene.start import Start
 from mechanism_sim.scene.tilted_links import tilt_notes
 from mechanism_sim.units import QuantityValue, counted, for_people
 
@@ -343,7 +344,12 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         for name in plan.touching.keys() - machine.touching.keys()
     ]
     notes += dict.fromkeys(f'{f.name}: friction, {f.words}' for f in plan.frictions(mechanism))
-    notes += elastic_notes(machine.mechanism, machine.drive.period, bool(machine.plan.clearances))
+    notes += elastic_notes(
+        machine.mechanism, machine.drive.period, bool(plan.clearances),
+        lambda: Start(
+            plan, machine.nominal, machine.equations, machine.drive.period
+        ).slow_deformations(),
+    )  # fmt: skip
     notes += tilt_notes(machine.mechanism)
     notes += _sensor_notes(machine)
     notes += _oscillator_notes(machine)

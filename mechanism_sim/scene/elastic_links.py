@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -171,11 +171,17 @@ def _spread(
     return line, (start if start > rounding else 0.0, end if end > rounding else 0.0)
 
 
-def elastic_notes(mechanism: Mechanism, period: float, impacts: bool) -> list[str]:
+def elastic_notes(
+    mechanism: Mechanism, period: float, impacts: bool, held: Callable[[], Mapping[str, float]]
+) -> list[str]:
     """Frequencies of the modes of each elastic link by itself, and which treatment would do.
 
     Accelerations of a machine that turns at W are about ``W^2`` times its size, and bend a link of
-    the first angular frequency w by about ``(W/w)^2`` of that.
+    the first angular frequency w by about ``(W/w)^2`` of that; loads and weight bend it besides.
+
+    Parameters
+    ----------
+    held : gives deformations [m] by coordinate that forces at the start hold, see `Start`
     """
     notes = []
     turns = 1.0 / period
@@ -187,17 +193,28 @@ def elastic_notes(mechanism: Mechanism, period: float, impacts: bool) -> list[st
         if turns:
             ratio = modes['bend1'] / turns
             note += f'; the drive turns at {turns:.6g} Hz, bend1 is {ratio:.3g} times as fast: '
-            note += _treatment(ratio, impacts)
+            bent = ratio**-2
+            if ratio >= _RIGID and not impacts:
+                bent = max(bent, abs(held()[f'{link}.bend1']) / beam.length)
+            note += _treatment(ratio, bent, impacts)
         notes.append(note)
     return notes
 
 
-def _treatment(ratio: float, impacts: bool) -> str:
-    """Advice for a link whose first mode is so many times as fast as the drive."""
+def _treatment(ratio: float, bent: float, impacts: bool) -> str:
+    """Advice for a link whose first mode is so many times as fast as the drive.
+
+    Parameters
+    ----------
+    bent : of its size, by its own inertia or by the forces at the start
+    """
     if impacts:
         return 'impacts are faster than any mode: take modes until their impulses converge'
-    if ratio >= _RIGID:
-        return f'it bends by about {ratio**-2:.1g} of its size, and a rigid link is sufficient'
-    if ratio >= _QUASI_STATIC:
+    if ratio < _QUASI_STATIC:
+        return 'it vibrates, and needs its modes'
+    if ratio < _RIGID:
         return 'it bends nearly as if at rest (quasi-static), and one mode is sufficient'
-    return 'it vibrates, and needs its modes'
+    by = f'inertia, and forces as at the start, bend it by about {bent:.1g} of its size'
+    if bent <= _RIGID**-2:
+        return f'{by}, and a rigid link is sufficient'
+    return f'{by}, nearly as if at rest (quasi-static), and one mode is sufficient'

@@ -199,8 +199,7 @@ class Machine(Rich):
     @cached_property
     def _initial_state(self) -> State:
         with scene_errors(self.name):
-            turn = min(self.drive.period, 1.0)
-            return Start(self.plan, self.nominal, self.equations, turn).state()
+            return Start(self.plan, self.nominal, self.equations, self.drive.period).state()
 
     # --- runs -----------------------------------------------------------------------------------
 

@@ -28,6 +28,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.configuration import converted
 from mechanism_sim.planar.drive import TorqueLaw
+from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
@@ -57,13 +58,18 @@ class Start:
 
     Attributes
     ----------
-    turn : [s] of the drive, at most a second
+    period : of the drive [s]
     """
 
     plan: ScenePlan
     nominal: Nominal
     equations: EquationsOfMotion
-    turn: float
+    period: float
+
+    @property
+    def turn(self) -> float:
+        """A turn of the drive [s], at most a second."""
+        return min(self.period, 1.0)
 
     @property
     def _loose(self) -> Mechanism:
@@ -375,6 +381,23 @@ class Start:
             'initial.elastic = smooth: at the start the forces bend its elastic links without '
             'limit; start them straight'
         )
+
+    def slow_deformations(self) -> dict[str, float]:
+        """Deformations [m] by elastic coordinate that forces of the start hold without vibration.
+
+        Each to first order, by itself: the deformation there plus ``a / w^2``, a its acceleration
+        and w its natural angular frequency.
+        """
+        plan, ideal = self.plan, self.plan.ideal
+        q, v = (x[:, None] for x in self._placed())
+        a = np.array([[plan.law_at(c)[2]] for c in plan.prescribed]).reshape(-1, 1)
+        seen = self._seen(q, v, a, 0.0).acceleration
+        found = {}
+        for link, beam in ideal.having(Beam).items():
+            for name, w in beam.frequencies.items():
+                i = ideal.coordinates.index(f'{link}.{name}')
+                found[f'{link}.{name}'] = float(q[i, 0] + seen[i, 0] / w**2)
+        return found
 
     def _left(self, x: Array, moment: float) -> Array:
         """Accelerations of elastic coordinates, and their rates: (2 m, N) for their values x."""

@@ -44,19 +44,36 @@ class LineSpectrum:
         return float(self.frequency[1]) if len(self.frequency) > 1 else 0.0
 
     def strongest(self, count: int) -> list[tuple[float, float]]:
-        """The highest of the local peaks as (frequency, value), in falling order; 0 Hz left out.
+        """The highest local peaks as (frequency, value), in falling order; 0 Hz left out."""
+        peaks = self._peaks()
+        chosen = peaks[np.argsort(self.values[peaks])[::-1][:count]]
+        return [(float(self.frequency[k]), float(self.values[k])) for k in chosen]
 
-        A line at the upper end is a peak if it tops its one neighbour.
+    def _peaks(self) -> NDArray[np.int64]:
+        """Indices of lines that top their neighbours.
+
+        The first line above 0 and the last are peaks if they top their one neighbour; a spectrum
+        that is level has none.
         """
-        around = np.concatenate([[np.inf], self.values[1:], [-np.inf]])
+        # both ends beside the lowest of all lines: each is a peak if it rises above its neighbour,
+        # and the first is not measured by the mean at 0, which is no part of an oscillation
+        floor = self.values[1:].min() if len(self.values) > 1 else 0.0
+        around = np.concatenate([[floor], self.values[1:], [floor]])
         # the middle of a flat peak counts, as in `scipy.signal`, whose import takes half a second
         last = np.flatnonzero(np.diff(around))
         first, last = np.append(0, last + 1), np.append(last, len(around) - 1)
         level = around[first]
         top = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
-        peaks = (first[top] + last[top]) // 2
-        chosen = peaks[np.argsort(self.values[peaks])[::-1][:count]]
-        return [(float(self.frequency[k]), float(self.values[k])) for k in chosen]
+        return np.asarray((first[top] + last[top]) // 2)
+
+
+class OrderSpectrum(LineSpectrum):
+    """Amplitudes over orders; of a single turn each line is an order, with none in between."""
+
+    def _peaks(self) -> NDArray[np.int64]:
+        if self.step < 1.0:
+            return super()._peaks()
+        return 1 + np.flatnonzero(self.values[1:] > 0.0)
 
 
 def power(
@@ -278,11 +295,11 @@ def _per_turn(turned: Sequence[Array]) -> int:
     return int(min(max(math.ceil((1.0 - 1e-9) / step), 8), _MOST))
 
 
-def order_spectrum(turns: TurnSegments, window: str = 'boxcar') -> LineSpectrum:
+def order_spectrum(turns: TurnSegments, window: str = 'boxcar') -> OrderSpectrum:
     """Amplitudes over orders, the `frequency` being in cycles a turn; of the longest series.
 
     Over whole turns an order that is a whole number leaks nowhere, however the speed varies; that
     is why the window is none. 'hann' suits what belongs to no order.
     """
     longest = max(turns.series(), key=len)
-    return amplitude(longest, float(turns.values.shape[1]), window)
+    return OrderSpectrum(**vars(amplitude(longest, float(turns.values.shape[1]), window)))

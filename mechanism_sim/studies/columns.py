@@ -18,10 +18,14 @@ class ResultColumn(NamedTuple):
     meaning: str
 
 
+PER_TURN = '1/rev'
+"""Unit of numbers of events per revolution of the crank, or a cycle of `life`; a number without
+a unit, such as `impacts.JOINT` here, counts the whole window."""
+
 MEANS = (
-    ResultColumn('impacts', '', 'impacts per revolution'),
+    ResultColumn('impacts', PER_TURN, 'impacts per revolution'),
     ResultColumn('impulse', 'N s', 'sum of normal impulses per revolution'),
-    ResultColumn('losses_of_contact', '', 'losses of contact per revolution'),
+    ResultColumn('losses_of_contact', PER_TURN, 'losses of contact per revolution'),
     ResultColumn('share_of_flight', '', 'share of the time in flight, mean of the loose joints'),
     ResultColumn('dissipated', 'J', 'energy dissipated, less work of loads, per revolution'),
     ResultColumn('I_n', 'N s', 'normal impulse per impact'),

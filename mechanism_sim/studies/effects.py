@@ -60,6 +60,7 @@ class Exceedance:
 
     Attributes
     ----------
+    runs : those that are drawn independently of each other, and have a figure
     least, limit : the lower and the upper limit, None if there is none
     capability : Cpk, how many times three standard deviations fit between the mean and the nearer
         limit; None if runs do not differ
@@ -109,9 +110,9 @@ _ALIKE = 1e-12
 
 def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
     """Which share of the runs exceeds the limits of each measure of the sweep."""
-    found = []
+    found, independent = [], _independent(plan)
     for name, (least, limit) in plan.limits.items():
-        y = np.array([number(row, name) for row in rows])
+        y = np.array([number(row, name) for row in rows])[independent]
         y = y[np.isfinite(y)]
         if not len(y):
             continue
@@ -127,6 +128,22 @@ def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
             )
         )  # fmt: skip
     return found
+
+
+def _independent(plan: SweepPlan) -> NDArray[np.bool_]:
+    """Runs (N,) whose values are drawn independently.
+
+    Of a design for indices these are the points A and B: every other is A with one value of B, and
+    counting it as a run of its own would make intervals too narrow by up to the root of half the
+    number of pages.
+    """
+    k = np.arange(len(plan.runs))
+    if plan.design is None or plan.design.kind != INDICES:
+        return np.full(len(k), True)
+    n, d = plan.design.samples, len(plan.factors)
+    repeat = 1 + max(int(run.values.get(REPEAT) or 0) for run in plan.runs)
+    # points follow each other within lists and grids, and each is repeated in its place
+    return np.asarray(k // repeat % (n * (d + 2)) < 2 * n)
 
 
 def number(row: Row, name: str) -> float:

@@ -198,7 +198,10 @@ def _along(trials: Trials, samples: int) -> Finding:
     if wanted is None:
         found.append(_extreme(trials, places, figures))
     else:
-        off = figures - wanted
+        known = np.isfinite(figures)
+        off = np.array(
+            [trials.off(x, wanted) if ok else np.nan for x, ok in zip(places, known, strict=True)]
+        )
         for k in np.flatnonzero(off[:-1] * off[1:] < 0.0):
             exact = {'xtol': _ROUNDING * places[k + 1], 'rtol': 4 * _ROUNDING}
             root = scipy.optimize.brentq(
@@ -220,7 +223,7 @@ def _along(trials: Trials, samples: int) -> Finding:
 def _stretches(
     trials: Trials, places: Array, hit: NDArray[np.bool_], wanted: float
 ) -> list[Found]:
-    """Samples that give just what is wanted; of neighbours, such as those of a count, the ends."""
+    """Samples that give what is wanted; of neighbours, such as those of a count, the ends."""
     (parameter,), found = trials.parameters, []
     at = np.flatnonzero(hit)
     for group in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if len(at) else ():
@@ -249,9 +252,9 @@ def _edge(trials: Trials, outside: float, inside: float, wanted: float) -> float
 
 
 def _hits(trials: Trials, place: float, wanted: float) -> bool:
-    """True if a place gives just what is wanted; one that cannot run gives nothing."""
+    """True if a place gives what is wanted but for rounding; one that cannot run gives nothing."""
     with suppress(InputError, RunError):
-        return trials.figure(place) == wanted
+        return trials.off(place, wanted) == 0.0
     return False
 
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.expressions import sides
-from mechanism_sim.results.cycle import cycle, cycle_window
+from mechanism_sim.results.cycle import cycle, cycle_window, measures_of
 from mechanism_sim.results.measure_tally import EXACT
 from mechanism_sim.results.measure_text import Measure, read
 from mechanism_sim.results.measures import Measured, Measurement, measure
@@ -150,10 +150,7 @@ class CycleTrial:
             Also if a measure has no finite value.
         """
         machine = build(self.name, check_scene(self.name, self.content, values))
-        one = cycle(machine, **self.how)
-        taken = Measurement(machine, list(self.measures), float(one.t[0]), float(one.t[-1]))
-        taken.add(one.solution)
-        found = taken.found()
+        found = measures_of(cycle(machine, **self.how), list(self.measures))
         for measured in found:
             if not math.isfinite(measured.value):
                 why = f': {measured.resolution}' if measured.resolution != EXACT else ''

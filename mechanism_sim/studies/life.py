@@ -51,6 +51,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene
+from mechanism_sim.studies.columns import PER_TURN
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
@@ -185,7 +186,7 @@ class Life:
                 words = name.replace('_', ' ')
                 every.append(Column(f'{name}.{joint}', [float(x) for x in values], 'm', words))
             counts = [float(s.impacts[k]) for s in stages]
-            every.append(Column(f'impacts.{joint}', counts, '', 'in a cycle'))
+            every.append(Column(f'impacts.{joint}', counts, PER_TURN, 'in a cycle'))
         for name, unit in self.units.items():
             every.append(Column(name, [s.figures[name] for s in stages], unit, 'of the run'))
         return every
@@ -367,7 +368,7 @@ def wear_in(
     for joint in joints:
         play = machine.plan.clearances[joint]
         assert isinstance(play, Clearance) and play.wear  # noqa: S101, PT018 - it wears
-        sums = wear_sums(machine, solution, joint, PLACES, times, play.journal, shared=True) / size
+        sums = wear_sums(machine, solution, joint, PLACES, times, play.journal) / size
         degree = play.profile.harmonics if play.profile else 16
         worn = [_smooth(_depth(s, play, play.wear, k), degree) for k, s in enumerate(sums)]
         row['depths'][joint], row['scatter'][joint] = np.transpose(worn, (1, 0, 2)).tolist()

@@ -31,7 +31,11 @@ HELD = 1e-9
 
 def _row(trial: CycleTrial, values: dict[str, Any]) -> Row:
     found = trial.at(values)
-    return {'figures': [x.value for x in found], 'units': [x.unit for x in found]}
+    return {
+        'figures': [x.value for x in found],
+        'units': [x.unit for x in found],
+        'rounding': [x.rounding for x in found],
+    }
 
 
 def _slopes_row(trial: CycleTrial, values: dict[str, Any], paths: list[str]) -> Row:
@@ -136,6 +140,13 @@ class Trials:
         if math.isnan(value):
             raise RunError(self._rows.rows[json.dumps([self.parameters[0].at(place)])]['status'])
         return value
+
+    def off(self, place: float, wanted: float) -> float:
+        """How far the first measure at a place is from a value: 0 if by rounding only."""
+        off = self.figure(place) - wanted
+        key = json.dumps([self.parameters[0].at(place)])
+        rounding = self._rows.rows[key].get('rounding', [0.0])[0]  # none in older journals
+        return off if abs(off) > rounding else 0.0
 
     def spread(self, samples: int) -> Array:
         """Places (N, n) that fill the cube evenly.

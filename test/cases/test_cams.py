@@ -136,6 +136,35 @@ def test_a_tangent_cam_has_the_lifts_of_its_table():
     assert np.abs(lift - given[:, 1]).max() <= 0.5e-6 * 1.01
 
 
+@pytest.mark.parametrize(('e', 'roller'), [(10.0, 8.0), (12.0, 0.0), (30.0, 10.0)])
+def test_the_smallest_base_circle_of_an_eccentric_cam(e, roller):
+    """The normal goes through the centre of the circle: the sine is the eccentricity over R."""
+    kind = {'follower': 'roller', 'roller': f'{roller} mm'}
+    if not roller:
+        kind = {'follower': 'knife', 'roller': None}
+    cam = cam_pair(made(scene({'eccentric': f'{e} mm'}, **kind))).cam
+    for limit in map(math.radians, (20.0, 30.0)):
+        radius = 1e-3 * (e / math.sin(limit) - e - roller)
+        assert cam.smallest_base_radius(limit) == pytest.approx(radius, rel=1e-9)
+    with pytest.raises(InputError, match='any base radius'):
+        cam.smallest_base_radius(math.radians(89.99))
+
+
+@pytest.mark.parametrize('limit', [25.0, 35.0])
+def test_the_smallest_base_circle_of_a_tangent_cam(limit):
+    """The limit is met at the end of the flank, whose length is that of a tangent."""
+    slope = math.tan(math.radians(limit)) ** 2
+    # lift^2 + 2 lift (base - nose) = slope (base + roller)^2
+    square = (
+        slope,
+        2.0 * (slope * ROLLER - LIFT),
+        slope * ROLLER**2 - LIFT**2 + 2.0 * LIFT * NOSE,
+    )
+    cam = cam_pair(made(scene(TANGENT))).cam
+    found = cam.smallest_base_radius(math.radians(limit))
+    assert found == pytest.approx(max(np.roots(square)), rel=1e-8)
+
+
 # A cam of circular arcs under a flat face: over each arc the lift is that of its centre's height,
 # so its acceleration is (centre to camshaft) cos (Rattan, section 7.15)
 

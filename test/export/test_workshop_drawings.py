@@ -9,8 +9,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from builders import placed
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.export import plates
 from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.joints.cam.curves import CYCLOIDAL, HALF_HARMONIC
 from mechanism_sim.joints.cam.followers import FlatFaced, Translating
@@ -125,6 +128,23 @@ def test_the_text_holds_the_coordinates_in_full():
     end = next(i for i in range(start + 1, len(pairs)) if pairs[i][0] == 0)
     x, y = ([float(v) for code, v in pairs[start:end] if code == c] for c in (10, 20))
     assert 1e-3 * np.array([x, y]) == pytest.approx(outline.edges[0].points, rel=1e-14, abs=1e-16)
+
+
+@pytest.mark.parametrize('name', ['valve_train', 'offset_roller_cam', 'groove_cam'])
+def test_a_cam_of_a_whole_machine_is_drawn_as_closely_as_alone(name):
+    """Points of the drawing lie on the profile of the cam's law to the rounding of its sides."""
+    ezdxf = pytest.importorskip('ezdxf')
+    machine = ms.load_scene(name)
+    joint = machine.plan.ideal.joint('contact')
+    lines = ezdxf.read(io.StringIO(plates.drawing(machine))).modelspace().query('LWPOLYLINE')
+    drawn = [1e-3 * np.array(x.get_points('xy')).T for x in lines]
+    cam, q = joint.cam, dict(zip(machine.plan.ideal.coordinates, machine.assembly.q, strict=True))
+    angles = np.linspace(0.0, 2.0 * math.pi, 500)[:-1]
+    walls = cam.groove(angles) if joint.grooved else (cam.at(angles).profile,)
+    for wall in walls:
+        exact = placed(machine, joint.first, q, joint.profile(wall))
+        off = min(max(from_segments(points, p) for p in exact.T) for points in drawn)
+        assert off < 6e-8
 
 
 @pytest.mark.sample(1)

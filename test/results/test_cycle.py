@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import itertools
+import math
 import re
 
 import numpy as np
@@ -19,6 +20,8 @@ from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots
+from mechanism_sim.results.cycle import measures_of
+from mechanism_sim.results.measure_tally import EXACT
 
 LINKS = ('crank', 'coupler', 'rocker')
 STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # sixth order
@@ -520,3 +523,30 @@ def test_static_forces_keep_what_depends_on_speed():
 def test_static_forces_need_an_ideal_machine():
     with pytest.raises(InputError, match='static forces need masses'):
         ms.cycle(ms.load_scene('four_bar_clearance'), static=True)
+
+
+def test_measures_of_a_cycle_count_nothing_of_the_run_before_it():
+    """Of a turn from 60 deg on: closed forms of a crank of 50 mm and a rod of 200 mm there."""
+    begin, period = 1.0 / 60.0, 0.1
+    found = ms.cycle('slider_crank', start=math.radians(60.0))
+    texts = [
+        'initial(position.piston, from 0 s)', 'integral(velocity.crank, from 0 s)',
+        'highest(position.piston, to 0.5 revolutions)', 'mean(position.piston)',
+    ]  # fmt: skip
+    initial, turned, highest, mean = measures_of(found, texts)
+    x, y = 0.05 * math.cos(math.pi / 3.0), 0.05 * math.sin(math.pi / 3.0)
+    there = x + math.sqrt(0.2**2 - y**2)
+    assert initial.value == pytest.approx(there, rel=1e-9)
+    assert initial.resolution == f'from {begin:.6g} s on, where what was run begins'
+    assert turned.value == pytest.approx(2.0 * math.pi, rel=1e-9)  # one turn, no more
+    assert highest.value == pytest.approx(there, rel=1e-9)  # at 0 deg, before it, 250 mm
+    assert (mean.value, mean.resolution) == (found.mean('position.piston'), EXACT)
+    assert (found.t[0], found.t[-1]) == pytest.approx((begin, begin + period))
+
+
+def test_measures_of_a_static_cycle_are_those_of_its_columns():
+    found = ms.cycle('slider_crank', static=True)
+    (rms,) = measures_of(found, ['rms(drive_torque)'])
+    assert rms.value == found.rms('drive_torque')
+    moving = ms.cycle('slider_crank')
+    assert rms.value < 0.1 * moving.rms('drive_torque')  # it moves by inertia above all

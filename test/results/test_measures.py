@@ -250,6 +250,26 @@ def test_a_frame_has_the_samples_of_sensors_beside_quantities_at_their_instants(
             solution.to_frame(*names, **how)
 
 
+def test_texts_of_measures_come_one_by_one_in_lists_and_by_name():
+    run = ms.simulate('slider_crank', revolutions=1)
+    one_text, two = 'rms(drive_torque)', 'range(position.piston)'
+    both = ms.measure(run, one_text, two)
+    assert [m.text for m in both] == [one_text, two]
+    for given in ([one_text, two], (one_text, two)):
+        assert ms.measure(run, given) == both
+        assert ms.measure(run.machine, run, given) == both
+    named = ms.measure(run, {'size': one_text, 'stroke': two})
+    assert [(m.name, m.value) for m in named] == [
+        ('size', both[0].value), ('stroke', both[1].value)
+    ]  # fmt: skip
+    assert ms.measure(run, []) == []
+    for wrong in ([one_text, 3.0], 3.0):
+        with pytest.raises(InputError, match='no text of a measure'):
+            ms.measure(run, wrong)
+    with pytest.raises(InputError, match='give a solution before it'):
+        ms.measure(run.machine, [one_text])
+
+
 @pytest.mark.parametrize(
     ('text', 'said'),
     [

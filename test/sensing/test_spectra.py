@@ -84,6 +84,37 @@ def test_strongest_are_local_peaks_in_falling_order():
     assert found.strongest(5) == [(6.0, 5.0), (2.0, 3.0)]
 
 
+def test_the_first_line_is_a_peak_whatever_the_mean():
+    """Of one whole turn order 1 is the first line: its neighbour below is the mean, no order."""
+    angle = math.tau * np.arange(360) / 360
+    for mean in (0.0, 1e3):
+        turn = mean + 5.0 * np.sin(angle + 0.3) + 2.0 * np.cos(2.0 * angle)
+        one = order_spectrum(TurnSegments(turn[None], np.array([0])))
+        assert dict(one.strongest(2)) == pytest.approx({1.0: 5.0, 2.0: 2.0}, rel=1e-9)
+        two = order_spectrum(TurnSegments(np.array([turn, turn]), np.array([0, 1])))
+        assert dict(two.strongest(2)) == pytest.approx({1.0: 5.0, 2.0: 2.0}, rel=1e-9)
+
+
+def test_the_strongest_line_of_power_may_be_the_first():
+    """Of a tone of one period a segment the first line holds most (Hann: 4 of 6 parts)."""
+    found = power([sine(RATE / 256, 4096)], RATE, 256)
+    assert found.strongest(1)[0] == (found.frequency[1], found.values.max())
+
+
+@pytest.mark.parametrize(
+    ('values', 'peaks'),
+    [
+        ([0.0, 2.0, 2.0, 2.0], []),  # level
+        ([9.0, 1.0, 2.0, 3.0], [3.0]),  # rising from the first line on
+        ([0.0, 3.0, 3.0, 3.0, 1.0, 2.0], [2.0, 5.0]),  # the middle of a flat peak at the end
+        ([5.0], []),
+    ],
+)
+def test_peaks_at_the_ends_of_a_spectrum(values, peaks):
+    found = LineSpectrum(np.arange(float(len(values))), np.array(values))
+    assert [f for f, _ in found.strongest(5)] == peaks
+
+
 def test_envelope_of_a_modulated_tone_is_the_modulation():
     t = np.arange(4000) / RATE
     shape = 1.0 + 0.6 * np.cos(math.tau * 20.0 * t)

@@ -9,6 +9,7 @@ from builders import made
 from loose_valve import BEGINS, MASS, PRELOAD, RISE, valve
 from running import run, run_json
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.found import text
 from mechanism_sim.scene import load_scene
@@ -44,6 +45,26 @@ def test_every_crossing_is_found_to_rounding():
     assert finding.unit == 'N m'
     for value, figure in finding.curve:
         assert figure == pytest.approx(0.5 * SPEED + 2.0 * 9.81 * abs(value), rel=1e-12)
+
+
+def test_zero_but_for_rounding_is_met_from_where_the_closed_form_says():
+    """Least force of an eccentric cam: ``preload + 2 k e - m e w^2``, and nothing in flight."""
+    wanted = 'lowest(normal_force.contact) = 0 N'
+    (one,) = find('eccentric_cam', 'drive.speed=200 rad/s:300 rad/s', wanted, samples=6).found
+    begins = math.sqrt((30.0 / 0.005 + 2.0 * 4000.0) / 0.2)
+    assert (one.value, one.last) == (pytest.approx(begins, rel=1e-9), 300.0)
+
+
+def test_rounding_of_measures_is_that_of_what_they_are_made_of():
+    """Of the bar the torque is ``0.5 w + m g a cos(q)``, of 10.905 N m at most."""
+    run = ms.simulate(rotor(), revolutions=1)
+    largest = 0.5 * SPEED + 2.0 * 9.81 * ARM
+    texts = 'lowest(drive_torque)', 'mean(drive_torque)', 'initial(drive_torque)'
+    small = [m.rounding for m in ms.measure(run, *texts)]
+    assert small == pytest.approx([1e-13 * largest, 1e-13 * 0.5 * SPEED, 1e-13 * largest], rel=0.5)
+    (both,) = ms.measure(run, '2 * lowest(drive_torque) - highest(drive_torque)')
+    assert both.rounding == pytest.approx(3e-13 * largest, rel=0.1)
+    assert ms.measure(run, 'count(impacts)')[0].rounding == 0.0
 
 
 @pytest.mark.slow

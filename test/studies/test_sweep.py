@@ -22,6 +22,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
+from mechanism_sim.studies.columns import FIGURES, own_columns
 from mechanism_sim.studies.journal import StudyInterrupted
 from mechanism_sim.studies.plan import Extent, read_plan
 from mechanism_sim.studies.row import SweepTask
@@ -214,7 +215,9 @@ def test_a_row_says_what_the_solution_says():
     T = machine.drive.period
     later = [i for i in solution.impacts if i.t >= 4 * T]
     impulse = sum(i.normal_impulse for i in later)
-    assert row['impacts'] * 8 == pytest.approx(len(later))
+    assert row['impacts'] * 8 == pytest.approx(len(later)) == row['impacts.coupler_rocker']
+    units = {c.name: c.unit for c in (*FIGURES, *own_columns(machine))}
+    assert (units['impacts'], units['impacts.coupler_rocker']) == ('1/rev', '')
     assert row['impulse'] * 8 == pytest.approx(impulse)
     assert row['I_n'] == pytest.approx(impulse / len(later))
     assert row['dissipated'] * 8 == pytest.approx(sum(i.energy_loss for i in later))

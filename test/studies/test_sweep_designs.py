@@ -25,7 +25,7 @@ from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.sweep import _index
 from mechanism_sim.studies.design import factor, points
-from mechanism_sim.studies.effects import effects, exceedances
+from mechanism_sim.studies.effects import _independent, effects, exceedances
 from mechanism_sim.studies.plan import MeasureLimits, read_plan
 from mechanism_sim.studies.sweep import run_plan
 
@@ -247,6 +247,35 @@ def test_the_share_beyond_a_limit_is_that_of_the_distribution():
     (found,) = exceedances(*both)
     assert found.share == pytest.approx(2.0 * scipy.stats.norm.sf(2.0), abs=0.003)
     assert (found.least, found.limit) == (1.0, 9.0)
+
+
+def test_the_interval_of_a_share_is_that_of_independent_runs():
+    """Of a figure of one value of six most runs of a design for indices say the same again."""
+    uniform = {name: [0.0, 1.0] for name in 'abcdef'}
+    limits = {'y': MeasureLimits(-math.inf, 0.9)}
+    plan, rows = study(uniform, 'sobol_indices', 64, lambda a, *_: a, limits)
+    (found,) = exceedances(plan, rows)
+    drawn = np.array([row['y'] for row in rows])[:128]  # A and B; the pages b to f are A again
+    assert len(rows) == 64 * 8
+    assert len(set(drawn)) == len({row['y'] for row in rows}) == 128
+    assert (found.runs, found.beyond) == (128, (drawn > 0.9).sum())
+    # closed form: ends at which as many, or as few, have a chance of 2.5 %
+    assert scipy.stats.binom.sf(found.beyond - 1, 128, found.low) == pytest.approx(0.025)
+    assert scipy.stats.binom.cdf(found.beyond, 128, found.high) == pytest.approx(0.025)
+    assert found.low < 0.1 < found.high
+
+
+def test_independent_runs_of_lists_that_are_repeated():
+    """Of each scene and of each repetition the points A and B."""
+    plan, _ = study({'a': [0.0, 1.0]}, 'sobol_indices', 2, lambda a: a)
+    drawn = [run.values for run in plan.runs]
+    plan.runs = [
+        SimpleNamespace(values=values | {'repeat': k})
+        for values in [*drawn, *drawn]
+        for k in range(3)
+    ]
+    chosen = np.flatnonzero(_independent(plan))
+    assert chosen.tolist() == [*range(12), *range(18, 30)]
 
 
 @pytest.mark.parametrize(

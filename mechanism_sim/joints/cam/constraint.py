@@ -18,7 +18,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.distance import PlacedCam, constant
 from mechanism_sim.joints.cam.followers import FlatFaced, Oscillating, OscillatingFlat
-from mechanism_sim.joints.cam.profiles import drawing_angles, extent
+from mechanism_sim.joints.cam.profiles import distinct, outline_angles
 from mechanism_sim.joints.cam.reading import CamReading, read_cam
 from mechanism_sim.numerics.symbolic import Term, add, dense, div, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
@@ -31,7 +31,6 @@ from mechanism_sim.planar.rails import chord
 from mechanism_sim.planar.touch import Touch
 from mechanism_sim.planar.view import Draft, PairView, Side, circle
 
-_PARTS = 720  # of a turn or stroke
 _FACE = 0.5  # thickness of a face, in units of the drawing's symbols
 _TIP = 1.5  # length of a knife's edge
 
@@ -229,7 +228,7 @@ def cam_outlines(joint: PlacedCam) -> list[Array]:
 
     A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
     """
-    angles = _angles(joint)
+    angles = outline_angles(joint.cam.law)
     if joint.distance.slides:
         edges = [_bar(joint.cam.at(angles).profile, 0.0)]
         if joint.grooved:
@@ -241,12 +240,7 @@ def cam_outlines(joint: PlacedCam) -> list[Array]:
         inner, outer = joint.cam.groove(angles)
         rim = 1.12 * float(np.hypot(*outer).max())
         edges = [rim * np.array([np.cos(angles), np.sin(angles)]), outer, inner]
-    return [joint.profile(edge).T for edge in edges]
-
-
-def _angles(joint: PlacedCam) -> Array:
-    law = joint.cam.law
-    return drawing_angles(law, extent(law) / _PARTS)
+    return [joint.profile(distinct(edge, closed=True)).T for edge in edges]
 
 
 def _bar(edge: Array, back: float) -> Array:
@@ -264,7 +258,7 @@ def follower_outline(joint: PlacedCam, angle: float, symbol: float) -> Array:
     """
     follower = joint.cam.follower
     if isinstance(follower, FlatFaced | OscillatingFlat):
-        angles = _angles(joint)
+        angles = outline_angles(joint.cam.law)
         if isinstance(follower, FlatFaced):  # the contact wanders by u' along the face
             reach, behind = joint.cam.law(angles, 1), -1.0
             turn = joint.direction + joint.mirror * follower.tilt + 0.5 * math.pi - angle

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -247,9 +248,9 @@ class LawPart(Part):
         return self
 
     @property
-    def shape(self) -> NosePart | ProfilePart | None:
-        """The cam, if it is given instead of the motion of its follower."""
-        return self.tangent or self.arcs or self.profile
+    def is_shape(self) -> bool:
+        """True if the cam is given instead of the motion of its follower."""
+        return not (self.segments or self.points)
 
 
 class LiftOffPart(Part):
@@ -466,10 +467,9 @@ class _CamReader:
         """The profile; one that was found right is known for a while, for that takes long."""
         key = self.joint.model_dump_json(), guide.swings, self._slides, touching, self._frame
         if key not in _RIGHT:
-            shape = self.joint.law.shape if self.joint.law else None
             cam = (
                 self._shaped(touching)
-                if shape
+                if self.joint.law and self.joint.law.is_shape
                 else Cam(self._law(guide, touching), touching, self.joint.base_radius or 0.0)
             )
             self._check_cam(cam)
@@ -569,33 +569,22 @@ class _CamReader:
                 ],
                 self._slides,
             )
-        if given.points:
-            ways, rises = (
-                [
-                    self.names.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
-                    for i, point in enumerate(given.points)
-                ]
-                for k, straight in enumerate((self._slides, not guide.swings))
-            )
-            error = 0.0
-            if given.error:
-                error = self.names.measure(f'{where}.error', given.error, not guide.swings, _UNITS)
-                if error < 0.0 or given.degree == 1:
-                    raise InputError(
-                        f'law.error = {error:g} is a standard deviation, not negative, and needs '
-                        "'degree' 3, 5 or 7"
-                    )
-            return MeasuredLaw(ways, rises, given.degree, self._slides, error)
-        self._must_turn('eccentric')
-        e, radius = given.eccentric or 0.0, self.joint.base_radius or 0.0
-        if follower == FlatFaced():
-            return Raised(e)
-        if isinstance(follower, Translating) and abs(follower.offset) <= 1e-12 * radius:
-            return Eccentric(radius + e + follower.roller, e)
-        raise InputError(
-            'law.eccentric is for followers that slide on a line through the camshaft, or with a '
-            "face across it: describe this one's law by 'points'"
+        ways, rises = (
+            [
+                self.names.measure(f'{where}.points.{i}', point[k], straight, _UNITS)
+                for i, point in enumerate(given.points)
+            ]
+            for k, straight in enumerate((self._slides, not guide.swings))
         )
+        error = 0.0
+        if given.error:
+            error = self.names.measure(f'{where}.error', given.error, not guide.swings, _UNITS)
+            if error < 0.0 or given.degree == 1:
+                raise InputError(
+                    f'law.error = {error:g} is a standard deviation, not negative, and needs '
+                    "'degree' 3, 5 or 7"
+                )
+        return MeasuredLaw(ways, rises, given.degree, self._slides, error)
 
     def _must_turn(self, way: str) -> None:
         if self._slides:
@@ -611,11 +600,9 @@ class _CamReader:
         self._must_turn(way)
         given = law.profile
         if given is None:
-            part = law.tangent or law.arcs
-            assert part is not None and base is not None  # noqa: S101, PT018 - checked
-            flank = part.flank if isinstance(part, FlankPart) else math.inf
-            outline = nose_cam(base, part.nose, part.lift, flank, part.at)
-            return Cam(outline.law(follower, base), follower, base)
+            assert base is not None  # noqa: S101 - checked
+            law_on = partial(_law_of_shape, law, follower)
+            return Cam(law_on(base), follower, base, law_on)
         if given.points:
             angles, radii = np.transpose(given.points)
             outline = radii_cam(angles, radii, given.degree, given.error)
@@ -722,6 +709,23 @@ class _CamReader:
             ways += ['a smaller roller'] if self.joint.roller else []
             ways += [f'a smaller lift than {lift:.4g} {_UNITS[not swings]}']
             raise InputError(f'{flaw}: take {" or ".join(ways)}')
+
+
+def _law_of_shape(given: LawPart, follower: Follower, base: float) -> Law:
+    """The law of an eccentric cam, or of one with a round nose, on a base circle [m]."""
+    if e := given.eccentric:
+        if follower == FlatFaced():
+            return Raised(e)
+        if isinstance(follower, Translating) and abs(follower.offset) <= 1e-12 * base:
+            return Eccentric(base + e + follower.roller, e)
+        raise InputError(
+            'law.eccentric is for followers that slide on a line through the camshaft, or with a '
+            "face across it: describe this one's law by 'points'"
+        )
+    part = given.tangent or given.arcs
+    assert part is not None  # noqa: S101 - checked
+    flank = part.flank if isinstance(part, FlankPart) else math.inf
+    return nose_cam(base, part.nose, part.lift, flank, part.at).law(follower, base)
 
 
 class Guide(NamedTuple):

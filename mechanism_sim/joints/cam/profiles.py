@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -21,6 +21,12 @@ from mechanism_sim.numerics.extremes import ExtremeSearch
 
 #: points of a piece of a law at which an extreme is looked for first
 SAMPLES = 181
+_SAME = 1e-9  # [m] between points that are one; both limits at a break are drawn if they differ
+_BLURRED = 4.0  # times the rounding of values: what is as high as the greatest
+_HALVED = 50  # times, from a piece of a law down to rounding
+_WIDER = 1.25  # factor between base radii that are looked at, up to 750 times as large or small
+_SEARCHED = 30
+_ANY = 'any base radius keeps the pressure angle within its limit'
 
 
 @dataclass(frozen=True)
@@ -33,11 +39,13 @@ class Cam:
     follower : what touches the cam
     base_radius : the least distance of the profile from the camshaft, on the base circle, or from
         the line that takes its place [m]
+    law_on : the law that the same shape has on another base circle [m]; None: it is the same
     """
 
     law: Law
     follower: Follower
     base_radius: float
+    law_on: Callable[[float], Law] | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not 0 < self.base_radius < math.inf:
@@ -57,6 +65,16 @@ class Cam:
     def largest_pressure_angle(self) -> float:
         """The largest absolute value over a turn [rad]."""
         return greatest(self.law, lambda x: np.abs(self.at(x).pressure_angle))[1]
+
+    def smallest_base_radius(self, pressure_angle: float) -> float:
+        """The smallest base radius [m] that keeps the pressure angle within a limit [rad].
+
+        Where the law depends on it, the one nearest to that of the cam at which the limit is just
+        kept.
+        """
+        if self.law_on is None:
+            return smallest_base_radius(self.law, self.follower, pressure_angle)
+        return _smallest_of_shape(self, self.law_on, pressure_angle)
 
     def groove(self, angle: ArrayLike, clearance: float = 0.0) -> tuple[Array, Array]:
         """Inner and outer wall, (2, N) [m], of a groove in which the roller has this clearance."""
@@ -118,10 +136,8 @@ def find_flaws(cam: Cam, clearance: float | None = None) -> list[Flaw]:
     return flaws
 
 
-def smallest_base_radius(
-    law: Law, follower: Translating | Oscillating, pressure_angle: float
-) -> float:
-    """The smallest base radius [m] that keeps the pressure angle within a limit all round.
+def smallest_base_radius(law: Law, follower: Follower, pressure_angle: float) -> float:
+    """The smallest base radius [m] under a given law that keeps the pressure angle within a limit.
 
     With prime radius and lowest position as in `followers`: for a translating follower
     ``tan(phi) = (offset - u')/(s + u)`` bounds the height s from below; for an oscillating one
@@ -134,6 +150,8 @@ def smallest_base_radius(
     """
     if law.reciprocating:
         raise InputError('a reciprocating cam has no base circle')
+    if not isinstance(follower, Translating | Oscillating):
+        raise InputError('base circles are proposed for knife edges and rollers, not for faces')
     if not 0 < pressure_angle < 0.5 * math.pi:
         raise InputError('a limit of the pressure angle is between 0 and 90 deg')
     if isinstance(follower, Translating):
@@ -143,8 +161,39 @@ def smallest_base_radius(
     else:
         radius = _smallest_oscillating(law, follower, pressure_angle)
     if radius <= 0:
-        raise InputError('any base radius keeps the pressure angle within its limit')
+        raise InputError(_ANY)
     return radius
+
+
+def _smallest_of_shape(cam: Cam, law_on: Callable[[float], Law], limit: float) -> float:
+    """Base radius of a cam whose law depends on it, by a search from its own on."""
+
+    def excess(radius: float) -> float:
+        other = replace(cam, law=law_on(radius), base_radius=radius)
+        return other.largest_pressure_angle - limit
+
+    inside = excess(cam.base_radius) <= 0.0
+    last = cam.base_radius
+    for _ in range(_SEARCHED):
+        radius = last / _WIDER if inside else last * _WIDER
+        try:
+            found = excess(radius)
+        except InputError as told:  # the shape ends there, as where flanks miss the nose
+            raise InputError(
+                f'no base circle of this shape has {math.degrees(limit):g} deg as its largest '
+                'pressure angle'
+            ) from told
+        if (found <= 0.0) != inside:
+            return float(scipy.optimize.brentq(excess, *sorted((last, radius)), xtol=1e-15))
+        last = radius
+    raise InputError(_ANY if inside else _none(limit))
+
+
+def _none(limit: float) -> str:
+    return (
+        'no base circle keeps the pressure angle of this follower within '
+        f'{math.degrees(limit):g} deg'
+    )
 
 
 def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> float:
@@ -158,10 +207,7 @@ def _smallest_oscillating(law: Law, follower: Oscillating, limit: float) -> floa
     most = math.pi - greatest(law, lambda x: np.abs(math.pi - limit - reach(x)) + law(x))[1]
     sharpest = greatest(law, lambda x: np.abs(1.0 + follower.side * law(x, 1)))[1]
     if sharpest * b * math.cos(limit) > a or least > most:
-        raise InputError(
-            f'no base circle keeps the pressure angle of this follower within '
-            f'{math.degrees(limit):g} deg'
-        )
+        raise InputError(_none(limit))
     return math.sqrt(a**2 + b**2 - 2.0 * a * b * math.cos(least)) - follower.roller
 
 
@@ -184,8 +230,22 @@ def drawing_angles(law: Law, step: float) -> Array:
     )
 
 
-def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float, float]:
-    """Angle and value of the greatest value over a turn or stroke.
+def outline_angles(law: Law) -> Array:
+    """Angles (n,) of the corners of a drawn profile, which keep a radius of 100 mm to 0.05 um."""
+    return drawing_angles(law, extent(law) / 3600)
+
+
+def distinct(points: Array, closed: bool) -> Array:
+    """Points (2, n) without those that repeat the one before, as at the breaks of a law."""
+    moved = np.hypot(*np.diff(points, prepend=points[:, -1:])) > _SAME
+    moved[0] |= not closed
+    return points[:, moved]
+
+
+def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float | None, float]:
+    """Angle and value of the greatest value over a turn or stroke; of a constant no angle.
+
+    The angle of several is the first, and of a stretch where the value stays, its beginning.
 
     Parameters
     ----------
@@ -194,7 +254,41 @@ def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float, float
     """
     search = ExtremeSearch(['value'])
     search.add(lambda x: function(x.ravel())[None], *np.array(_pieces(law)).T)
-    return float(search.greatest_time[0]), float(search.greatest[0])
+    found, top = float(search.greatest_time[0]), float(search.greatest[0])
+    return _place(law, function, found, top - _BLURRED * float(search.rounding[0])), top
+
+
+def _place(
+    law: Law, function: Callable[[Array], Array], found: float, level: float
+) -> float | None:
+    """The angle of a greatest value, found to the rounding of values, as closely as it is known.
+
+    Near it the function stays above a level just below for an interval that is far wider than
+    rounding of angles, as it is flat there: a break in that interval is the angle, as those of
+    dwells and symmetric diagrams are, or else its middle.
+    """
+    if not math.isfinite(found):
+        return None
+    pieces = _pieces(law)
+    if all((function(np.linspace(*ends, SAMPLES)) >= level).all() for ends in pieces):
+        return None
+    k = int(np.clip(np.searchsorted(law.breaks, found, 'right') - 1, 0, len(pieces) - 1))
+    ends = []
+    for end, at_break in zip(pieces[k], law.breaks[k : k + 2], strict=True):
+        near, far = 0.0, 1.0  # of the way to the end, where it is above the level and below
+        steps = np.append(0.5 ** np.arange(_HALVED, 0, -1), 1.0)
+        for _ in range(4):  # each time 180 times as close
+            above = function(found + steps * (end - found)) >= level
+            if above.all():
+                near = far
+                break
+            first = int(np.argmin(above))
+            near, far = (steps[first - 1] if first else near), steps[first]
+            steps = np.linspace(near, far, SAMPLES)[1:]
+        if near == 1.0:
+            return float(at_break)
+        ends.append(found + near * (end - found))
+    return 0.5 * (ends[0] + ends[1])
 
 
 def _pieces(law: Law) -> list[tuple[float, float]]:

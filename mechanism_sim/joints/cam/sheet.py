@@ -13,20 +13,20 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
 from mechanism_sim.joints.cam.interference import find_cut_away
 from mechanism_sim.joints.cam.laws import DERIVATIVES, check_smoothness
+from mechanism_sim.joints.cam.outlines import OutlineLaw
 from mechanism_sim.joints.cam.profiles import (
     Cam,
+    distinct,
     drawing_angles,
     extent,
     find_flaws,
     greatest,
-    smallest_base_radius,
+    outline_angles,
 )
 from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure, Polygon, Sheet
 
 #: for which a base radius is proposed [rad]
 PRESSURE_ANGLE = math.radians(30.0)
-#: points nearer than this are one [m]; both limits at a break of a law are drawn
-SAME = 1e-9
 
 
 class CamParts(JointParts):
@@ -44,9 +44,12 @@ class CamParts(JointParts):
         cam, law = joint.cam, joint.cam.law
         remarks = [str(flaw) for flaw in (*find_flaws(cam, clearance), *find_cut_away(cam))]
         figures = list(_cam_figures(cam, sense * self.speed(joint.first)))
-        if isinstance(cam.follower, Translating | Oscillating) and not law.reciprocating:
+        # a profile that is given has but one base circle
+        given = isinstance(law, OutlineLaw) and cam.law_on is None
+        rises = isinstance(cam.follower, Translating | Oscillating)
+        if rises and not law.reciprocating and not given:
             try:
-                radius = smallest_base_radius(law, cam.follower, PRESSURE_ANGLE)
+                radius = cam.smallest_base_radius(PRESSURE_ANGLE)
                 figures.append(PartFigure('base_radius_for_30_deg', radius, 'm'))
             except InputError as told:
                 remarks.append(f'{told}')
@@ -125,26 +128,18 @@ def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
     ----------
     clearance : of the roller in a groove [m], which then has both walls; None: no groove
     """
-    # steps between points which keep a radius of 100 mm to 0.05 um
-    at = drawing_angles(cam.law, extent(cam.law) / 3600)
+    at = outline_angles(cam.law)
     touch, closed = cam.at(at), not cam.law.reciprocating
     walls = {'profile': touch.profile}
     if clearance is not None:
         walls = dict(zip(('inner', 'outer'), cam.groove(at, clearance), strict=True))
     guides: list[Polygon | Circle] = []
     if getattr(cam.follower, 'roller', 0.0) > 0.0:
-        guides.append(Polygon('pitch', _distinct(touch.pitch, closed), closed))
+        guides.append(Polygon('pitch', distinct(touch.pitch, closed), closed))
     if closed:
         guides.append(Circle('base', cam.base_radius))
     else:
         line = np.array([(cam.base_radius, cam.base_radius), (at[0], at[-1])])
         guides.append(Polygon('base', line, closed=False))
-    edges = [Polygon(name, _distinct(wall, closed), closed) for name, wall in walls.items()]
+    edges = [Polygon(name, distinct(wall, closed), closed) for name, wall in walls.items()]
     return Outline(tuple(edges), tuple(guides))
-
-
-def _distinct(points: Array, closed: bool) -> Array:
-    """Points without those that repeat the one before."""
-    moved = np.hypot(*np.diff(points, prepend=points[:, -1:])) > SAME
-    moved[0] |= not closed
-    return points[:, moved]

@@ -31,6 +31,7 @@ from mechanism_sim.joints.cam.laws import (
 from mechanism_sim.joints.cam.profiles import (
     Cam,
     find_flaws,
+    greatest,
     smallest_base_radius,
 )
 from mechanism_sim.joints.cam.sheet import cam_outline
@@ -295,6 +296,23 @@ def test_the_smallest_base_circle_by_brute_force(follower, lift, limit, curve):
     assert Cam(motion, follower, radius).largest_pressure_angle == pytest.approx(
         limit * DEG, rel=1e-9
     )
+
+
+def test_the_place_of_an_extreme_is_known_and_that_of_a_constant_is_none():
+    """Closed forms where values near the top differ by rounding only: as x^2, x^3 and x^4."""
+    diagram = law()
+    turn = diagram.breaks[-1] - diagram.breaks[0]
+    for power in (2, 3, 4):
+        at, top = greatest(diagram, lambda x, p=power: 3.0 - np.abs(np.sin(0.5 * (x - 1.1))) ** p)
+        assert (at, top) == (pytest.approx(1.1, abs=1e-7), 3.0)
+    begin, end = diagram.breaks[1:3]
+    assert end - begin < turn
+    for power in (2, 3, 4):  # a break is met exactly
+        at, _ = greatest(diagram, lambda x, p=power: -(np.abs(np.sin(0.5 * (x - begin))) ** p))
+        assert at == begin
+    flat = greatest(diagram, lambda x: np.where((x > begin) & (x < end), 1.0, 0.5))
+    assert flat == (begin, 1.0)
+    assert greatest(diagram, lambda x: 0.035 * (np.sin(x) ** 2 + np.cos(x) ** 2))[0] is None
 
 
 @pytest.mark.slow
