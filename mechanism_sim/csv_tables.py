@@ -27,7 +27,7 @@ from mechanism_sim import documents
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.terminal import print_notice
-from mechanism_sim.units import COMMON, to_si, to_si_text
+from mechanism_sim.units import common, to_si, to_si_text
 
 LARGEST, MOST = 1 << 21, 20_000
 """Bytes and lines of a file; a pressure measured every twentieth of a degree is half of it."""
@@ -43,7 +43,7 @@ MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 _WITH_UNIT = re.compile(r'(?:[^\s"\[(]+\s*)?[\[(][^\])]*[\])]')
 _AMBIGUOUS = 't', 'in', 'min', 'bar'
 """Ends of names that mean tangential, inlet, minimum or a link as often as units."""
-_IN_NAMES = {*COMMON, 'ns', 'degree', 'degrees'} - {*_AMBIGUOUS}
+_LONGER = 'ns', 'degree', 'degrees'  # units of names beside the common ones
 _PER_SECOND = re.compile(r's([23]|\^[23]|[²³])?')
 _MOVED, _FORCES, _ARMS = ('m', 'mm', 'cm', 'rad', 'mrad', 'deg'), ('N', 'kN'), ('m', 'cm', 'mm')
 _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
@@ -151,15 +151,19 @@ def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
         unit = f'{before}/{last}'
     elif before in _FORCES and last in _ARMS:
         unit = f'{before} {last}'
-    elif last in _AMBIGUOUS or before in _IN_NAMES:
+    elif last in _AMBIGUOUS or _is_in_names(before):
         return ''
     else:
         unit = last
         if len(last) == 1 and not (others and (last.isupper() or len(wanted) == 1)):
             return ''
-    if unit not in _IN_NAMES and not _is_unit(unit):
+    if not (_is_in_names(unit) or _is_unit(unit)):
         return ''
     return unit if not wanted or any(_fits(unit, x) for x in wanted) else ''
+
+
+def _is_in_names(unit: str) -> bool:
+    return unit in _LONGER or (unit not in _AMBIGUOUS and bool(common(unit)))
 
 
 def _fits(unit: str, wanted: str) -> bool:

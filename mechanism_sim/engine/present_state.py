@@ -111,7 +111,6 @@ class PresentState:
         near = [joint for joint, x in zip(self._closed, seen, strict=True) if not x > distance]
         return [*dict.fromkeys(near)]
 
-
     @cached_property
     def _closed(self) -> list[str]:
         """The joint of every equation of closures, whose expressions take long to make."""
