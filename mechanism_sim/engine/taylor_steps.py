@@ -236,6 +236,8 @@ class TaylorSteps:
             h = self._taken(tau, until)
             guard = self._system.fired(self._pars)
             missed = self._missed(guard)
+            if missed is None and guard is None and h == until:
+                missed = fell  # there it is zero but for rounding; further on it was not
         return h, guard if missed is None or guard is not None else missed
 
     def _time_of_fall(self, guard: int, h: float) -> float | None:
