@@ -121,7 +121,7 @@ def toggle_near_its_dead_point() -> list[Figure]:
                 'guide': {'prismatic': ['ground', 'slider']},
             },
             loads={'press': {'at': 'arm.end', 'force': [0, 1.0]}},
-            drive={'coordinate': 'slider', 'speed': '-1e-30 m/s', 'start_position': x},
+            drive={'coordinate': 'slider', 'speed': '-1e-20 m/s', 'start_position': x},
             guess={'arm': 1.5 * angle, 'link': -1.5 * angle},
         )
         q = machine.assembly.q[:, None]

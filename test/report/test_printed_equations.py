@@ -234,10 +234,11 @@ class Reader:
 
     def begin(self):
         """Work out the vectors, and what acts where in the cycle."""
-        self.define('vectors', 'switches')
-        for e in self.page.get('switches', []):
-            flag = e['note'].split()[0]
-            self.values[flag] = float(self.values[self.sides(e)[0]] > 0.0)
+        self.define('vectors')
+        for e in self.page.get('switches', []):  # of which one may depend on those before it
+            flag, (left, right) = e['note'].split()[0], self.sides(e)
+            self.values[left] = self(right)
+            self.values[flag] = float(self.values[left] > 0.0)
 
     def define(self, *parts):
         """Work through parts whose left-hand sides are symbols."""
@@ -291,8 +292,14 @@ def states_of(eq):
 def present_rows(eq, q, v):
     """The numbers of all switches at coordinates q and rates v."""
     found = {}
-    for switch in eq.frames.switches.values():
-        known = dict.fromkeys(turns_of(eq), 0.0) | states_of(eq)
+    waiting = [*eq.frames.switches.values()]
+    while waiting:  # where one depends on others, these are the first
+        switch = waiting.pop(0)
+        known = dict.fromkeys(turns_of(eq), 0.0) | states_of(eq) | found
+        others = {str(x) for other in waiting for x in other.symbols}
+        if others.intersection(hy.get_variables(switch.place)):
+            waiting.append(switch)
+            continue
         wound = hy.subs(switch.place, {x: hy.expression(n) for x, n in known.items()})
         place = hy.cfunc([wound], vars=[*eq.frames.q.values(), *eq.frames.v.values()])
         (at,) = place(np.concatenate([q, v]), pars=np.array(eq.parameters.values)[: place.nparams])
