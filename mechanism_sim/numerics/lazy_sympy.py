@@ -24,15 +24,21 @@ class _Later:
         self._way = way
 
     def __getattr__(self, name: str) -> _Later:
+        if name.startswith('__'):  # sympy asks for marks of its own objects
+            raise AttributeError(name)
         return _Later(*self._way, name)
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         if self._way == ('Function',):
             return _Later(*self._way, arguments)
+        return self._sympy_()(*arguments, **options)
+
+    def _sympy_(self) -> Any:
+        """The object itself; sympy asks for it where a constant such as pi is an argument."""
         found: Any = import_module('sympy')
         for step in self._way:
             found = getattr(found, step) if isinstance(step, str) else found(*step)
-        return found(*arguments, **options)
+        return found
 
 
 class _Sympy(ModuleType):

@@ -10,6 +10,7 @@ for a second event loop.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed
@@ -126,6 +127,18 @@ class FinishedRows:
         self.cpu += finished.cpu
 
 
+def _is_unguarded() -> bool:
+    """True if this process runs a script that does not ask who reads it."""
+    main = sys.modules['__main__']
+    file = getattr(main, '__file__', None)
+    if file is None or getattr(main, '__spec__', None) is not None:
+        return False  # a console or a notebook; a module, which workers do not read
+    try:
+        return '__main__' not in Path(file).read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
 def cores() -> int:
     """How many processes this one may use at once."""
     return len(os.sched_getaffinity(0))
@@ -194,6 +207,11 @@ class Workers:
         return map(compute, tasks) if self._here else self._in_processes(tasks)
 
     def _in_processes(self, tasks: Iterable[Task]) -> Iterator[RunResult]:
+        if _is_unguarded():
+            raise InputError(
+                f'workers = {self._count}: every worker reads the script anew, so that the call '
+                "must stand in it below if __name__ == '__main__':"
+            )
         try:
             with ending.signals_held():  # Ctrl-C is for this process, which ends the others
                 if not self._submit:

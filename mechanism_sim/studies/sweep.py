@@ -71,6 +71,11 @@ def sweep(
     """
     check_options(sweep, how, run_plan, words=OF_WORKERS)
     plan = read_plan(source, measures, scene=scene)
+    if plan.windows and not (file or how.get('windows')):
+        raise InputError(
+            "the sweep has windows: give windows='FOLDER', or a file 'NAME.csv', beside which "
+            'they come to NAME.windows'
+        )
     with tempfile.TemporaryDirectory() as folder:
         table = Path(file) if file else Path(folder) / 'sweep.csv'
         how = {'show': plotting.progress('sweep', plan.size), **how}

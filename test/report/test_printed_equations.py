@@ -17,7 +17,7 @@ import heyoka as hy
 import numpy as np
 import pytest
 from matplotlib.mathtext import MathTextParser
-from running import environment, one_of, run, run_json
+from running import TIMEOUT, environment, one_of, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import scene_names
@@ -843,3 +843,16 @@ def test_numbers_have_the_digits_that_they_have():
     for text in (setter.plain(), setter.latex()):
         assert '0.00125' in text
         assert not re.search(r'\d\.\d*(0{8}|9{8})\d', text)
+
+
+def test_pi_is_printed_where_the_scene_was_loaded_before():
+    # sympy is imported when a page needs it; until then heyoka has a stand-in of its constants
+    code = (
+        'import mechanism_sim as ms\n'
+        "drive = {'coordinate': 'crank', 'position': '60 deg*sin(pi*t)'}\n"
+        "scene = ms.load_scene('slider_crank', {'drive': drive, 'duration': '1 s'})\n"
+        "print('pi' in str(ms.equations(scene)))\n"
+    )
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True,
+                          timeout=TIMEOUT, check=False)  # fmt: skip
+    assert done.stdout == 'True\n', done.stderr

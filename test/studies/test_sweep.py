@@ -519,3 +519,22 @@ def test_a_plain_script_sweeps_by_one_worker_which_is_this_process(tmp_path):
     done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True,
                           timeout=TIMEOUT, check=False)  # fmt: skip
     assert (done.stdout, done.returncode) == ('2\n', 0), done.stderr
+
+
+def test_several_workers_in_a_script_without_a_guard_are_refused_at_once(tmp_path):
+    script = tmp_path / 'script.py'
+    script.write_text(
+        'import mechanism_sim as ms\n'
+        "grid = {'drive.speed': ['60 rpm', '120 rpm']}\n"
+        "ms.sweep({'revolutions': 1, 'grid': grid}, scene='slider_crank', workers=2)\n"
+    )
+    done = subprocess.run([sys.executable, script], cwd=tmp_path, capture_output=True, text=True,
+                          timeout=TIMEOUT, check=False)  # fmt: skip
+    assert "below if __name__ == '__main__':" in done.stderr.splitlines()[-1]
+    assert done.stderr.count('Traceback') == 1  # no worker has begun
+
+
+def test_windows_without_a_place_are_refused():
+    plan = {'revolutions': 1, 'windows': {'samples': 64}, 'grid': {'drive.speed': ['300 rpm']}}
+    with pytest.raises(InputError, match='the sweep has windows: give windows='):
+        ms.sweep(plan, scene='four_bar_clearance')
