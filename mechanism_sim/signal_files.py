@@ -191,7 +191,8 @@ def _csv(path: Path) -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
     named = {c: named_unit(c.lower(), ['s']) for c in table.cells}
     bare = {c: c.lower().removesuffix(f'_{unit}') for c, unit in named.items()}
-    time = next((c for c in named if bare[c] in _TIMES), None)
+    exact = (c for c in named if c.lower() in _TIMES)
+    time = next(exact, next((c for c in named if bare[c] in _TIMES), None))
     if time is None:
         raise InputError(
             f"{table.where} has no column of time: name one 't [s]'; its first line is "
@@ -211,10 +212,15 @@ def _csv(path: Path) -> list[ChannelSamples]:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
     t = seconds * table.numbers(time)[:, 0]
     return [
-        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], unit or named_unit(name))
+        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], unit or _unit_of(name))
         for name, unit in table.units.items()
         if name != time and not table.is_text(name)  # but labels
     ]
+
+
+def _unit_of(name: str) -> str:
+    """The unit that a name ends with; of a quantity's, as ``position.bar_W``, none is told."""
+    return '' if '.' in name else named_unit(name)
 
 
 def _is_date(cell: str) -> bool:

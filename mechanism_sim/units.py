@@ -96,7 +96,6 @@ _KNOWN = {
     'ms': (Decimal('1e-3'), 's'),
     'us': (Decimal('1e-6'), 's'),
     'min': (Decimal(60), 's'),
-    'h': (Decimal(3600), 's'),
     'kHz': (Decimal(1000), 'Hz'),
     'kN': (Decimal(1000), 'N'),
     'MN': (Decimal(1_000_000), 'N'),

@@ -28,6 +28,7 @@ from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial, shift_powers
 from mechanism_sim.numerics.quadrature import parts_of
+from mechanism_sim.planar.protocols import OilFilm
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.quantities.motion import DERIVATIVES
 from mechanism_sim.results.quantity import Shown
@@ -223,24 +224,35 @@ class _Integrated(RunDerivative):
         opened, key = self._opened, self._key
         if opened <= _NEAR:
             return key.step, [*zip(WEIGHTS, key.beside, strict=True)]
-        step = key.step * _NEAR / opened
+        step = key.step / 3.0 * min(1.0, 3.0 * _NEAR / opened)  # no farther than `beside`
         return step, [(weight, key.at(key.value + k * step)) for k, weight in _AROUND]
 
     @property
     def _opened(self) -> float:
-        """By how much of its clearance a gap opens if the number changes by its step."""
-        piece, curve = self._piece, self._piece.motion.curve
-        plays = piece.machine.plan.clearances.items()
-        played = {f'gap.{n}': c.radial for n, c in plays if c.radial}
-        known = piece.catalogue
-        names = [n for n in known.choose(['gap']) if n in played] if played else []
-        if not names:
-            return 0.0
+        """By how much of its clearance a gap opens if the number changes by its step.
+
+        Or by how much of its thickness an oil film gets thicker.
+        """
+        piece, curve, beside = self._piece, self._piece.motion.curve, self._key.beside[0]
+        system, clearances = piece.machine.equations.system, piece.machine.plan.clearances
         every = np.linspace(0.0, len(curve) - 1.0, min(len(curve), _LOOKED)).astype(int)
-        t = curve.start[every] + 0.5 * curve.duration[every]
-        beside = _with_machine(piece, self._key.beside[0])
-        some, other = (known.table(names, x.view(t)) for x in (piece, beside))
-        return float(max(np.nanmax(np.abs(other[n] - some[n])) / played[n] for n in names))
+        middle = 0.5 * curve.duration[every]
+        known, opened = piece.catalogue, [0.0]
+        played = {f'gap.{g.name}': clearances[g.joint].radial for g in system.gaps
+                  if g.joint in clearances}  # fmt: skip
+        if names := [n for n, radial in played.items() if radial and n in known]:
+            t = curve.start[every] + middle
+            some, other = (
+                known.table(names, x.view(t)) for x in (piece, _with_machine(piece, beside))
+            )
+            opened += [float(np.nanmax(np.abs(other[n] - some[n])) / played[n]) for n in names]
+        places = curve.local(every, middle)[:, :, None]
+        elements = zip(system.elements, beside.equations.system.elements, strict=True)
+        for film, changed in elements:
+            if isinstance(film, OilFilm) and isinstance(changed, OilFilm):
+                h = [(film.thickness(q), changed.thickness(q)) for q in places]
+                opened += [abs(b - a) / a for a, b in h if a > 0.0]
+        return max(opened)
 
     @property
     def _step(self) -> float:

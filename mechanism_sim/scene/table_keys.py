@@ -130,12 +130,12 @@ _KEYS = {
 
 def _wanted(key: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """SI units in which the columns of a file may be, by the path of the key that names it."""
-    path = key.split('.')
-    if 'motor' in path:
+    head, *path = key.strip('.').split('.')
+    if head in ('drive', 'drives') and 'motor' in path:
         return ('rad/s',), ('N m',)
-    if {'drive', 'drives'} & {*path}:
+    if head in ('drive', 'drives'):
         return ('s',), ('rad', 'm') if 'position' in path else ('rad/s', 'm/s')
-    if 'tables' in path:
+    if head == 'tables':
         return _ALONG[:-1], _VALUES[:-1]
     return ('m', 'rad'), ('m', 'rad')  # of cams, which need a whole turn, and say so
 

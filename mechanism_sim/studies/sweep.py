@@ -80,7 +80,7 @@ def sweep(
         table = Path(file) if file else Path(folder) / 'sweep.csv'
         how = {'show': plotting.progress('sweep', plan.size), **how}
         dask = how.pop('dask', None)
-        makers = Workers(None if dask else workers, dask, lost=_LOST)
+        makers = Workers(None if dask and workers == 1 else workers, dask, lost=_LOST)
         _, rows = run_plan(plan, table, makers, **how)
     return tables.Table.of(plan.table(rows))
 

@@ -268,3 +268,10 @@ def test_values_are_parted_where_samples_are_missing(tmp_path):
     np.testing.assert_equal(y, [1.0, 2.0, np.nan, 4.0, 5.0, 6.0])
     file.write_text('t [s],y\n0,1\n0.1,2\n0.25,4\n0.3,5\n')  # uneven, but nothing is missing
     assert read_signal(file).parted[0].tolist() == [0.0, 0.1, 0.25, 0.3]
+
+
+def test_a_column_called_time_is_the_time_and_names_of_quantities_have_no_unit(tmp_path):
+    file = tmp_path / 'm.csv'
+    file.write_text('T_ms,time,position.bar_W\n20,0,1\n21,0.5,2\n22,1.0,3\n', encoding='utf-8')
+    own = read_signals(file)['position.bar_W']
+    assert (own.unit, own.times.tolist()) == ('', [0.0, 0.5, 1.0])

@@ -223,6 +223,16 @@ def test_units_may_be_behind_names_of_columns(scene, capsys):
     assert not capsys.readouterr().err
 
 
+def test_a_table_may_be_called_as_a_part_of_a_machine(scene, capsys):
+    file = scene(text='angle_deg,torque_Nm\n0,0\n90,1\n360,0\n', periodic=True)
+    content = yaml.safe_load(file.read_text())
+    for name in ('motor', 'drive'):
+        file.write_text(yaml.safe_dump(content | {'tables': {name: content['tables']['load']}}))
+        curve = load_scene(str(file)).scene.tables[name].curve
+        assert curve(np.array([0.5 * math.pi])) == pytest.approx(1.0)
+    assert not capsys.readouterr().err
+
+
 def test_places_without_a_unit_are_told(scene, capsys):
     assert curve_of(scene(text='angle,force\n0,0\n1,1.5\n2,0\n'))
     said = capsys.readouterr().err
