@@ -201,8 +201,8 @@ def _reach(count: int) -> Array:
     Beside the term of degree `count` the m-th that follows is ``|s|^m count! / (count + m)!``.
     """
     m = np.arange(1, _SERIES + 1)
-    sizes = [math.lgamma(count + k + 1) - math.lgamma(count + 1) for k in range(1, _SERIES + 1)]
-    return np.asarray(np.exp((math.log(_SMALL) + np.array(sizes)) / m))
+    sizes = np.array([math.lgamma(count + k + 1) for k in m]) - math.lgamma(count + 1)
+    return np.asarray(np.exp((math.log(_SMALL) + sizes) / m))
 
 
 def _swings(pole: complex, amplitudes: ComplexArray, t: Array) -> Array:

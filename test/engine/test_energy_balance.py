@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.integrate import quad
 import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.engine.audit import Audit, Energy
+from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import RunError
 from mechanism_sim.numerics import quadrature
 from mechanism_sim.tolerances import TOLERANCES
@@ -274,3 +276,57 @@ def test_an_impact_at_the_start_counts_however_soon_the_run_ends(duration):
     assert first.t == 0.0
     assert first.drive_work < -1e-6
     assert abs(solution.energy.residual) < 1e-14
+
+
+def test_a_contact_that_would_have_to_pull_is_named():
+    """Flights that are declared contacts: their forces are those that would hold the follower."""
+    run = ms.simulate('valve_train', revolutions=1)  # beyond the speed of lift-off
+    assert (run.motion.modes == Mode.FREE_FLIGHT).any()
+    held = replace(run.motion, modes=np.full_like(run.motion.modes, Mode.FOLLOWING))
+    found = Audit(run.physics)
+    found.add(held, run.impacts)
+    said = rf'tensile.*: {found.min_normal_force:.3g} N in contact at t = '
+    with pytest.raises(RunError, match=said) as raised:
+        found.judge(1e-9)
+    at = float(str(raised.value).partition('t = ')[2].split()[0])
+    assert found.min_normal_force < -1.0
+    assert np.abs(run.motion.curve.start - at).min() <= 1e-6 * at
+
+
+def test_between_two_events_of_one_instant_nothing_pulls():
+    """One strand of a belt lets go as the other takes up: 6e-16 s lie between, with either's rows.
+
+    There the pull of the damper seemed to be taken by the teeth, 5 N of it.
+    """
+    machine = made({
+        'links': {
+            'ground': {'points': {'motor': [-0.4, 0.0], 'pinion': [-0.2, 0.0]}},
+            'motor': {'mass': 3.0, 'inertia': 12e-4},
+            'pinion_shaft': {'mass': 1.0, 'inertia': 3e-4},
+            'crank': {'length': 0.1, 'mass': 2.0, 'inertia': 0.01},
+            'rod': {'length': 0.3, 'mass': 1.0, 'inertia': 0.01},
+            'slide': {'mass': 30.0},
+        },
+        'gears': {
+            'pinion': {'at': 'pinion_shaft', 'teeth': 25, 'module': 4e-3},
+            'wheel': {'at': 'crank', 'teeth': 75, 'module': 4e-3},
+        },
+        'joints': {
+            'motor_shaft': {'revolute': ['ground.motor', 'motor']},
+            'pinion_bearing': {'revolute': ['ground.pinion', 'pinion_shaft']},
+            'belt': {'belt': ['motor', 'pinion_shaft'], 'radii': [15.9e-3, 31.8e-3],
+                     'stiffness': 2e5, 'damping': 50.0},
+            'ground_crank': {'revolute': ['ground', 'crank']},
+            'mesh': {'mesh': ['pinion', 'wheel'],
+                     'backlash': {'width': 0.15e-3, 'restitution': 0.4}},
+            'cp': {'revolute': ['crank.end', 'rod']},
+            'wp': {'revolute': ['rod.end', 'slide']},
+            'sl': {'prismatic': ['ground', 'slide']},
+        },
+        'guess': {'rod': 0.0, 'slide': 0.4},
+        'drive': {'coordinate': 'motor',
+                  'motor': {'stall_torque': 14.0, 'no_load_speed': 157.0796}},
+    })  # fmt: skip
+    run = ms.simulate(machine, duration=0.7)
+    lasted = run.motion.curve.duration
+    assert lasted.min() < 1e-9 * lasted.max()  # there is such an instant

@@ -831,7 +831,6 @@ def test_each_change_of_mode_goes_on_from_the_one_before():
     assert [change.previous for change in modes[1:]] == [change.mode for change in modes[:-1]]
 
 
-@pytest.mark.slow
 def test_a_run_whose_events_stand_still_says_so():
     """Two ends of a rough bearing in line jam against each other: no run came beyond 0.166 s."""
     tilt = {'stiffness': 126.0623777984497, 'damping': 0.05,
