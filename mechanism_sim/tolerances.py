@@ -111,6 +111,10 @@ class ChatterTolerances(NamedTuple):
     step_error: float = 0.01
     #: of the size: a larger displacement is not asked for, unless rtol is less
     least: float = 1e-12
+    #: of a speed: where a bounce takes less, flights go on alike, until they rise no more than
+    #: so many times what can be told from rounding
+    elastic: float = 0.01
+    roundings: float = 500.0
     #: flights that fall back steadily, whose time the next step does not exceed: a root much
     #: nearer to its start than to its end gets lost
     flights: float = 100.0

@@ -341,7 +341,7 @@ def work_in(
 
     def powers(k: NDArray[np.intp], dt: Array | Nodes) -> Array:
         found = physics.account(motion, k, dt)
-        if look and isinstance(dt, Nodes):
+        if look and isinstance(dt, Nodes) and dt is not SECOND.places:  # looked at already
             look(found, k, dt)
         rows = [found.drive_power, found.friction_power, found.load_power]
         if not in_order:  # works far below the energy of a motion are its rounding

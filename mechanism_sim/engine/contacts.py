@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mechanism_sim.engine.compliant_events import initialise_rates, is_leaving, touch_or_part
+from mechanism_sim.engine.contact.chatter import ends
 from mechanism_sim.engine.contact.problem import LOSS
 from mechanism_sim.engine.contact.respond import (
     DONE,
@@ -125,7 +126,7 @@ class Contacts:
         terms = state.terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
             # as good as resting is what would rise no farther than rounding reaches
-            stays = rate <= 0.0 or state.rule.ends(rate, terms.acceleration[i], 1.0, -value)
+            stays = rate <= 0.0 or ends(state.rule.resolved, rate, terms.acceleration[i], -value)
             if state.closed(i) or (value <= state.limits.touching and stays):
                 state.begin_event(self.present.time)
                 self._go_on(STRIKES, i)

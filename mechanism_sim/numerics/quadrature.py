@@ -131,7 +131,7 @@ class Rule(NamedTuple):
     """A quadrature over an interval, with what tells its error from the same values."""
 
     places: Nodes
-    weights: Array  #: (K,) of the length
+    weights: Array  #: (K,) of the length, zero where values only tell its error
     tail: Array  #: (K, r) from values to what tells its error
 
 
@@ -156,6 +156,30 @@ SMOOTH = _smooth(8)
 
 SECOND = _smooth(9)
 """A rule with none of its nodes: what one of the two misses the other one may see."""
+
+
+def _watched(rule: Rule) -> Rule:
+    """A rule with values at both ends, which the interpolant has to meet.
+
+    The ends stand a millionth inside, where nothing else begins; a corner that is nearer to an
+    end than that adds less than rounding. One between an end and the node next to it is off by at
+    most half of what the end is missed by, over this distance.
+    """
+    inside = 1e-6
+    nodes, count = np.array(rule.places.fractions), len(rule.weights)
+    places = np.concatenate([[inside], nodes, [1.0 - inside]])
+    at_places = np.polynomial.legendre.legvander(2.0 * places - 1.0, count - 1)
+    # values at the nodes to coefficients, and these to the ends
+    coefficients = (2 * np.arange(count) + 1) * rule.weights[:, None] * at_places[1:-1]
+    missed = np.zeros((count + 2, 2))
+    missed[1:-1] = coefficients @ at_places[[0, -1]].T
+    missed[[0, -1], [0, 1]] = -1.0
+    tail = np.column_stack([np.pad(rule.tail, ((1, 1), (0, 0))), nodes[0] * missed])
+    return Rule(Nodes(tuple(places.tolist())), np.pad(rule.weights, 1), tail)
+
+
+WATCHED = _watched(SMOOTH)
+"""For functions with corners: `SMOOTH` does not see those beside the ends of an interval."""
 
 POWERS = _powers()
 """For functions that behave as any power of the distance from an end."""
@@ -204,6 +228,7 @@ def integrate(
         found = integrate(values, parts_of(curve), largest=found.largest)
     """
     in_order, alike, foretold, corners, smooth = assumed
+    smooth = WATCHED if corners and smooth is SMOOTH else smooth
     powers = np.zeros(len(parts.segment), bool) if powers is None else np.asarray(powers)
     if not len(powers):
         largest = np.zeros(0) if largest is None else largest
@@ -254,7 +279,8 @@ def integrate(
         limit = allowed(joint, first, size, n * width[: len(chosen)])
         with np.errstate(invalid='ignore'):
             differ = np.abs(_joined(now.value, n) - parent.value)
-        agrees = np.tile(differ <= limit, n)
+        # wholes and parts that do not see a corner at an end agree about it
+        agrees = np.tile(np.maximum(differ, _joined(now.missed, n)) <= limit, n)
         off = np.where(agrees, np.fmin(now.error, np.tile(limit / n, n)), now.error)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
         settled |= np.isnan(now.error) | (k == len(_SPLIT) - 1)
@@ -306,6 +332,7 @@ class _Applied(NamedTuple):
     tail: Array  #: what is not resolved, as large as the function where nothing is
     first: Array  #: what is resolved first, and what next, of Gauss's rule
     middle: Array
+    missed: Array  #: what the interpolant misses at the ends may add, of watched rules
 
     def sharper(self, foretold: bool = False) -> _Applied:
         """With errors that are smaller where coefficients fall geometrically.
@@ -323,7 +350,8 @@ class _Applied(NamedTuple):
                 later, earlier = np.log(self.tail / self.middle), np.log(self.middle / self.first)
                 steep = np.clip((later - 0.65 * earlier) / (0.2 * earlier), 0.0, 1.0)
                 fall = (self.tail / self.first) ** (0.7 * steep)
-        return self._replace(error=self.error * np.where(fall < 1.0, fall, 1.0))
+        sharp = self.error * np.where(fall < 1.0, fall, 1.0)
+        return self._replace(error=np.maximum(sharp, self.missed))
 
 
 def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule) -> _Applied:
@@ -366,21 +394,25 @@ def _applied(x: Array, width: Array, rule: Rule) -> _Applied:
         mean = np.where(known, np.abs(x), 0.0) @ rule.weights
     # only decisions depend on what a matrix product rounds by how many intervals there are
     left = np.abs(rule.tail.T @ x.T)
+    missed = np.zeros(len(x))
     if rule is POWERS:
         tail = left[0]
         middle = first = np.maximum(mean, tail) + _TINY
     else:
-        tail = np.maximum(left[4], left[5])
+        if len(left) > 6:
+            missed = np.maximum(left[6], left[7])
+        tail = np.maximum(np.maximum(left[4], left[5]), missed)
         middle = np.maximum(np.maximum(left[2], left[3]), tail) + _TINY
         first = np.maximum(np.maximum(left[0], left[1]), middle)
-    error = _QUADRATURE.safety * tail * (tail / first)
+    error = np.maximum(_QUADRATURE.safety * tail * (tail / first), missed)
     if known is not None:
         error = np.where(known.all(axis=1), error, np.where(known.any(axis=1), np.inf, np.nan))
+        missed = np.where(np.isfinite(missed), missed, 0.0)
     value = np.zeros(len(x))
     for weight, row in zip(rule.weights, x.T, strict=True):
         value += weight * row
     mean = mean.reshape(shape)
-    rest = (width * a.reshape(shape) for a in (error, tail, first, middle))
+    rest = (width * a.reshape(shape) for a in (error, tail, first, middle, missed))
     return _Applied(width * value.reshape(shape), width * mean, mean, *rest)
 
 

@@ -21,6 +21,10 @@ class ChatterRule:
     asked for; nor one that would not get clear of the depth to which a step's error let the impact
     come too late.
 
+    Where e is one, or nearly, flights do not shorten, and there is no sequence: a contact that
+    bounces on for ever displaces the rest by no more than h, on the average by two thirds of it.
+    It follows as soon as h is below some hundreds of roundings, 1e-12 of the size.
+
     Heights and not speeds, so that there is no constant to tune for another machine.
 
     Attributes
@@ -39,20 +43,22 @@ class ChatterRule:
 
         `depth` [m] is how far the gap is violated already.
         """
-        return ends(self.allowed, self.resolved, rebound, free_acceleration, restitution, depth)
+        rise = left_out(self.allowed, self.resolved, restitution)
+        return ends(rise, rebound, free_acceleration, depth)
 
 
 @kernel
-def ends(
-    allowed: float,
-    resolved: float,
-    rebound: float,
-    acceleration: float,
-    restitution: float,
-    depth: float,
-) -> bool:
-    """`ChatterRule.ends` as a kernel."""
-    height = max(allowed * (1.0 - restitution), resolved, 2.0 * depth)
+def left_out(allowed: float, resolved: float, restitution: float) -> float:
+    """Rise [m] of a bounce that ends a chatter, see `ChatterRule`."""
+    lost = 1.0 - restitution
+    least = resolved if lost > _CHATTER.elastic else _CHATTER.roundings * resolved
+    return max(allowed * lost, least)
+
+
+@kernel
+def ends(rise: float, rebound: float, acceleration: float, depth: float) -> bool:
+    """True if a rebound [m/s] rises by no more than `rise`, or not clear of a `depth` [m]."""
+    height = max(rise, 2.0 * depth)
     return acceleration < 0.0 and rebound * rebound <= -2.0 * acceleration * height
 
 

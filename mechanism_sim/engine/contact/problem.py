@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.contact.chatter import ends, remaining_time
+from mechanism_sim.engine.contact.chatter import ends, left_out, remaining_time
 from mechanism_sim.engine.contact.impact import (
     ContactCompliance,
     impulses_of_one,
@@ -269,10 +269,9 @@ def enter(
 
 
 @kernel
-def is_last(c: ContactProblem, limits: Limits, gap: int, rebound: float, e: float) -> bool:
-    """True if a rebound [m/s] of a gap is the last of a chatter."""
-    depth, acceleration = -c.value[gap], c.acceleration[gap]
-    return ends(limits.allowed, limits.resolved, rebound, acceleration, e, depth)
+def is_last(c: ContactProblem, gap: int, rebound: float, rise: float) -> bool:
+    """True if a rebound [m/s] of a gap rises no more than `rise` [m], or not out of its depth."""
+    return ends(rise, rebound, c.acceleration[gap], -c.value[gap])
 
 
 @kernel
@@ -321,7 +320,7 @@ def impact_of_all(
     ended, again = np.zeros(n, dtype=np.bool_), False
     for k in range(n):
         i = rows[k]
-        ended[k] = is_last(c, limits, i, after[k], e[k])
+        ended[k] = is_last(c, i, after[k], left_out(limits.allowed, limits.resolved, e[k]))
         if ended[k] and e[k] > 0.0:
             e[k], again = 0.0, True
     if found and again:
@@ -340,7 +339,7 @@ def impact_of_all(
                 enter(c, i, (p, q), old, new, ended[k], now, log[count])
                 count += 1
         # at rest as well is what would rise no farther than rounding reaches
-        low = is_last(c, limits, i, after[k], 1.0)
+        low = is_last(c, i, after[k], limits.resolved)
         stays = limits.still if c.closed[i] else limits.bare
         resting[i] = low or after[k] <= max(-_IMPACTS.rebound * rate[k], stays)
         rests = rests or resting[i] or c.closed[i]
@@ -627,7 +626,7 @@ def induced_closures(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Ma
         if c.closed[i] or known[i]:
             continue
         rate, acceleration = c.rate[i], c.acceleration[i]
-        rises = rate > 0.0 and not is_last(c, limits, i, rate, 1.0)
+        rises = rate > 0.0 and not is_last(c, i, rate, limits.resolved)
         near = c.value[i] <= limits.touching and rate >= -limits.bare
         if near and acceleration < 0.0 and not rises:
             drawn[i] = True

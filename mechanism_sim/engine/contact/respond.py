@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.contact.chatter import ends, remaining_time
+from mechanism_sim.engine.contact.chatter import ends, left_out, remaining_time
 from mechanism_sim.engine.contact.impact import jam_margin
 from mechanism_sim.engine.contact.problem import (
     FLIES,
@@ -242,7 +242,8 @@ def _bounce(run: EventArrays, i: int) -> int:
     s = situation_of(run)
     c, limits, drives, e = s.c, s.limits, s.now.drives, s.c.restitution[i]
     rate, acceleration = min(c.rate[i], 0.0), c.acceleration[i]
-    stop = ends(limits.allowed, limits.resolved, -e * rate, acceleration, e, -c.value[i])
+    rise = left_out(limits.allowed, limits.resolved, e)
+    stop = ends(rise, -e * rate, acceleration, -c.value[i])
     after = 0.0 if stop else -e * rate
     p = (after - rate) / c.compliance[i, i]
     if p > 0.0:
