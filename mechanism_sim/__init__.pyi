@@ -256,9 +256,9 @@ class Scene(_schema.Scene):
     def __init__(
         self,
         *,
-        title: str,
         links: Mapping[str, LinkPart | Mapping[str, Any]],
         joints: Mapping[str, JointPart | Mapping[str, Any]],
+        title: str | None = ...,
         description: str | None = ...,
         gravity: Any = ...,
         axial_gravity: Quantity | None = ...,
@@ -284,9 +284,9 @@ class Scene(_schema.Scene):
         states: Mapping[str, Part | Mapping[str, Any]] | None = ...,
     ) -> None:
         r"""
-        title : One line for lists.
         links : Lengths, points and masses by name; ground is the frame.
         joints : Between points of two links, LINK.POINT, by name.
+        title : One line for lists; the name of the file if there is none.
         description : Purpose of the scene, and where its numbers come from.
         gravity : Acceleration along x and along y. [m/s^2]
         axial_gravity : Towards the reader, of links that move along their axes. [m/s^2]

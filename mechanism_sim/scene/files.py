@@ -143,12 +143,18 @@ def check_scene(
     folder: Path | None = None,
 ) -> Scene:
     """The scene that a file's keys and values make, some `overridden`, in SI units."""
-    content = overridden(file, data, overrides, folder)
+    content = titled(file, overridden(file, data, overrides, folder))
     scene = as_given(file, content)
     if isinstance(scene, FourBarScene):
         return checked(file, Scene, expanded(scene, content))
     assert isinstance(scene, Scene)  # noqa: S101 - there are no others
     return scene
+
+
+def titled(file: str, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys and values with a title: the name of their file, if they have none."""
+    name = Path(file).stem
+    return {'title': name.replace('_', ' ').strip().capitalize() or name, **content}
 
 
 def as_given(file: str, content: Mapping[str, Any]) -> AnyScene:

@@ -54,8 +54,8 @@ class Link(LinkPart):
         missing = [part for part in ('mass', 'inertia', 'cog') if part not in given]
         if missing and not self.elastic and given & {'mass', 'inertia'}:
             raise ValueError(
-                f"needs '{missing[0]}' too: forces, torques and clearances need the mass, inertia "
-                'and cog of every moving link'
+                f'needs {" and ".join(map(repr, missing))} too: forces, torques and clearances '
+                'need the mass, inertia and cog of every moving link'
             )
         return self
 

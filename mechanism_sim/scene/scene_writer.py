@@ -18,7 +18,14 @@ from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.facts import Facts, facts_of, quantity
-from mechanism_sim.scene.files import as_given, check_scene, content_of, find_scene, overridden
+from mechanism_sim.scene.files import (
+    as_given,
+    check_scene,
+    content_of,
+    find_scene,
+    overridden,
+    titled,
+)
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.schema import AnyScene, LinkPart, Scene
 from mechanism_sim.units import QuantityValue
@@ -288,7 +295,7 @@ def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[st
     source_data = content_of(path, overrides=overrides).data
     data = overridden(path.name, source_data, overrides, path.parent)
     if data.get('title') == source_data.get('title'):
-        data = {**data, 'title': file.stem.replace('_', ' ').strip().capitalize() or file.stem}
+        data = titled(file.name, {k: x for k, x in data.items() if k != 'title'})
     build(path.stem, check_scene(path.name, data))
     text = commented(data, as_given(path.name, data))
     if (file.parent / SCHEMA).is_file():

@@ -449,8 +449,8 @@ class InitialPart(Part):
 class AnyScene(Part):
     """Keys of scenes of every kind."""
 
-    title: str
-    """One line for lists."""
+    title: str = ''
+    """One line for lists; the name of the file if there is none."""
     description: str = ''
     """Purpose of the scene, and where its numbers come from."""
     gravity: Gravity = (0.0, 0.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from builders import read_scene
 from four_bars import RADIAL, RESTITUTION, SPEED
 
@@ -100,6 +101,7 @@ def refusal(overrides, scene=LOOSE):
         ('drive.speed.x', 4, ["'drive.speed.x' cannot be set, because 'speed' is a plain value"]),
         ('gravity.2', 4, ["'2' is none of 0 to 1 of a list"]),
         # what is missing
+        ('links.coupler', {'length': 0.25, 'mass': 1.0}, ["needs 'inertia' and 'cog' too"]),
         ('links.coupler.mass', None, ["links.coupler needs 'mass' too", 'mass, inertia and cog']),
         ('joints.coupler_rocker.clearance', {'radial': '1 mm'}, ["restitution' is missing"]),
         ('sensors.mine', {'at': 0}, ["'sensors.mine.link' is missing"]),
@@ -150,6 +152,15 @@ def test_a_seated_start_without_a_force_asks_for_another_start():
         ms.simulate(machine, duration=1.0)
 
 
+def test_a_scene_without_a_title_has_the_name_of_its_file(tmp_path):
+    content = ms.load_scene('pendulum').scene.to_document()
+    del content['title']
+    file = tmp_path / 'my_pendulum.yaml'
+    file.write_text(yaml.safe_dump(content))
+    assert ms.load_scene(str(file)).scene.title == 'My pendulum'
+    assert ms.load_scene(content, name='swing').scene.title == 'Swing'
+
+
 @pytest.mark.parametrize(
     ('content', 'said'),
     [
@@ -158,7 +169,7 @@ def test_a_seated_start_without_a_force_asks_for_another_start():
         ('- a\n- b\n', 'a scene is a list of keys with values'),
         ('', 'a scene is a list of keys with values'),
         ('title: x\n', "'mechanism' is missing"),
-        ('mechanism: four_bar\n', "'title' is missing"),
+        ('mechanism: four_bar\n', "'links' is missing"),
         ('x: !!python/object:os.system 1\n', 'is not valid YAML'),
         (b'title: \xff\n', 'cannot be read'),
     ],
