@@ -136,6 +136,9 @@ def _serve(link: Connection) -> None:
     shown = -1  # the state whose run is shown
     try:
         job = link.recv()
+        from mechanism_sim.numerics.compiled import forget_for_others  # noqa: PLC0415
+
+        forget_for_others(crowded)
         while True:
             while link.poll():
                 job = link.recv()
@@ -170,13 +173,11 @@ def _problem(job: Job, link: Connection) -> str:
 
 
 def _work(job: Job, link: Connection) -> None:
-    from mechanism_sim.numerics.compiled import forget_for_others  # noqa: PLC0415
     from mechanism_sim.results.measures import check_measures  # noqa: PLC0415
     from mechanism_sim.scene.build import build  # noqa: PLC0415
     from mechanism_sim.scene.check import check  # noqa: PLC0415
     from mechanism_sim.scene.files import check_scene  # noqa: PLC0415
 
-    forget_for_others(crowded)
     machine = build(job.name, check_scene(job.name, job.content))
     if machine.scene.measures:
         check_measures(machine, machine.scene.measures, f'{machine.name}: measures')
