@@ -133,6 +133,8 @@ _PER_MINUTE = re.compile(r'1?\s*/\s*min|min\s*(?:\^|\*\*)\s*-\s*1|min⁻¹', re.
 
 Taken by its dimension alone, ``1/min`` would be 1/60 rad/s.
 """
+_OVER_PER_MINUTE = re.compile(r'/\s*(?:\(\s*1\s*/\s*min\s*\)|\(?min\^-1\)?)')
+"""Of damping, as in ``N m/(1/min)``."""
 
 _SIGNS = str.maketrans('·⋅∙•−', '****-')
 _RAISED = str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789')
@@ -145,7 +147,8 @@ _TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
     (re.compile(r'(?<![A-Za-z])([mkM]?N|kg)(mm|cm|m)(s?)(?![A-Za-z])'), r'\1 \2 \3'),  # Nm, Nms
     (re.compile(r'(?<![A-Za-z])(g)(mm|cm)(?![A-Za-z])'), r'\1 \2'),  # gmm, of unbalance
     (re.compile(r'(?<![A-Za-z])([mk]?N|m?Pa)(s)(?![A-Za-z])'), r'\1 \2'),  # Ns, Pas
-    (re.compile(r'(?<![A-Za-z])(?:RPM|(?:r|U|rev)\s*/\s*min)(?![A-Za-z])', re.I), 'rpm'),
+    (re.compile(r'(?<![A-Za-z])(?:r|U|rev)\s*/\s*min\s*(?:\^|\*\*)\s*2(?!\d)', re.I), 'rpm/min'),
+    (re.compile(r'(?<![A-Za-z])(?:RPM|(?:r|U|rev)\s*/\s*min)(?!\s*\*\*|[A-Za-z^])', re.I), 'rpm'),
     (re.compile(r'(?<![A-Za-z])lbm(?![A-Za-z])'), 'lb'),
     (re.compile(r'(?<![A-Za-z])kp(?![A-Za-z])'), 'kgf'),
     (re.compile(r'\s+(?=[*/^)]|$)|(?<=[*/(])\s+'), ''),
@@ -174,7 +177,7 @@ _FACTOR = re.compile(r'(\s+|\s*[*/]\s*|^)(g_0|[A-Za-z]+)(?:(?:\^|\*\*)(-?\d))?')
 class _UnitFactor(NamedTuple):
     factor: Decimal  # [SI]
     powers: list[int]
-    angular: bool
+    angular: float  #: power of angles
     hertz: bool
 
 
@@ -225,9 +228,8 @@ def _common_unit(text: str) -> _UnitFactor | None:
         factor, si = _KNOWN[name]
         product *= factor**power
         powers = [total + power * p for total, p in zip(powers, _POWERS[si], strict=True)]
-    return _UnitFactor(
-        product, powers, not names.isdisjoint(_ANGULAR), not names.isdisjoint(_HERTZ)
-    )
+    angular = sum(power for name, power in factors if name in _ANGULAR)
+    return _UnitFactor(product, powers, angular, not names.isdisjoint(_HERTZ))
 
 
 def to_si_like(value: object, unit: str) -> float:
@@ -627,6 +629,8 @@ def _parsed(value: str, unit: str, hint: str) -> float:
         raise ValueError(f"has the unknown unit '{given}': {hint}")
     if unit == 'rad/s' and _PER_MINUTE.fullmatch(read):
         read = 'rpm'
+    elif unit == 'N m s/rad':
+        read = _OVER_PER_MINUTE.sub('/rpm', read)
     elif unit == 'm/s^2' and read in ('g', 'G'):
         read = 'g_0'
     try:
@@ -672,14 +676,15 @@ def _refuse_comma(value: str, hint: str) -> None:
     raise ValueError(f'has a decimal comma, {number}, where a point belongs, as in {said}: {hint}')
 
 
-def _mixed(unit: str, angular: bool, hertz: bool) -> bool:
+def _mixed(unit: str, angular: float, hertz: bool) -> bool:
     """True if a unit of the right dimension counts something else than the wanted one.
 
-    A frequency is not an angular velocity, although both are 1/s.
+    A frequency is not an angular velocity, although both are 1/s; nor is the square of one an
+    angular acceleration.
     """
     if unit in _ROTATION:
-        return hertz or not angular
-    return angular if unit == 'Hz' else 'rad' in unit and hertz
+        return hertz or angular != 1
+    return bool(angular) if unit == 'Hz' else 'rad' in unit and hertz
 
 
 def _other(given: str, unit: str, hint: str, fits: bool) -> str:
@@ -707,7 +712,8 @@ def _converted_by_pint(number: str, read: str, given: str, unit: str, hint: str)
     except Exception as error:  # pint raises many kinds: unknown units, syntax, tokens
         raise ValueError(f"has the unknown unit '{given}': {hint}") from error
     wanted = ureg.Unit('1/s' if unit == 'Hz' else unit)
-    angular = any(word in str(quantity.units) for word in ('rad', 'deg', 'rev', 'turn', 'arc'))
+    angles = re.compile('rad|deg|rev|turn|arc')
+    angular = sum(power for name, power in quantity.unit_items() if angles.search(name))
     fits = bool(quantity.is_compatible_with(wanted))
     if not fits or _mixed(unit, angular, 'hertz' in str(quantity.units)):
         raise ValueError(_other(given, unit, hint, fits))

@@ -75,6 +75,23 @@ def test_what_catalogues_write_for_a_speed_means_revolutions(text):
     assert to_si(text, 'rad/s') == to_si('3000 rpm', 'rad/s') == pytest.approx(100.0 * math.pi)
 
 
+@pytest.mark.parametrize('per', ['rev/min^2', 'U/min²', 'r/min2', 'rev / min**2', 'rpm/min'])
+def test_revolutions_per_minute_squared_are_an_acceleration(per):
+    """2 pi rad in 60 s, in a minute; the square of a speed is none."""
+    assert to_si(f'36000 {per}', 'rad/s^2') == pytest.approx(20.0 * math.pi, rel=1e-15)
+
+
+@pytest.mark.parametrize('unit', ['rpm^2', 'rad^2/s^2', 'turn^2/s^2'])
+def test_the_square_of_a_speed_is_no_acceleration(unit):
+    with pytest.raises(ValueError, match='not a unit of'):
+        to_si(f'3 {unit}', 'rad/s^2')
+
+
+@pytest.mark.parametrize('unit', ['Nm/(1/min)', 'N m/min^-1', 'Nm/(U/min)', 'N m/rpm'])
+def test_damping_over_revolutions_per_minute(unit):
+    assert to_si(f'2 {unit}', 'N m s/rad') == pytest.approx(60.0 / math.pi, rel=1e-15)
+
+
 INCH, POUND = Fraction('0.0254'), Fraction('0.45359237')
 WEIGHT = POUND * Fraction('9.80665')
 TRADE = (
