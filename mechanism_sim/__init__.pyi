@@ -153,6 +153,8 @@ class JointPart(_schema.JointPart):
         stiffness: Quantity | None = ...,
         damping: Quantity | None = ...,
         pretension: Quantity | None = ...,
+        arc_slot: Any = ...,
+        radius: Quantity | None = ...,
     ) -> None:
         r"""
         clearance : Pin on the first-named link, loose in the second; without it the joint is ideal.
@@ -224,6 +226,8 @@ class JointPart(_schema.JointPart):
         stiffness : Stiffness of each strand; without it the belt is ideal. [N/m, > 0]
         damping : Damping of each strand while it is taut. [N s/m, >= 0]
         pretension : In each strand at the start, or on the mean of both where friction holds the belt; 0 for a chain, of which one strand pulls at a time. [N, >= 0]
+        arc_slot : A pin at the first point, in a slot of the second link whose centre is the second point.
+        radius : Of the centre line of such a slot; required for it. [m, > 0]
         """
 
 class LinkPart(_schema.LinkPart):

@@ -120,7 +120,7 @@ def test_an_unknown_key_of_a_sensor_names_the_keys_of_its_kind(kind: str) -> Non
     ('key', 'value', 'says'),
     [
         ('joints.rocker_ground.revolut', [], "did you mean 'revolute'?"),
-        ('joints.rocker_ground', {'nonsense': 1}, 'allowed here: belt, bevel, cam, '),
+        ('joints.rocker_ground', {'nonsense': 1}, 'allowed here: arc_slot, belt, bevel, '),
         ('gravity', 3, 'gravity = 3: it must be a list of two quantities, for example [9.81'),
         ('drive.profile.points', [3], 'drive.profile.points.0 = 3: it must be a list of two q'),
         ('outputs.forces', 'xyz', "outputs.forces = 'xyz': it must be true or false"),
