@@ -338,6 +338,7 @@ class SensorPart(_schema.SensorPart):
         direction: Quantity | None = ...,
         lines: Any = ...,
         index: Quantity | None = ...,
+        between: Any = ...,
         axis: Quantity | None = ...,
         instrument: str | None = ...,
         gravity: bool | None = ...,
@@ -363,6 +364,7 @@ class SensorPart(_schema.SensorPart):
         direction : Of what it reads, in the frame of the joint's second link; 0: along that link. [rad]
         lines : Lines per turn; four counts each. [whole number, 1 to 1e+06]
         index : Angle of the index line: counts are from there once it has passed, else from the start. [rad]
+        between : Required: the points, LINK.POINT, between which its wire is taut.
         axis : Direction of its reading: along the link, 90 degrees counterclockwise from that, or another angle from the link's x axis. [rad or along or across]
         instrument : A preset; keys given here replace its parts.
         gravity : True if it senses acceleration less that of gravity. [true or false]
