@@ -153,6 +153,8 @@ class JointPart(_schema.JointPart):
         stiffness: Quantity | None = ...,
         damping: Quantity | None = ...,
         pretension: Quantity | None = ...,
+        arc_slot: Any = ...,
+        radius: Quantity | None = ...,
     ) -> None:
         r"""
         clearance : Pin on the first-named link, loose in the second; without it the joint is ideal.
@@ -224,6 +226,8 @@ class JointPart(_schema.JointPart):
         stiffness : Stiffness of each strand; without it the belt is ideal. [N/m, > 0]
         damping : Damping of each strand while it is taut. [N s/m, >= 0]
         pretension : In each strand at the start, or on the mean of both where friction holds the belt; 0 for a chain, of which one strand pulls at a time. [N, >= 0]
+        arc_slot : A pin at the first point, in a slot of the second link whose centre is the second point.
+        radius : Of the centre line of such a slot; required for it. [m, > 0]
         """
 
 class LinkPart(_schema.LinkPart):
@@ -334,6 +338,7 @@ class SensorPart(_schema.SensorPart):
         direction: Quantity | None = ...,
         lines: Any = ...,
         index: Quantity | None = ...,
+        between: Any = ...,
         axis: Quantity | None = ...,
         instrument: str | None = ...,
         gravity: bool | None = ...,
@@ -359,6 +364,7 @@ class SensorPart(_schema.SensorPart):
         direction : Of what it reads, in the frame of the joint's second link; 0: along that link. [rad]
         lines : Lines per turn; four counts each. [whole number, 1 to 1e+06]
         index : Angle of the index line: counts are from there once it has passed, else from the start. [rad]
+        between : Required: the points, LINK.POINT, between which its wire is taut.
         axis : Direction of its reading: along the link, 90 degrees counterclockwise from that, or another angle from the link's x axis. [rad or along or across]
         instrument : A preset; keys given here replace its parts.
         gravity : True if it senses acceleration less that of gravity. [true or false]

@@ -318,6 +318,8 @@ def _main() -> int:
             for name in sorted(old[part].keys() & new[part].keys()):
                 said += compare(part, name, old[part][name], new[part][name], same)
     print('\n'.join(said) or 'nothing differs')
+    if said and not write:
+        print('if this is the purpose: python test/net.py --write')
     if write:
         RECORD.write_text(json.dumps(new, indent=1, sort_keys=True) + '\n', encoding='utf-8')
     return 1 if said and not write else 0

@@ -25,7 +25,9 @@ SECTIONS = {
     'Elastic links': (
         'elastic_slider_crank', 'four_bar_elastic', 'spinning_beam', 'thesis_complete',
     ),
-    'Five-bar and Scotch yokes': ('five_bar', 'scotch_yoke', 'scotch_yoke_offset'),
+    'Five-bar and Scotch yokes': (
+        'five_bar', 'scotch_yoke', 'scotch_yoke_offset', 'arc_slot_yoke',
+    ),
     'Intermittent motion': ('geneva', 'linear_intermittent'),
     'Cams': (
         'valve_train', 'eccentric_cam', 'oscillating_roller', 'groove_cam', 'measured_cam',

@@ -104,7 +104,8 @@ class JointKeys(Part):
 
     def wrong_play(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
-        known = {'radial', 'restitution', 'hypothesis', 'friction', 'pin_radius'}
+        known = {'radial', 'restitution', 'hypothesis'}
+        known |= {'friction', 'pin_radius'} if self.rubs_by else set()
         wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
         said = f'here it has {", ".join(sorted(known))} only'
         return f'has a clearance with {wrong[0]}: {said}' if wrong else ''

@@ -259,7 +259,9 @@ def drawn(page: Page, *gestures: tuple[Any, ...]) -> dict[str, np.ndarray]:
     return {c: q - q[0] for c, q in zip(turn.mechanism.coordinates, turn.q, strict=True)}
 
 
-WITHOUT_TOOL = 'bushings', 'contact', 'fixed', 'freewheel', 'ratchet', 'rope', 'servos', 'states'
+WITHOUT_TOOL = (
+    'arc_slot', 'bushings', 'contact', 'fixed', 'freewheel', 'ratchet', 'rope', 'servos', 'states',
+)  # fmt: skip
 """Kinds that are written as text, not drawn."""
 
 NO_KIND = 'drive', 'elastic', 'oscillators', 'stops'

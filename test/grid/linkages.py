@@ -264,9 +264,28 @@ def _draft(scene: Scene) -> Draft:
     return Draft({**scene, 'duration': SPAN}, duration=SPAN)
 
 
+def _arcs(random: Random, k: int) -> Draft:
+    """Linkages whose slots are arcs."""
+    scene, poses, freedom = linkage(random)
+    for joint in scene['joints'].values():
+        if 'slot' not in joint:
+            continue
+        ends = joint.pop('slot')
+        del joint['axis']
+        pin, centre = (
+            poses[link][:2] + rotate(poses[link][2], scene['links'][link]['points'][at])
+            for link, at in (end.split('.') for end in ends)
+        )
+        joint |= {'arc_slot': ends, 'radius': float(np.hypot(*(pin - centre)))}
+        if k % 3 == 2:
+            joint['friction'] = {'coefficient': 0.05}
+    return _draft(add_drives(random, scene, poses, freedom))
+
+
 FAMILIES = (
     Family('linkage', 48, _prescribed_or_free, REFUSED),
     Family('linkage_gears', 24, _draft_geared, REFUSED),
     Family('linkage_rubbing', 36, _rubbing, REFUSED),
+    Family('linkage_arcs', 24, _arcs, REFUSED),
     Family('linkage_loose', 36, _loose, (*REFUSED, *NOT_SEATED)),
 )

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.polynomial import Chebyshev
 
+from mechanism_sim.joints.arc_slot.constraint import PinInArc
 from mechanism_sim.joints.cam.constraint import CamPair
 from mechanism_sim.joints.geneva.constraint import Geneva
 from mechanism_sim.joints.mesh.constraint import GearMesh
@@ -103,6 +104,9 @@ class Absolute:
             n = across(turned(second, (np.cos(j.axis), np.sin(j.axis))))
             row = n @ (Jb - Ja) + (across(n) @ (b - a)) * self.spin(x, j.second)
             return [row], [(n, cross(a - b, n))]
+        if isinstance(j, PinInArc):
+            n = (a - b) / np.sqrt((a - b) @ (a - b))
+            return [n @ (Jb - Ja)], [(n, 0.0)]
         if isinstance(j, Geneva):
             z = a - b
             r = np.sqrt(z @ z)

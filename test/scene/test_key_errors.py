@@ -13,8 +13,8 @@ from pydantic_core.core_schema import ErrorType
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.joints.cam.keys import SegmentPart
-from mechanism_sim.joints.contact_keys import Friction
-from mechanism_sim.joints.joint_keys import KINDS
+from mechanism_sim.joints.contact_keys import Clearance, Friction
+from mechanism_sim.joints.joint_keys import KINDS, JointKeys
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.problems import sentence
@@ -30,7 +30,8 @@ WRONG = {
     'number as key': {1: 2}, 'as JSON': ['x', ''], 'huge': 10**400,
 }  # fmt: skip
 FOREIGN = re.compile(
-    'Input should|pydantic|validat|[Vv]alue error|instance|dictionary|iterable|string|parse|'
+    r'Input should|pydantic|validat|[Vv]alue error|instance|dictionary|iterable|'
+    r'\bstrings?\b|parse|'
     r'NoneType|\bNone\b|\bTrue\b|\bFalse\b|function-|type=|Error|np\.|float32|unhashable'
 )
 """Words of Pydantic and of Python."""
@@ -120,7 +121,11 @@ def test_an_unknown_key_of_a_sensor_names_the_keys_of_its_kind(kind: str) -> Non
     ('key', 'value', 'says'),
     [
         ('joints.rocker_ground.revolut', [], "did you mean 'revolute'?"),
-        ('joints.rocker_ground', {'nonsense': 1}, 'allowed here: belt, bevel, cam, '),
+        (
+            'joints.rocker_ground',
+            {'nonsense': 1},
+            f'allowed here: {", ".join(sorted(KINDS)[:3])}, ',
+        ),
         ('gravity', 3, 'gravity = 3: it must be a list of two quantities, for example [9.81'),
         ('drive.profile.points', [3], 'drive.profile.points.0 = 3: it must be a list of two q'),
         ('outputs.forces', 'xyz', "outputs.forces = 'xyz': it must be true or false"),
@@ -242,3 +247,13 @@ def test_a_name_with_nothing_behind_it_is_left_out_but_of_a_link():
     assert list(ms.load_scene(text).scene.links) == ['bar']
     points = {'a': np.array([0.1, 0.2]), 'b': None}
     assert ms.LinkPart(points=points).points == {'a': (0.1, 0.2)}
+
+
+class Bare(JointKeys):
+    """A kind of joint whose contacts do not rub."""
+
+
+def test_friction_in_the_clearance_of_what_does_not_rub_is_refused() -> None:
+    given = {'radial': '0.1 mm', 'restitution': 0.5}
+    assert not Bare().wrong_play(Clearance(**given))
+    assert 'friction' in Bare().wrong_play(Clearance(**given, friction=0.1))

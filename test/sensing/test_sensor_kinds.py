@@ -139,6 +139,30 @@ def test_a_tachometer_of_a_link_that_stops_falls_as_time_goes_on():
     np.testing.assert_allclose(read[late], 0.5 * math.pi / (t[late] - passed), rtol=1e-9)
 
 
+# --- draw-wire sensor -----------------------------------------------------------------------
+
+
+def test_a_draw_wireentiometer_reads_the_distance_that_the_law_of_cosines_gives():
+    """From a point of the ground above the crankshaft to the crank's end; behind a low-pass."""
+    run = ms.simulate(ms.load_scene('slider_crank', {
+        'links.ground.points.above': [0.0, 0.3],
+        'sensors.ideal': {'kind': 'draw_wire', 'between': ['ground.above', 'crank.end'],
+                          'sample_rate': '50 kHz'},
+        'sensors.slow': {'kind': 'draw_wire', 'between': ['crank.end', 'ground.above'],
+                         'sample_rate': '50 kHz',
+                         'amplifier': {'low_pass': '200 Hz', 'low_pass_order': 1}},
+    }), revolutions=3)  # fmt: skip
+    ideal, slow = run.signal('ideal'), run.signal('slow')
+    angle = 20.0 * math.pi * np.asarray(ideal['t'])
+    length = np.sqrt(0.05**2 + 0.3**2 - 2.0 * 0.05 * 0.3 * np.sin(angle))
+    np.testing.assert_allclose(ideal['ideal'], length, rtol=1e-10)
+    assert ideal.units['ideal'] == 'm'
+    w, h = math.tau * 200.0, 1.0 / 50e3  # bilinear, from rest
+    b, a = [w * h, w * h], [2.0 + w * h, w * h - 2.0]
+    away = slow['slow'][500:] - lfilter(b, a, length)[500:]  # 12 time constants on
+    np.testing.assert_allclose(away, 0.0, atol=1e-6)
+
+
 # --- gyroscope ----------------------------------------------------------------------------------
 
 
@@ -242,6 +266,9 @@ def test_a_sensor_at_a_link_sits_at_its_origin():
         ({'kind': 'encoder', 'link': 'piston'}, ['does not turn on ground']),
         ({'kind': 'encoder', 'link': 'rod', 'relative_to': 'rodd'}, ["no link 'rodd'"]),
         ({'kind': 'encoder', 'link': 'rod', 'gravity': True}, ["'gravity'", 'no meaning']),
+        ({'kind': 'draw_wire'}, ['sensors.s.between']),
+        ({'kind': 'draw_wire', 'between': ['rod', 'rod.end']}, ['both points are of rod']),
+        ({'kind': 'draw_wire', 'between': ['rod', 'rod.x']}, ['sensors.s.between', "'x'"]),
         ({'kind': 'gyroscope', 'link': 'ground'}, ["no moving link 'ground'"]),
         ({'kind': 'gyroscope', 'link': 'rod', 'adc': {'range': '2 m'}}, ['give it in rad/s']),
         ({'kind': 'displacement_probe', 'joint': 'crank_rod'}, ['not a joint with a pin', JOINT]),

@@ -100,6 +100,22 @@ register(
     'load_cell',
     _in_joint('load_cell', 'Shift+L', 'M3 2h10v3H9v6h4v3H3v-3h4V5H3z', {'kind': 'load_cell'}),
 )
+
+
+def _draw_wire(sketch: Sketch, start: Spot, end: Spot) -> list[Edit]:
+    """A wire between two points, its case at the first."""
+    (one, new), (two, newer) = sketch.reference(start), sketch.reference(end)
+    values = {'kind': 'draw_wire', 'between': [one, two]}
+    return [Edit(('sensors', sketch.name('draw_wire')), values), *new, *newer]
+
+
+register(
+    'draw_wire',
+    Tool(
+        'draw_wire', 'Shift+W', 'M1 5h5v6H1zm6 2.5h7v1H7zm7-1.5h1v4h-1z',
+        'Press on one point, drag to another', _draw_wire, 'band',
+    ),
+)  # fmt: skip
 register(
     'strain_gauge',
     _on_link(

@@ -19,7 +19,7 @@ from mechanism_sim.scene import Machine
 
 
 def of_joints(machine: Machine) -> Iterator[Quantity]:
-    """``reaction.JOINT.x``, ``.y``, ``.moment``, ``.size``, ``.direction``.
+    """``reaction.JOINT.x``, ``.y``, ``.moment``, ``.size``, ``.direction``; ``power.JOINT``.
 
     Of the first-named on the second-named link; the moment is about the joint's point on the
     latter, where the joint can transmit one. What redundant constraints leave open is left out.
@@ -36,6 +36,8 @@ def of_joints(machine: Machine) -> Iterator[Quantity]:
         yield from (q for q in _of_joint(i, joint.name, moment) if q.part not in open_)
         if friction:
             yield _loss(i, friction)
+        if GROUND not in (joint.first, joint.second) and not open_:
+            yield _power(joint)
 
 
 def known_reactions(physics: Physics, observed: Observation) -> Array:
@@ -76,6 +78,17 @@ def _loss(i: int, friction: JointFriction) -> Quantity:
 
     words = f'power lost to friction in {friction.name}'
     return Quantity(f'friction_loss.{friction.name}', 'W', words, friction.name, loss, Shown.CYCLE)
+
+
+def _power(joint: Joint) -> Quantity:
+    def power(view: View) -> Array:
+        seen = view.joint(joint)
+        velocity = seen.path(joint.second, joint.on_second)[1]
+        turning = seen.turning(joint.second, joint.on_second).velocity
+        return np.asarray((seen.force * velocity).sum(axis=0) + seen.moment * turning)
+
+    words = f'power through {joint.name} into {joint.second}'
+    return Quantity(f'power.{joint.name}', 'W', words, joint.name, power, Shown.ASKED)
 
 
 def _transmits_moment(machine: Machine, joint: Joint) -> bool:
