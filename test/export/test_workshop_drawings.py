@@ -106,6 +106,16 @@ def test_a_sliding_cam_is_drawn_open_over_its_stroke():
         assert from_segments(points, centre, closed=False) == pytest.approx(0.012, abs=1e-8)
 
 
+def test_the_base_line_of_a_sliding_cam_lies_under_its_profile():
+    """The roller of the guide at 200 mm is over the place 200 mm less the way of the wedge."""
+    machine = ms.load_scene('sliding_cam')
+    document = read(profile(machine, 'contact').outline)
+    (base, _), (edge, _) = (polyline(document, layer) for layer in ('BASE', 'PROFILE'))
+    ends = 0.2 - np.array([0.095, 0.205])
+    assert base == pytest.approx(np.array([ends, (0.012, 0.012)]), abs=1e-9)
+    assert edge[0, [0, -1]] == pytest.approx(ends, abs=1e-9)
+
+
 def test_no_two_points_of_a_drawing_are_one_and_corners_keep_both():
     cornered = Diagram([Segment(0, 1.8, 0.02, HALF_HARMONIC), Segment(2, 4, -0.02, HALF_HARMONIC)])
     for law in (cornered, ROLLER.law):

@@ -143,7 +143,8 @@ def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
     if closed:
         guides.append(Circle('base', cam.base_radius))
     else:
-        line = np.array([(cam.base_radius, cam.base_radius), (at[0], at[-1])])
+        # under the points of contact: off the law's places where the guide is beside the cam's
+        line = np.array([(cam.base_radius, cam.base_radius), touch.profile[1, [0, -1]]])
         guides.append(Polygon('base', line, closed=False))
     edges = [Polygon(name, distinct(wall, closed), closed) for name, wall in walls.items()]
     return Outline(tuple(edges), tuple(guides))
