@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -49,6 +50,24 @@ class Outline:
                 corners.append(part.points)
         everything = np.concatenate(corners, axis=1)
         return np.array([everything.min(axis=1), everything.max(axis=1)])
+
+    def placed(self, place: Callable[[Array], Array]) -> Outline:
+        """In another frame, to which `place` takes points (2, n) [m] without distortion."""
+
+        def one(point: tuple[float, float]) -> tuple[float, float]:
+            x, y = place(np.array(point)[:, None])[:, 0].tolist()
+            return x, y
+
+        return Outline(
+            tuple(replace(edge, points=place(edge.points)) for edge in self.edges),
+            tuple(
+                replace(part, centre=one(part.centre))
+                if isinstance(part, Circle)
+                else replace(part, points=place(part.points))
+                for part in self.guides
+            ),
+            tuple(one(shaft) for shaft in self.shafts),
+        )
 
 
 class PartFigure(NamedTuple):

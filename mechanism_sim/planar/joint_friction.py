@@ -275,14 +275,16 @@ class TeethFriction(JournalFriction):
     """Teeth that slide: what they lose on the mean, by the mean distance from the pitch point.
 
     They slide at that distance times the rate of one gear against the other. The bound is
-    ``mu arm N`` of the force N along the line of action, with `radius` as the arm.
+    ``mu arm N`` of the force N normal to the teeth, with `radius` as the arm.
     """
+
+    share: float = 1.0  #: N over the force along the line of action in the plane
 
     @property
     def law(self) -> str:
-        """By the force along the line of action."""
+        """By the force normal to the teeth."""
         arm = self.coefficient * self.radius
-        return f'|{{0}}| <= {arm:.6g} m times the force of the teeth of {{1}}{_AGAINST}'
+        return f'|{{0}}| <= {arm:.6g} m times the force normal to the teeth of {{1}}{_AGAINST}'
 
     @property
     def words(self) -> str:
@@ -300,7 +302,7 @@ class TeethFriction(JournalFriction):
         x, y = add(one.x, neg(other.x)), add(one.y, neg(other.y))  # 2 cos(pressure angle) long
         square = add(mul(x, x), mul(y, y))
         tangential = div(mul(_along(wrench, x, y), 2.0), square)
-        arm = self._number(frames, 'arm', self.coefficient * self.radius)
+        arm = self._number(frames, 'arm', self.coefficient * self.share * self.radius)
         return [Pressed(arm, (tangential,), self._resolution(frames))]
 
 

@@ -116,7 +116,7 @@ class TurningTouch:
     closure: PairClosure
     name: str  #: of its parameters
     arm: float  #: [m]
-    share: float = 1.0
+    share: float = 1.0  #: of the coefficient, for the force in the plane
 
     def on(self, way: float) -> TurningTouch:
         """Either flank slides alike."""

@@ -24,13 +24,15 @@ def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
     """Text for people: ranges of the parameter in which a branch has one period."""
     found, branches = result
     unit = f' {found.unit}' if found.unit else ''
-    rows = []
+    rows, failed = [], []
     for branch in dict.fromkeys(r.branch for r in found.responses):
         own = [r for r in found.responses if r.branch == branch]
         for first, last, count in _ranges(own):
             low, high = (f'{found.scale * r.value:.6g}{unit}' for r in (first, last))
-            period = first.note or told(first)
-            rows.append((branch, low, high, count, period, f'{first.impacts:.4g}'))
+            rows.append((branch, low, high, count, told(first), _impacts(first)))
+            if first.note:
+                place = ' to '.join(dict.fromkeys((low, high)))
+                failed.append(f'{branch}, {place}: {first.note}')
     head = 'branch', 'from', 'to', 'values', 'period [turns]', 'impacts a turn there'
     values, several = sorted({r.value for r in found.responses}), {*found.coexisting}
     stretches = [[*group] for one, group in groupby(values, several.__contains__) if one]
@@ -38,7 +40,7 @@ def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
         ' to '.join(f'{found.scale * x:.6g}' for x in dict.fromkeys((group[0], group[-1])))
         for group in stretches
     ]
-    notes = [f'several responses at {", ".join(places)}{unit}'] if places else []
+    notes = [*failed, *([f'several responses at {", ".join(places)}{unit}'] if places else [])]
     for followed in branches:
         ends = sorted(p.value for p in followed.points)
         low, high = (f'{found.scale * x:.9g}{unit}' for x in (ends[0], ends[-1]))
@@ -56,9 +58,16 @@ def render(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> str:
 
 def told(response: Response) -> str:
     """The period of a response, or that there is none, or that it is not known yet."""
+    if response.note:
+        return 'no run'
     if not response.settled:
         return 'not settled'
     return str(response.period) if response.period else 'none found'
+
+
+def _impacts(response: Response) -> str:
+    """Impacts a turn, where there was a run."""
+    return '-' if response.note else f'{response.impacts:.4g}'
 
 
 def _ranges(found: list[Response]) -> list[tuple[Response, Response, int]]:
@@ -102,7 +111,7 @@ def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, A
                 'branch': r.branch,
                 'period': r.period or None,
                 'response': r.number,
-                'impacts_per_turn': r.impacts,
+                'impacts_per_turn': None if r.note else r.impacts,
                 'settled': r.settled,
                 **({'failed': r.note} if r.note else {}),
             }
@@ -131,7 +140,8 @@ def to_json(result: tuple[Bifurcation, Sequence[ResponseBranch]]) -> dict[str, A
 def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = ()) -> Chart:
     """Sections over the parameter, coloured by period; directions by marks, branches as lines."""
     marks = {'up': 'triangle-up', 'down': 'triangle-down', 'start': 'circle'}
-    kinds = sorted({(r.period, r.settled) for r in found.responses}, key=lambda x: (not x[0], *x))
+    ran = [r for r in found.responses if not r.note]
+    kinds = sorted({(r.period, r.settled) for r in ran}, key=lambda x: (not x[0], *x))
     periods = [period for period, _ in kinds]
     along = Axis('.'.join(found.parameter.path.split('.')[-3:]), found.unit)
     panels = []
@@ -140,7 +150,7 @@ def chart(found: Bifurcation, title: str, branches: Sequence[ResponseBranch] = (
         for number, (period, settled) in enumerate(kinds):
             for branch, marker in marks.items():
                 own = period, settled, branch
-                some = [r for r in found.responses if (r.period, r.settled, r.branch) == own]
+                some = [r for r in ran if (r.period, r.settled, r.branch) == own]
                 if not some:
                     continue
                 x = np.concatenate([np.full(len(r.points), found.scale * r.value) for r in some])
@@ -189,8 +199,7 @@ def basins_text(found: Basins) -> str:
     """Kinds of responses, and the share of the places that lead to each."""
     places = [kind for *_, kind in found.cells]
     rows = [
-        (str(kind), 'no run' if r.note else told(r),
-         f'{r.impacts:.4g}', f'{100.0 * places.count(kind) / len(places):.4g} %')
+        (str(kind), told(r), _impacts(r), f'{100.0 * places.count(kind) / len(places):.4g} %')
         for kind, r in found.kinds.items()
     ]  # fmt: skip
     head = 'response', 'period [turns]', 'impacts a turn', 'places'
@@ -209,7 +218,7 @@ def basins_json(found: Basins) -> dict[str, Any]:
                 paths[1]: y,
                 'response': kind,
                 'period': r.period or None,
-                'impacts_per_turn': r.impacts,
+                'impacts_per_turn': None if r.note else r.impacts,
                 'settled': r.settled,
                 **({'failed': r.note} if r.note else {}),
             }

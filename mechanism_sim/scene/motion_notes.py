@@ -140,7 +140,8 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
         ratio = time_ratio(linkage)
         steady = f', time ratio {ratio:.6g} at constant speed of the {crank}'
         notes.append(note if math.isnan(ratio) else note + steady)
-    return [*notes, _transmission(*transmission_range(linkage))]
+    limited = '' if crank_turns(linkage) else crank
+    return [*notes, _transmission(*transmission_range(linkage), limited)]
 
 
 def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
@@ -163,12 +164,16 @@ def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
         if linkage.turns == 'rod':
             first += '; the rod can'
         first = Limit(first)
-    return [first, _transmission(*linkage.transmission_range())]
+    limited = '' if linkage.turns in ('crank', 'both') else crank
+    return [first, _transmission(*linkage.transmission_range(), limited)]
 
 
-def _transmission(least: float, greatest: float) -> str:
+def _transmission(least: float, greatest: float, limited: str) -> str:
+    """Of the linkage, whose drive may go less far; `limited` is a crank that cannot turn."""
     low, high = math.degrees(least), math.degrees(greatest)
     note = f'transmission angle: {low:.4g} to {high:.4g} deg'
+    if limited:
+        note += f' over all that the {limited} can do'
     if min(low, 180.0 - high) < LEAST_TRANSMISSION:
         note += (
             f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the driven end moves little: it is '

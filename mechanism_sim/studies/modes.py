@@ -357,7 +357,10 @@ def derivatives(
             'or a link that moves on springs'
         )
         if not held and machine.level.dynamic:
-            why = f'with joints without play and rigid contacts and teeth {why}'
+            why = (
+                'joints count as without play here, contacts and teeth as rigid even where they '
+                f'are elastic, and then {why}'
+            )
         raise InputError(f'{machine.name}: nothing can vibrate: {why}')
     return found
 

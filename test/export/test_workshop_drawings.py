@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from builders import placed
+from builders import made, placed
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
@@ -22,6 +22,7 @@ from mechanism_sim.joints.cam.profiles import Cam
 from mechanism_sim.joints.cam.sheet import cam_outline
 from mechanism_sim.joints.mesh.involute import FULL_DEPTH, Gear, ToothSystem, rack_teeth
 from mechanism_sim.joints.mesh.sheet import gear_outline, rack_outline
+from mechanism_sim.report.profile import profile, table
 
 SEGMENTS = [Segment(0.0, 1.8, 0.02, CYCLOIDAL), Segment(2.6, 4.7, -0.02, CYCLOIDAL)]
 ROLLER = Cam(Diagram(SEGMENTS), Translating(offset=0.01, roller=0.012), 0.04)
@@ -105,6 +106,16 @@ def test_a_sliding_cam_is_drawn_open_over_its_stroke():
         assert from_segments(points, centre, closed=False) == pytest.approx(0.012, abs=1e-8)
 
 
+def test_the_base_line_of_a_sliding_cam_lies_under_its_profile():
+    """The roller of the guide at 200 mm is over the place 200 mm less the way of the wedge."""
+    machine = ms.load_scene('sliding_cam')
+    document = read(profile(machine, 'contact').outline)
+    (base, _), (edge, _) = (polyline(document, layer) for layer in ('BASE', 'PROFILE'))
+    ends = 0.2 - np.array([0.095, 0.205])
+    assert base == pytest.approx(np.array([ends, (0.012, 0.012)]), abs=1e-9)
+    assert edge[0, [0, -1]] == pytest.approx(ends, abs=1e-9)
+
+
 def test_no_two_points_of_a_drawing_are_one_and_corners_keep_both():
     cornered = Diagram([Segment(0, 1.8, 0.02, HALF_HARMONIC), Segment(2, 4, -0.02, HALF_HARMONIC)])
     for law in (cornered, ROLLER.law):
@@ -145,6 +156,71 @@ def test_a_cam_of_a_whole_machine_is_drawn_as_closely_as_alone(name):
         exact = placed(machine, joint.first, q, joint.profile(wall))
         off = min(max(from_segments(points, p) for p in exact.T) for points in drawn)
         assert off < 6e-8
+
+
+@pytest.mark.parametrize('sense', ['counterclockwise', 'clockwise'])
+def test_a_cam_of_a_scene_is_drawn_as_it_is_on_its_link(sense):
+    """By hand: at the angle x the knife is over what lies at 90 deg -+ x of the link."""
+    law = {
+        'segments': [
+            {'from': '0 deg', 'to': '60 deg', 'rise': '10 mm', 'curve': 'polynomial_345'},
+            {'from': '60 deg', 'to': '240 deg', 'rise': '-10 mm', 'curve': 'polynomial_345'},
+        ]
+    }
+    contact = {'cam': ['cam.eye', 'rod'], 'follower': 'knife', 'base_radius': '25 mm'}
+    machine = made({
+        'links': {'cam': {'points': {'eye': ['3 mm', '-4 mm']}}, 'rod': {}},
+        'joints': {
+            'bearing': {'revolute': ['ground', 'cam.eye']},
+            'guide': {'prismatic': ['ground', 'rod'], 'axis': '90 deg'},
+            'contact': {**contact, 'law': law, 'sense': sense},
+        },
+        'drive': {'coordinate': 'cam', 'speed': '10 rad/s'},
+    })  # fmt: skip
+    outline = profile(machine, 'contact').outline
+    [(x, y)] = outline.shafts
+    assert (x, y) == pytest.approx((3e-3, -4e-3), abs=1e-15)
+    points, _ = polyline(read(outline), 'PROFILE')
+    sign = 1 if sense == 'clockwise' else -1
+    back = 1 - np.array([0.0, 20.0, 100.0]) / 180  # of the return, 60 to 240 deg
+    lifts = np.polyval([6, -15, 10, 0, 0, 0], [0.0, 0.5, *back])
+    for turned, lift in zip((0.0, 30.0, 60.0, 80.0, 160.0), lifts, strict=True):
+        z = (25e-3 + 10e-3 * lift) * np.exp(1j * np.radians(90 + sign * turned))
+        assert from_segments(points, (x + z.real, y + z.imag)) < 1e-8
+    rows = table(machine, 'contact')
+    at = np.radians(90) + sign * rows['cam']
+    radii = 25e-3 + rows['displacement']
+    assert rows['contact.x'] == pytest.approx(x + radii * np.cos(at), abs=1e-12)
+    assert rows['contact.y'] == pytest.approx(y + radii * np.sin(at), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('name', 'sense'),
+    [
+        ('offset_roller_cam', 'clockwise'),
+        ('offset_roller_cam', 'counterclockwise'),
+        ('oscillating_roller', None),
+        ('sliding_cam', None),
+    ],
+)
+def test_the_roller_of_a_machine_rolls_on_the_cam_that_was_drawn_for_it(name, sense):
+    """Its centre, seen from the cam in positions of the machine, is a radius off the profile."""
+    chosen = {'joints.contact.sense': sense} if sense else {}
+    machine = ms.load_scene(name, {**chosen, 'joints.contact.lift_off': None})
+    joint = machine.plan.ideal.joint('contact')
+    document = read(profile(machine, 'contact').outline)
+    drawn, pitch = (polyline(document, layer) for layer in ('PROFILE', 'PITCH'))
+    speed = machine.drive.start[1]
+    run = ms.simulate(machine, duration=2 * math.pi / abs(speed))
+    for q in run.motion.curve(np.linspace(0.0, 2 * math.pi / abs(speed), 9)):
+        places = dict(zip(machine.mechanism.coordinates, q, strict=True))
+        away = placed(machine, joint.second, places, np.array(joint.on_second)[:, None])
+        away = away - placed(machine, joint.first, places, np.zeros((2, 1)))
+        a = machine.plan.ideal.angle(joint.first, places)
+        centre = np.array([[math.cos(a), math.sin(a)], [-math.sin(a), math.cos(a)]]) @ away[:, 0]
+        off = from_segments(drawn[0], centre, closed=drawn[1])
+        assert off == pytest.approx(joint.cam.follower.roller, abs=1e-7)
+        assert from_segments(pitch[0], centre, closed=pitch[1]) < 1e-7
 
 
 @pytest.mark.sample(1)

@@ -270,6 +270,7 @@ def test_a_run_that_fails_is_told_and_is_no_response(monkeypatch):
         ball(1.2), {'drive.speed': (f'{low}rad/s', f'{high}rad/s', 2)}, transient=4, keep=4
     )
     assert [bool(r.note) for r in found.responses] == [False, False, True, True]
+    assert all(len(c.x) for panel in chart(found, '').panels for c in panel.curves)
     assert not found.coexisting
     assert (found.unit, found.scale) == ('rad/s', pytest.approx(1.0))
 
@@ -350,6 +351,13 @@ def test_a_crank_at_rest_is_told_and_has_no_response():
     found = ms.bifurcation('four_bar_clearance', limits, transient=2, keep=2)
     assert {r.note for r in found.responses if r.value == 0.0} == {'the crank is at rest'}
     assert len(found.responses) == 6
+    # a refused value is no branch: it has neither period nor impacts, and why stands below
+    lines = [re.split(r' {2,}', line.strip()) for line in render((found, ())).splitlines()]
+    for branch in ('up', 'down'):
+        assert [branch, '0 rpm', '0 rpm', '1', 'no run', '-'] in lines
+        assert [f'{branch}, 0 rpm: the crank is at rest'] in lines
+    rows = to_json((found, ()))['responses']
+    assert [row['impacts_per_turn'] is None for row in rows] == [x['value'] == 0.0 for x in rows]
 
 
 @pytest.mark.slow

@@ -28,15 +28,20 @@ class CamMode(IntEnum):
 class CamReading(NamedTuple):
     """A cam at N instants; forces are NaN where masses are not known.
 
-    Lift and follower count from the base circle; those of a swinging follower are angles. Angle
-    and speed of a cam that slides are its displacement and velocity, its torque is a force.
+    Lift and follower count from the base circle; those of a swinging follower are angles. Angle,
+    speed and torque of the cam count in its `sense`, of a clockwise one clockwise; those of a cam
+    that slides are its displacement, velocity and a force, along its law.
     Pressure angle, contact and speeds are those where they touch at this cam angle, or would;
     speeds count counterclockwise about a cam that turns clockwise, as in `CamTouch`; the spin of a
     roller that rolls without slip, seen from its follower, counts counterclockwise in the world.
     """
 
-    cam_angle: Annotated[Array, Told('rad or m', 'cam angle', 'first', repeats=True)]
-    cam_speed: Annotated[Array, Told('rad/s or m/s', 'cam speed', 'first', repeats=True)]
+    cam_angle: Annotated[
+        Array, Told('rad or m', 'cam angle, positive in its sense', 'first', repeats=True)
+    ]
+    cam_speed: Annotated[
+        Array, Told('rad/s or m/s', 'cam speed, positive in its sense', 'first', repeats=True)
+    ]
     lift: Annotated[Array, Told('rad or m', 'lift by the law')]
     follower_position: Annotated[Array, Told('rad or m', 'follower from the base circle')]
     follower_velocity: Annotated[Array, Told('rad/s or m/s', 'speed of the follower')]
@@ -46,7 +51,10 @@ class CamReading(NamedTuple):
     gap: Annotated[Array, Told('m', 'distance to the cam', difference=True)]
     contact_force: Annotated[Array, Told('N', 'force on the follower, out of the cam')]
     pressure_angle: Annotated[Array, Told('rad', 'pressure angle')]
-    cam_torque: Annotated[Array, Told('N m or N', 'torque of the follower on the cam', 'first')]
+    cam_torque: Annotated[
+        Array,
+        Told('N m or N', 'torque of the follower on the cam, positive in its sense', 'first'),
+    ]
     contact_x: Annotated[Array, Told('m', 'point of contact, x')]
     contact_y: Annotated[Array, Told('m', 'point of contact, y')]
     contact_speed: Annotated[Array, Told('m/s', 'speed of the contact along the profile')]

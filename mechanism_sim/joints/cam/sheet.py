@@ -35,7 +35,7 @@ class CamParts(JointParts):
     whole: ClassVar[str] = 'a cam, no gears'
 
     def sheet(self, gear: str | None, friction: float) -> Sheet:
-        """Sizes and limits of the cam, and what is wrong with it."""
+        """Sizes and limits of the cam, and what is wrong with it; its outline on its link."""
         joint, clearance = self.joint, None
         if joint.grooved:
             play = self.machine.plan.clearances.get(joint.name)
@@ -56,7 +56,7 @@ class CamParts(JointParts):
         return Sheet(
             f'{self.machine.name}: the cam on {joint.first} that moves {joint.second}',
             tuple(figures),
-            cam_outline(cam, clearance),
+            cam_outline(cam, clearance).placed(joint.profile),
             (*remarks, *(str(jump) for jump in check_smoothness(law, 3))),
             'm' if law.reciprocating else 'rad',
         )
@@ -65,17 +65,19 @@ class CamParts(JointParts):
         """The cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
 
         Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam,
-        or by metres if it slides; the profile is in the frame of `mechanism_sim.joints.cam.touch`.
+        or by metres if it slides, and count as those of `mechanism_sim.joints.cam.touch`. The
+        profile is in the frame of the cam's link.
         """
         law = self.joint.cam.law
         x = drawing_angles(law, extent(law) / 360)
         touch = self.joint.cam.at(x)
+        contact = self.joint.profile(touch.profile)
         return {
             'cam': x,
             **{name: law(x, order) for order, name in enumerate(DERIVATIVES)},
             'pressure_angle': touch.pressure_angle,
-            'contact.x': touch.profile[0],
-            'contact.y': touch.profile[1],
+            'contact.x': contact[0],
+            'contact.y': contact[1],
             'contact_speed': touch.rate,
             'sliding_speed': touch.sliding,
         }
@@ -120,9 +122,11 @@ def _radii(cam: Cam) -> Iterator[PartFigure]:
 
 
 def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
-    """The profile of a cam at angle 0, with the pitch curve of its roller and the base circle.
+    """The profile of a cam, with the pitch curve of its roller and the base circle.
 
-    `profiles.find_flaws` and `interference.find_cut_away` say whether it can be cut.
+    It is in the frame of `touch`, in which cams turn clockwise: `PlacedCam.profile` takes it to
+    that of a link. `profiles.find_flaws` and `interference.find_cut_away` say whether it can be
+    cut.
 
     Parameters
     ----------
@@ -139,7 +143,8 @@ def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
     if closed:
         guides.append(Circle('base', cam.base_radius))
     else:
-        line = np.array([(cam.base_radius, cam.base_radius), (at[0], at[-1])])
+        # under the points of contact: off the law's places where the guide is beside the cam's
+        line = np.array([(cam.base_radius, cam.base_radius), touch.profile[1, [0, -1]]])
         guides.append(Polygon('base', line, closed=False))
     edges = [Polygon(name, distinct(wall, closed), closed) for name, wall in walls.items()]
     return Outline(tuple(edges), tuple(guides))

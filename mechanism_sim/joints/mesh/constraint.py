@@ -282,7 +282,8 @@ class GearMesh(PlacedMesh):
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> TurningTouch:
         """Flanks, on the mean of their path."""
-        return TurningTouch(self.closure(mechanism), f'{self.name}.friction', self.sliding_arm)
+        name, share = f'{self.name}.friction', self.friction_share
+        return TurningTouch(self.closure(mechanism), name, self.sliding_arm, share)
 
     @property
     def coupling(self) -> Coupling:

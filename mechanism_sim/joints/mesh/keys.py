@@ -207,7 +207,8 @@ class MeshKeys(JointKeys):
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[TeethFriction]:
         """Of the teeth on the mean."""
-        return [TeethFriction(joint.name, mechanism, given.coefficient, joint.sliding_arm)]
+        arm, share = joint.sliding_arm, joint.friction_share
+        return [TeethFriction(joint.name, mechanism, given.coefficient, arm, share)]
 
     def _play(self, placed: Placed, base_pitch: float) -> float:
         """Free way of the teeth to either side, along the line of action [m]."""

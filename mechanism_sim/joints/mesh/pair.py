@@ -202,7 +202,8 @@ class Pair:
 
         The n pairs of teeth in contact share the normal force F equally and slide at
         (w2 + w3) |s|, s from the pitch point (w3 - w2 for an internal wheel): with the base pitch
-        p the loss is 2 pi mu (1/N2 + 1/N3)/p^2 times the integral of |s|/n along the path.
+        p the loss is 2 pi mu (1/N2 + 1/N3)/p^2 times the integral of |s|/n along the path. Helical
+        teeth have `PlacedMesh.friction_share` of the coefficient.
         """
         if not 0.0 <= friction < math.inf:
             raise InputError('a coefficient of friction is not negative')

@@ -77,6 +77,16 @@ class PlacedMesh(HigherPair):
         ]
         return -1.0 if min(teeth) < 0.0 else 1.0
 
+    @property
+    def friction_share(self) -> float:
+        """Of the coefficient, for forces in the plane of rotation: 1/cos(beta_b).
+
+        Helical teeth press each other by as much more, normal to their flanks, and slide in that
+        plane. With the helix angle psi and the pressure angle phi on the working pitch circles
+        the angle on the base circles has ``tan(beta_b) = tan(psi) cos(phi)``.
+        """
+        return math.hypot(1.0, math.tan(self.helix_angle) * math.cos(self.pressure_angle))
+
     def is_rack(self, link: str) -> bool:
         """True if one of its links is a rack."""
         return self.guide is not None and self.guide.second == link

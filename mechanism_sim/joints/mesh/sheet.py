@@ -65,7 +65,7 @@ class MeshParts(JointParts):
             pinion, wheel = sorted(self.wheels, key=lambda w: w.part.internal)
             bases = wheel.gear.base_radius + joint.sign * pinion.gear.base_radius
             pair = Pair(pinion.gear, wheel.gear, bases / math.cos(joint.pressure_angle))
-            figures += _pair_figures(pair, friction)
+            figures += _pair_figures(pair, friction * joint.friction_share)
             outline = pair_outline(pair, (pinion.name, wheel.name))
         if play := self.machine.plan.clearances.get(joint.name):
             width = 2.0 * (play.radial or 0.0) / math.cos(joint.pressure_angle)
@@ -122,7 +122,7 @@ def _gear_figures(name: str, gear: Gear) -> Iterator[PartFigure]:
 
 
 def _pair_figures(pair: Pair, friction: float) -> Iterator[PartFigure]:
-    """Facts of both gears of a pair; the efficiency for a coefficient of friction."""
+    """Facts of both gears of a pair; the efficiency for a coefficient in the plane."""
     yield PartFigure('centre_distance', pair.centre_distance, 'm')
     yield PartFigure('ratio', pair.ratio)
     yield PartFigure('pressure_angle', pair.pinion.system.pressure_angle, 'rad')

@@ -60,6 +60,19 @@ def test_the_pressure_angle_of_an_offset_roller():
     assert best.value > abs(found['pressure_angle.contact']).max()
 
 
+@pytest.mark.parametrize(('sense', 'sign'), [('clockwise', -1), ('counterclockwise', 1)])
+def test_angle_speed_and_torque_of_a_cam_count_in_its_sense(sense, sign):
+    """Its drive, counterclockwise as all torques of links, is what balances the follower."""
+    _, _, found = over_turn('offset_roller_cam', {'joints.contact.sense': sense})
+    assert found['cam_speed.contact'] == pytest.approx(sign * found['velocity.cam'], rel=1e-12)
+    torque = found['cam_torque.contact']
+    assert np.ptp(torque) > 1e-3
+    assert found['drive_torque'] == pytest.approx(-sign * torque, abs=1e-9 * np.ptp(torque))
+    known = found.solution.catalogue
+    told = [known[f'cam_{name}.contact'].words for name in ('angle', 'speed', 'torque')]
+    assert all(text.endswith('positive in its sense') for text in told)
+
+
 @pytest.mark.sample(2)
 @pytest.mark.parametrize('name', ['oscillating_roller', 'measured_cam', 'offset_roller_cam'])
 def test_the_point_of_contact_is_on_roller_and_cam_and_moves_as_told(name):

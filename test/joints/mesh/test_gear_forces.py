@@ -7,11 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from builders import made
 from tooth_forces import bevel, helical, spur
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import pitch_angles
 from mechanism_sim.joints.worm.constraint import WormPair, ratio
+from mechanism_sim.report.profile import profile
 
 PHI = math.radians(20)
 X, Y, Z = np.eye(3)
@@ -151,3 +154,73 @@ def test_worm_of_problem_15():
 def test_wrong_pairs_are_refused_by_name(make, sentence):
     with pytest.raises(InputError, match=sentence):
         make()
+
+
+def sliding_in_space(helix, module=2e-3, teeth=(20, 40)):
+    """Of flanks as surfaces in space: lever of the force along their normal [m], mean slip [m/s].
+
+    The first turns at 1 rad/s. The flank of the first is swept by its involute as that turns along
+    the shaft; pairs that touch share the force equally, along the path between both tip circles.
+    """
+    press = math.atan(math.tan(math.radians(20)) / math.cos(helix))
+    r1, r2 = (0.5 * module * n / math.cos(helix) for n in teeth)
+    b1, b2 = r1 * math.cos(press), r2 * math.cos(press)
+    reach = [math.sqrt((r + module) ** 2 - b**2) for r, b in ((r1, b1), (r2, b2))]
+    start, end = b2 * math.tan(press) - reach[1], reach[0] - b1 * math.tan(press)
+    pitch = 2 * math.pi * b1 / teeth[0]
+    twist = math.tan(helix) / r1
+
+    def at(s):
+        """At the distance s along the line of action from the pitch point, at z = 0."""
+        u = math.tan(press) + s / b1
+        point = b1 * np.array([math.cos(u) + u * math.sin(u), math.sin(u) - u * math.cos(u), 0.0])
+        along = b1 * u * np.array([math.cos(u), math.sin(u), 0.0])
+        lead = np.array([-twist * point[1], twist * point[0], 1.0])
+        normal = np.cross(along, lead)
+        normal /= np.linalg.norm(normal)
+        foot = b1 * np.array([math.cos(u), math.sin(u), 0.0])
+        centre = (point - s * (point - foot) / (b1 * u)) * (r1 + r2) / r1
+        spin = np.array([0.0, 0.0, 1.0])
+        slip = np.cross(-spin * r1 / r2, point - centre) - np.cross(spin, point)
+        assert abs(slip @ normal) < 1e-12  # along the flank
+        return abs(np.cross(point, normal)[2]), np.linalg.norm(slip)
+
+    slips = []
+    for s in start + pitch * (np.arange(2000) + 0.5) / 2000:
+        touching = [x for x in (s + k * pitch for k in range(3)) if x <= end]
+        slips.append(np.mean([at(x)[1] for x in touching]))
+    return at(0.3 * end)[0], float(np.mean(slips))
+
+
+@pytest.mark.parametrize('helix', [0.0, math.acos(0.75)])
+def test_helical_teeth_rub_by_the_force_normal_to_their_flanks(helix):
+    """Efficiency, losses of ideal teeth and of those with backlash, by vectors in space."""
+    mu, load, speed = 0.1, 3.0, 10 * math.pi
+
+    def machine(**mesh):
+        bodies = {'mass': 1.0, 'inertia': 1e-3}
+        gear = {'module': 2e-3, 'helix_angle': helix}
+        return made({
+            'links': {'ground': {'points': {'w': [0.06 / math.cos(helix), 0.0]}},
+                      'p': bodies, 'q': bodies},
+            'gears': {'p': {**gear, 'at': 'p', 'teeth': 20},
+                      'q': {**gear, 'at': 'q', 'teeth': 40, 'helix_angle': -helix}},
+            'joints': {'a': {'revolute': ['ground', 'p']}, 'b': {'revolute': ['ground.w', 'q']},
+                       'mesh': {'mesh': ['p', 'q'], **mesh}},
+            'drive': {'coordinate': 'p', 'speed': speed},
+            'loads': {'brake': {'at': 'q', 'torque': load}},
+            **({'start': 'seated'} if 'backlash' in mesh else {}),
+        })  # fmt: skip
+
+    lever, slip = sliding_in_space(helix)
+    rubbing = machine(friction={'coefficient': mu})
+    told = {f.name: f.value for f in profile(rubbing, 'mesh', friction=mu).figures}
+    assert told['efficiency'] == pytest.approx(1.0 - mu * slip / lever, abs=1e-5)
+    # what brakes the wheel: its load, and the couple of friction against the relative turning
+    force = load / (2.0 * lever - mu * slip / 1.5)
+    loss = ms.cycle(rubbing, samples=12)['friction_loss.mesh']
+    assert loss == pytest.approx(mu * slip * force * speed, rel=1e-3)
+    play = {'width': 1e-4, 'restitution': 0.0, 'friction': mu}
+    run = ms.simulate(machine(backlash=play), duration=0.1)
+    lost = run.sample(np.array([0.05, 0.1]), 'energy.dissipated')['energy.dissipated']
+    assert np.diff(lost) / 0.05 - 0.5 * load * speed == pytest.approx(loss[0], rel=1e-6)
