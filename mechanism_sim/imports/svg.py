@@ -75,13 +75,34 @@ def _shapes(element: Element) -> Iterator[Array]:
     """Closed curves of a path, a polygon or a rectangle."""
     get = element.get
     if element.tag == 'rect':
-        x, y, w, h = (number(get(key)) for key in ('x', 'y', 'width', 'height'))
-        yield np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+        yield _rectangle(element)
     elif element.tag == 'polygon':
         found = [float(v) for _, v in _TOKEN.findall(get('points') or '') if v]
         yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2)
     elif element.tag == 'path':
         yield from _paths(get('d') or '')
+
+
+def _rectangle(element: Element) -> Array:
+    """The four sides, between which corners are rounded by quarters of ellipses."""
+    x, y, w, h = (number(element.get(key)) for key in ('x', 'y', 'width', 'height'))
+    radii = [element.get(key, 'auto') for key in ('rx', 'ry')]
+    own = [r for r in radii if r != 'auto']  # of the other where it is not given
+    rx, ry = (number(r if r != 'auto' else own[0] if own else '0') for r in radii)
+    rx, ry = (min(max(rx, 0.0), 0.5 * w), min(max(ry, 0.0), 0.5 * h))
+    if not rx or not ry:
+        return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+    right, low = x + w, y + h
+    sides = [
+        (complex(x + rx, y), complex(right - rx, y)),
+        (complex(right, y + ry), complex(right, low - ry)),
+        (complex(right - rx, low), complex(x + rx, low)),
+        (complex(x, low - ry), complex(x, y + ry)),
+    ]
+    points = []
+    for (_, end), (begin, _) in pairwise([*sides, sides[0]]):
+        points += [end, *_arc(end, begin, [rx, ry, 0.0, 0.0, 1.0])]
+    return np.array([[p.real, p.imag] for p in points])
 
 
 def _paths(text: str) -> Iterator[Array]:
