@@ -17,6 +17,7 @@ from mechanism_sim.imports.markup import number, numbers, parse
 _STEPS = np.linspace(0.0, 1.0, 257)[1:]  # of a curve
 _TOKEN = re.compile(r'([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)')
 _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 7, 'z': 0}
+_SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
 _UNITS = {
     'mm': 1.0,
@@ -110,7 +111,7 @@ def _paths(text: str) -> Iterator[Array]:
     tokens = [(c, v) for c, v in _TOKEN.findall(text)]
     place, command, k = 0j, '', 0
     points: list[complex] = []
-    handle = None  # of a smooth curve that follows
+    handle, before = 0j, ''  # for a smooth curve after one of its kind
     while k < len(tokens):
         if tokens[k][0]:
             command, k = tokens[k][0], k + 1
@@ -120,7 +121,7 @@ def _paths(text: str) -> Iterator[Array]:
         values = [float(v or 'nan') for _, v in tokens[k : k + _COUNTS[kind]]]
         if len(values) < _COUNTS[kind] or any(map(math.isnan, values)):
             raise InputError(f"the path '{text[:40]}' ends within a command")
-        k += _COUNTS[kind]
+        k, last, before = k + _COUNTS[kind], before, kind
         base = place if command.islower() else 0j
         if kind == 'z':
             yield np.array([[p.real, p.imag] for p in points])
@@ -137,10 +138,10 @@ def _paths(text: str) -> Iterator[Array]:
             points.append(end)
         else:
             given = [base + complex(*values[i : i + 2]) for i in range(0, len(values), 2)]
-            if kind in 'st':
-                given.insert(0, 2.0 * place - handle if handle is not None else place)
+            if kind in _SMOOTH:
+                given.insert(0, 2.0 * place - handle if last in _SMOOTH[kind] else place)
             end = given[-1]
-            handle = given[-2] if kind in 'csqt' else None
+            handle = given[-2] if len(given) > 1 else end
             if kind == 'm':
                 points, command = [end], 'l' if command == 'm' else 'L'
             else:

@@ -38,3 +38,33 @@ def test_corners_of_a_rectangle_are_quarters_of_ellipses(tmp_path, given, rx, ry
         f'v-{h}{turn} {rx} -{ry}z"/>'
     )
     assert rectangle == pytest.approx(arm(tmp_path, path), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('smooth', 'whole'),
+    [
+        ('C0 -20 40 -20 40 0 S90 -30 90 20', 'C0 -20 40 -20 40 0 C40 20 90 -30 90 20'),
+        ('C0 -20 40 -20 40 0 H60 S90 -30 90 20', 'C0 -20 40 -20 40 0 L60 0 C60 0 90 -30 90 20'),
+        ('C0 -20 40 -20 40 0 V5 S90 -30 90 20', 'C0 -20 40 -20 40 0 L40 5 C40 5 90 -30 90 20'),
+        ('C0 -20 40 -20 40 0 a5 5 0 1 1 10 0 S90 -30 90 20',
+         'C0 -20 40 -20 40 0 a5 5 0 1 1 10 0 C50 0 90 -30 90 20'),
+        ('Q20 -40 40 0 S90 -30 90 20', 'Q20 -40 40 0 C40 0 90 -30 90 20'),
+        ('Q20 -40 40 0 T80 5 T90 20', 'Q20 -40 40 0 Q60 40 80 5 Q100 -30 90 20'),
+        ('C0 -20 40 -20 40 0 T90 20', 'C0 -20 40 -20 40 0 L90 20'),
+        ('Q20 -40 40 0 L50 0 T90 20', 'Q20 -40 40 0 L50 0 L90 20'),
+    ],
+)  # fmt: skip
+def test_a_smooth_curve_goes_on_from_one_of_its_kind_only(tmp_path, smooth, whole):
+    """Else its first control point is where it begins (SVG 1.1, 8.3.6)."""
+    short, long = (
+        arm(tmp_path, f'<path d="M-10 0 {part} V40 H-10 Z"/>') for part in (smooth, whole)
+    )
+    assert short == pytest.approx(long, rel=1e-5)
+
+
+def test_a_smooth_curve_after_a_closed_part_begins_without_a_handle(tmp_path):
+    """The second part is a window, of which the closed form of a cubic gives the area."""
+    plate = 'M-50 -50 C-50 -60 50 -60 50 -50 V50 H-50 Z'
+    mass, _ = arm(tmp_path, f'<path d="{plate} s60 30 60 0 z"/>')
+    area = 100 * 100 + 0.6 * 100 * 10 - 0.3 * 60 * 30 - math.pi
+    assert mass == pytest.approx(PLATE * area, rel=1e-5)
