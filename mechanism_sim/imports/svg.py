@@ -15,7 +15,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.imports.markup import number, numbers, parse
 
 _STEPS = np.linspace(0.0, 1.0, 257)[1:]  # of a curve
-_TOKEN = re.compile(r'([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)')
+_NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?')
+_TOKEN = re.compile(rf'[\s,]*(?:([MmLlHhVvCcSsQqTtAaZz])|({_NUMBER.pattern}))')
+_FLAG = re.compile(r'[\s,]*()([01])')
 _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 7, 'z': 0}
 _SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
@@ -78,7 +80,7 @@ def _shapes(element: Element) -> Iterator[Array]:
     if element.tag == 'rect':
         yield _rectangle(element)
     elif element.tag == 'polygon':
-        found = [float(v) for _, v in _TOKEN.findall(get('points') or '') if v]
+        found = [float(v) for v in _NUMBER.findall(get('points') or '')]
         yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2)
     elif element.tag == 'path':
         yield from _paths(get('d') or '')
@@ -108,20 +110,12 @@ def _rectangle(element: Element) -> Array:
 
 def _paths(text: str) -> Iterator[Array]:
     """The closed parts of the data of a path."""
-    tokens = [(c, v) for c, v in _TOKEN.findall(text)]
-    place, command, k = 0j, '', 0
+    place, before = 0j, ''
     points: list[complex] = []
-    handle, before = 0j, ''  # for a smooth curve after one of its kind
-    while k < len(tokens):
-        if tokens[k][0]:
-            command, k = tokens[k][0], k + 1
-        elif not command or command in 'Zz':
-            raise InputError(f"the path '{text[:40]}' cannot be read")
-        kind = command.lower()
-        values = [float(v or 'nan') for _, v in tokens[k : k + _COUNTS[kind]]]
-        if len(values) < _COUNTS[kind] or any(map(math.isnan, values)):
-            raise InputError(f"the path '{text[:40]}' ends within a command")
-        k, last, before = k + _COUNTS[kind], before, kind
+    handle = 0j  # for a smooth curve after one of its kind
+    for command, values in _commands(text):
+        kind, last = command.lower(), before
+        before = kind
         base = place if command.islower() else 0j
         if kind == 'z':
             yield np.array([[p.real, p.imag] for p in points])
@@ -143,10 +137,31 @@ def _paths(text: str) -> Iterator[Array]:
             end = given[-1]
             handle = given[-2] if len(given) > 1 else end
             if kind == 'm':
-                points, command = [end], 'l' if command == 'm' else 'L'
+                points = [end]
             else:
                 points += _bezier([place, *given])
         place = end
+
+
+def _commands(text: str) -> Iterator[tuple[str, list[float]]]:
+    """Commands of the data of a path, each with its numbers; a flag of an arc is one digit."""
+    text, at, command = text.rstrip(), 0, ''
+    while at < len(text):
+        found = _TOKEN.match(text, at)
+        if found and found[1]:
+            command, at = found[1], found.end()
+        elif not found or command in ('', 'Z', 'z'):
+            raise InputError(f"the path '{text[:40]}' cannot be read")
+        values: list[float] = []
+        while len(values) < _COUNTS[command.lower()]:
+            flag = command in 'Aa' and len(values) in (3, 4)
+            found = (_FLAG if flag else _TOKEN).match(text, at)
+            if not found or not found[2]:
+                raise InputError(f"the path '{text[:40]}' ends within a command")
+            values.append(float(found[2]))
+            at = found.end()
+        yield command, values
+        command = {'m': 'l', 'M': 'L'}.get(command, command)  # lines follow without their letter
 
 
 def _bezier(control: list[complex]) -> list[complex]:
@@ -183,7 +198,7 @@ def _transform(text: str) -> Array:
     """The matrix (3, 3) of a list of transformations."""
     found = np.eye(3)
     for name, given in re.findall(r'(\w+)\s*\(([^)]*)\)', text):
-        v = [float(x) for _, x in _TOKEN.findall(given) if x]
+        v = [float(x) for x in _NUMBER.findall(given)]
         if name == 'matrix' and len(v) == 6:
             step = np.array([[v[0], v[2], v[4]], [v[1], v[3], v[5]], [0.0, 0.0, 1.0]])
         elif name == 'translate' and v:

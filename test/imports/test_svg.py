@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from mechanism_sim.errors import InputError
 from mechanism_sim.imports import import_machine
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" {}>'
@@ -68,3 +69,19 @@ def test_a_smooth_curve_after_a_closed_part_begins_without_a_handle(tmp_path):
     mass, _ = arm(tmp_path, f'<path d="{plate} s60 30 60 0 z"/>')
     area = 100 * 100 + 0.6 * 100 * 10 - 0.3 * 60 * 30 - math.pi
     assert mass == pytest.approx(PLATE * area, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    'turn', ['010 20', '01 0 20', '0,1,0,20', '0 10 20', ' 010,20', '01.0 20']
+)
+def test_flags_of_arcs_need_nothing_between_them(tmp_path, turn):
+    """A bar with round ends, as programs that shorten paths write it."""
+    long = f'a10 10 0 {turn} h-100 a10 10 0 {turn.replace("20", "-20")} z'
+    mass, _ = arm(tmp_path, f'<path d="M0-10h100{long}"/>')
+    assert mass == pytest.approx(PLATE * (100 * 20 + 100 * math.pi - math.pi), rel=1e-5)
+
+
+@pytest.mark.parametrize('turn', ['210 20', '0 1 0', '0', '01'])
+def test_other_flags_and_arcs_that_end_early_are_refused(tmp_path, turn):
+    with pytest.raises(InputError, match='ends within a command'):
+        arm(tmp_path, f'<path d="M0-10h100a10 10 0 {turn}"/>')
