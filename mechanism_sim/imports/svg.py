@@ -38,11 +38,26 @@ Found = tuple[str, Array, tuple[float, float] | None, float]
 def curves(file: str, text: str) -> tuple[str, list[Found]]:
     """The unit of a drawing, and its closed curves."""
     root = parse(file, text, 'svg')
-    scale, size = 25.4 / 96.0, _LENGTH.fullmatch(root.get('width') or '')
-    box = numbers(root.get('viewBox'), 4)
-    if size and box[2]:
-        scale = float(size[1]) * _UNITS[size[2]] / box[2]
-    return 'mm', list(_walk(root, np.diag([scale, -scale, 1.0]), '', 0))
+    x, y = _scales(root)
+    return 'mm', list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
+
+
+def _scales(root: Element) -> tuple[float, float]:
+    """Lengths [mm] of a unit of its own, across and upwards (SVG 1.1, 7.8)."""
+    box = numbers(root.get('viewBox'), 4)[2:]
+    sizes = [_LENGTH.fullmatch(root.get(key) or '') for key in ('width', 'height')]
+    found = [
+        float(size[1]) * _UNITS[size[2]] / own
+        for size, own in zip(sizes, box.tolist(), strict=True)
+        if size and own
+    ]
+    fit = (root.get('preserveAspectRatio') or '').split()
+    if not found:
+        return _UNITS[None], _UNITS[None]
+    if 'none' in fit:
+        return found[0], found[-1]
+    scale = max(found) if 'slice' in fit else min(found)
+    return scale, scale
 
 
 def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:

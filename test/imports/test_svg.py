@@ -10,15 +10,15 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.imports import import_machine
 
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" {}>'
-ARM = '<g id="ground"><circle r="1"/></g><g id="arm"><circle r="1"/>{}</g></svg>'
+ARM = '<g id="ground">{0}</g><g id="arm">{0}{1}</g></svg>'
 IN_MM = 'width="200mm" height="100mm" viewBox="0 0 200 100"'
 PLATE = 1e-6 * 5e-3 * 7850.0  # [kg/mm^2]
 
 
-def arm(folder, shape, head=IN_MM, **options):
+def arm(folder, shape, head=IN_MM, hole='<circle r="1"/>', **options):
     """Mass [kg] and moment of inertia [kg m^2] of a plate of 5 mm with a hole at the origin."""
     file = folder / 'm.svg'
-    file.write_text(HEAD.format(head) + ARM.format(shape))
+    file.write_text(HEAD.format(head) + ARM.format(hole, shape))
     keys = import_machine(file, thickness='5 mm', **options).data['links']['arm']
     return [float(keys[key].split()[0]) for key in ('mass', 'inertia')]
 
@@ -85,3 +85,31 @@ def test_flags_of_arcs_need_nothing_between_them(tmp_path, turn):
 def test_other_flags_and_arcs_that_end_early_are_refused(tmp_path, turn):
     with pytest.raises(InputError, match='ends within a command'):
         arm(tmp_path, f'<path d="M0-10h100a10 10 0 {turn}"/>')
+
+
+@pytest.mark.parametrize(
+    ('head', 'across', 'upwards'),
+    [
+        ('width="200mm" height="50mm"', 0.5, 0.5),
+        ('width="100mm" height="100mm"', 0.5, 0.5),
+        ('width="20cm"', 1.0, 1.0),
+        ('height="2in"', 0.508, 0.508),
+        ('width="100%" height="50mm"', 0.5, 0.5),
+        ('width="200mm" height="50mm" preserveAspectRatio="xMinYMin meet"', 0.5, 0.5),
+        ('width="200mm" height="50mm" preserveAspectRatio="xMidYMid slice"', 1.0, 1.0),
+        ('width="200mm" height="50mm" preserveAspectRatio="none"', 1.0, 0.5),
+        ('', 25.4 / 96, 25.4 / 96),
+    ],
+)
+def test_a_drawing_is_as_large_as_it_is_shown(tmp_path, head, across, upwards):
+    """A plate whose hole is round as shown: mass and inertia by closed forms."""
+    hole = f'<ellipse rx="{1 / across}" ry="{1 / upwards}"/>'
+    found = arm(
+        tmp_path, '<rect x="-10" y="-10" width="120" height="60"/>',
+        f'{head} viewBox="-20 -20 200 100"', hole,
+    )  # fmt: skip
+    w, h, x, y = 120 * across, 60 * upwards, 50 * across, 20 * upwards
+    area, round_ = w * h, math.pi
+    polar = area * ((w**2 + h**2) / 12 + x**2 + y**2) - round_ / 2
+    polar -= (area * math.hypot(x, y)) ** 2 / (area - round_)
+    assert found == pytest.approx([PLATE * (area - round_), PLATE * polar * 1e-6], rel=1e-12)
