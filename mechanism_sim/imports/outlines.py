@@ -17,7 +17,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports import svg
-from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of
+from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of, unit_of
 from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drawn_edges import DXF_UNITS, simple_entities
@@ -68,7 +68,8 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
             open_.setdefault(layer, []).append(points)
     for layer, pieces in open_.items():
         curves += [DrawnCurve(layer, loop) for loop in _closed(pieces, 10.0 * _FINE * size)]
-    return blueprint(path.stem, unit or DXF_UNITS.get(document.units, ''), curves)
+    unit = unit_of(path.name, DXF_UNITS.get(document.units, ''), unit)
+    return blueprint(path.stem, unit, curves)
 
 
 def _points(entity: Any, near: float) -> Array:
@@ -80,8 +81,8 @@ def _points(entity: Any, near: float) -> Array:
 
 def read_svg(path: Path, text: str, unit: str | None) -> Blueprint:
     """The links of an SVG, whose groups are named by their ids."""
-    given, found = svg.curves(path.name, text)
-    return blueprint(path.stem, unit or given, [DrawnCurve(*curve) for curve in found])
+    given, found = svg.curves(path.name, text, unit)
+    return blueprint(path.stem, given, [DrawnCurve(*curve) for curve in found])
 
 
 def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:

@@ -1,4 +1,4 @@
-"""Curves of an SVG as polygons, in its lengths, y upwards."""
+"""Curves of an SVG as polygons, y upwards."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.imports.blueprint import unit_of
 from mechanism_sim.imports.markup import number, numbers, parse
 
 _STEPS = np.linspace(0.0, 1.0, 257)[1:]  # of a curve
@@ -21,39 +22,46 @@ _FLAG = re.compile(r'[\s,]*()([01])')
 _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 7, 'z': 0}
 _SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
-_UNITS = {
-    'mm': 1.0,
-    'cm': 10.0,
-    'in': 25.4,
-    'px': 25.4 / 96.0,
-    'pt': 25.4 / 72.0,
-    None: 25.4 / 96.0,
-}
+_PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
 _DEEPEST = 100
 
 Found = tuple[str, Array, tuple[float, float] | None, float]
 """Layer, points (n, 2), centre and radius of a circle."""
 
 
-def curves(file: str, text: str) -> tuple[str, list[Found]]:
-    """The unit of a drawing, and its closed curves."""
+def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
+    """The unit of the lengths that follow, and the closed curves of a drawing.
+
+    Parameters
+    ----------
+    told : the unit of its own lengths, if it has no size on paper; 96 of them are an inch if not
+    """
     root = parse(file, text, 'svg')
-    x, y = _scales(root)
-    return 'mm', list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
-
-
-def _scales(root: Element) -> tuple[float, float]:
-    """Lengths [mm] of a unit of its own, across and upwards (SVG 1.1, 7.8)."""
-    box = numbers(root.get('viewBox'), 4)[2:]
     sizes = [_LENGTH.fullmatch(root.get(key) or '') for key in ('width', 'height')]
+    stated = next((size[2] for size in sizes if size and size[2] in _PAPER), '')
+    unit_of(file, stated, told)
+    unit, pixel = (told, 1.0) if told and not stated else ('mm', 25.4 / 96.0)
+    x, y = _scales(root, sizes, pixel)
+    return unit, list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
+
+
+def _scales(root: Element, sizes: list[re.Match[str] | None], pixel: float) -> tuple[float, float]:
+    """Lengths of a unit of its own, across and upwards (SVG 1.1, 7.8).
+
+    Parameters
+    ----------
+    sizes : width and height as they are given, and their units
+    pixel : length of a unit that is none on paper
+    """
+    box = numbers(root.get('viewBox'), 4)[2:].tolist()
     found = [
-        float(size[1]) * _UNITS[size[2]] / own
-        for size, own in zip(sizes, box.tolist(), strict=True)
+        float(size[1]) * _PAPER.get(size[2], pixel) / own
+        for size, own in zip(sizes, box, strict=True)
         if size and own
     ]
     fit = (root.get('preserveAspectRatio') or '').split()
     if not found:
-        return _UNITS[None], _UNITS[None]
+        return pixel, pixel
     if 'none' in fit:
         return found[0], found[-1]
     scale = max(found) if 'slice' in fit else min(found)
