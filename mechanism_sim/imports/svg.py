@@ -24,13 +24,14 @@ _SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
 _PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
 _DEEPEST = 100
+_SAME = 1e-7  # distance of ends that meet, in sizes of a curve
 
-Found = tuple[str, Array, tuple[float, float] | None, float]
-"""Layer, points (n, 2), centre and radius of a circle."""
+Found = tuple[str, Array, tuple[float, float] | None, float, bool]
+"""Layer, points (n, 2), centre and radius of a circle, and True if it is closed."""
 
 
 def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
-    """The unit of the lengths that follow, and the closed curves of a drawing.
+    """The unit of the lengths that follow, and the curves of a drawing.
 
     Parameters
     ----------
@@ -81,8 +82,8 @@ def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Fo
         if child.tag in ('circle', 'ellipse'):
             yield _round(child, own, where)
             continue
-        for points in _shapes(child):
-            yield where, points @ own[:2, :2].T + own[:2, 2], None, 0.0
+        for points, closed in _shapes(child):
+            yield where, points @ own[:2, :2].T + own[:2, 2], None, 0.0, closed
 
 
 def _round(element: Element, frame: Array, layer: str) -> Found:
@@ -94,19 +95,21 @@ def _round(element: Element, frame: Array, layer: str) -> Found:
     points = (frame[:2, :2] @ ring).T + at[:2]
     radius = math.sqrt(abs(np.linalg.det(frame[:2, :2])) * radii[0] * radii[1])
     is_round = np.ptp(np.hypot(*(points - at[:2]).T)) < 1e-9 * radius
-    return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius
+    return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius, True
 
 
-def _shapes(element: Element) -> Iterator[Array]:
-    """Closed curves of a path, a polygon or a rectangle."""
+def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
+    """Curves of a path, a polygon or a rectangle, and True of those that are closed."""
     get = element.get
     if element.tag == 'rect':
-        yield _rectangle(element)
+        yield _rectangle(element), True
     elif element.tag == 'polygon':
         found = [float(v) for v in _NUMBER.findall(get('points') or '')]
-        yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2)
+        yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2), True
     elif element.tag == 'path':
-        yield from _paths(get('d') or '')
+        for part in _paths(get('d') or ''):
+            points = np.array([[p.real, p.imag] for p in part])
+            yield points, bool(np.abs(points[0] - points[-1]).max() <= _SAME * np.ptp(points))
 
 
 def _rectangle(element: Element) -> Array:
@@ -131,8 +134,8 @@ def _rectangle(element: Element) -> Array:
     return np.array([[p.real, p.imag] for p in points])
 
 
-def _paths(text: str) -> Iterator[Array]:
-    """The closed parts of the data of a path."""
+def _paths(text: str) -> Iterator[list[complex]]:
+    """The parts of the data of a path, of which closed ones end where they begin."""
     place, before = 0j, ''
     points: list[complex] = []
     handle = 0j  # for a smooth curve after one of its kind
@@ -141,7 +144,7 @@ def _paths(text: str) -> Iterator[Array]:
         before = kind
         base = place if command.islower() else 0j
         if kind == 'z':
-            yield np.array([[p.real, p.imag] for p in points])
+            yield [*points, points[0]]
             place = points[0]
             points = [place]
             continue
@@ -160,10 +163,14 @@ def _paths(text: str) -> Iterator[Array]:
             end = given[-1]
             handle = given[-2] if len(given) > 1 else end
             if kind == 'm':
+                if len(points) > 1:
+                    yield points
                 points = [end]
             else:
                 points += _bezier([place, *given])
         place = end
+    if len(points) > 1:
+        yield points
 
 
 def _commands(text: str) -> Iterator[tuple[str, list[float]]]:

@@ -147,7 +147,7 @@ def intact(folder, ending):
 SVG = b"""<svg xmlns="http://www.w3.org/2000/svg" width="30cm" viewBox="0 0 300 200">
 <g id="ground"><circle cx="50" cy="150" r="5"/></g><g id="arm"><circle cx="50" cy="150" r="4"/>
 <path d="M60 150V100a10 10 0 0 0-20 0v50A10 10 0 0 0 60 150Z" transform="translate(0,1)"/></g>
-<g id="dot"><polygon points="0,0 10,0 10,10"/><rect x="1" y="1" width="2" height="3"/></g></svg>"""
+<g id="dot"><polygon points="0,0 10,0 10,10"/><rect x="5" y="1" width="2" height="3"/></g></svg>"""
 
 
 def test_bodies_within_bodies_have_an_end(tmp_path):
