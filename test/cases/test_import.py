@@ -583,16 +583,31 @@ def test_a_machine_as_a_drawing_comes_back(tmp_path):
 
 
 def test_plates_for_a_printer_are_closed(tmp_path):
-    """Each link a solid of its name whose volume, by Gauss' theorem, is that of its drawing."""
-    file = tmp_path / 'links.stl'
-    assert run('export', 'four_bar_nominal', '-o', str(file)).returncode == 0
+    """Each link a solid of its name whose volume, by Gauss' theorem, is that of its drawing.
+
+    In millimetres, as programs for printers take numbers, and as the drawing has them.
+    """
+    ezdxf = pytest.importorskip('ezdxf')
+    file, sheet = tmp_path / 'links.stl', tmp_path / 'links.dxf'
+    done = run('export', 'four_bar_nominal', '-o', str(file))
+    assert (done.returncode, done.stdout.strip()) == (0, str(file))
+    assert 'its lengths are in mm' in done.stderr
+    assert run_json('export', 'four_bar_nominal', '--format', 'stl')['unit'] == 'mm'
+    assert run('export', 'four_bar_nominal', '-o', str(sheet)).returncode == 0
+    drawn = ezdxf.readfile(sheet)
+    assert drawn.units == ezdxf.units.MM
     solids = file.read_text().split('endsolid ')[:-1]
     assert {'crank', 'coupler', 'rocker'} <= {x.split('solid ')[1].split()[0] for x in solids}
     for text in solids:
         corners = np.array([x.split() for x in re.findall(r'vertex (.*)', text)], float)
         a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
         assert np.abs(np.cross(b - a, c - a).sum(axis=0)).max() < 1e-9  # without holes
-        assert (a * np.cross(b, c)).sum() > 0.0  # counterclockwise from outside
+        volume = (a * np.cross(b, c)).sum() / 6.0  # positive: counterclockwise from outside
+        link = text.split('solid ')[1].split()[0]
+        (curve,) = drawn.modelspace().query(f'LWPOLYLINE[layer=="{link.upper()}"]')
+        x, y = np.array([point[:2] for point in curve]).T
+        area = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+        assert volume == pytest.approx(area * np.ptp(a[:, 2]), rel=1e-6), link
 
 
 @pytest.mark.slow
