@@ -439,6 +439,41 @@ def test_springs_between_links_come_back_of_an_mjcf(tmp_path):
     assert {'base', 'mass'} <= found.data['guess'].keys()
 
 
+def test_springs_along_guides_come_back_of_an_mjcf(tmp_path):
+    """Two on one guide, one along a guide of a moving link: it moves as it did."""
+    tree = ms.load_scene({
+        'mechanism': 'linkage',
+        'links': {'sledge': {'mass': '2 kg'}, 'ram': {'mass': '0.5 kg'}},
+        'joints': {
+            'rail': {'prismatic': ['ground', 'sledge'], 'axis': '30 deg'},
+            'bore': {'prismatic': ['ram', 'sledge'], 'axis': '70 deg'},
+        },
+        'gravity': ['0 m/s^2', '-9.81 m/s^2'],
+        'initial': {'position': {'sledge': '40 mm', 'ram': '-30 mm'}},
+        'springs': {
+            'buffer': {'coordinate': 'sledge', 'stiffness': '300 N/m', 'damping': '2 N s/m',
+                       'free_length': '25 mm'},
+            'second': {'coordinate': 'sledge', 'stiffness': '100 N/m', 'free_length': '-10 mm'},
+            'return': {'coordinate': 'ram', 'stiffness': '200 N/m', 'damping': '1 N s/m'},
+        },
+        'duration': '0.5 s',
+    })  # fmt: skip
+    text = to_mjcf(tree)
+    assert 'left out' not in text
+    found = import_machine(saved(tmp_path, text, 'guides.xml'))
+    assert found.data['springs'] == {
+        'buffer': {'coordinate': 'sledge', 'stiffness': '300.0 N/m', 'damping': '2.0 N s/m',
+                   'free_length': '0.025 m'},
+        'second': {'coordinate': 'sledge', 'stiffness': '100.0 N/m', 'free_length': '-0.01 m'},
+        'return': {'coordinate': 'ram', 'stiffness': '200.0 N/m', 'damping': '1.0 N s/m',
+                   'free_length': '0.0 m'},
+    }  # fmt: skip
+    t = np.linspace(0.0, 0.5, 6)
+    known, own = (places(m, t, sledge='sledge.cog', ram='ram.cog') for m in (tree, machine(found)))
+    for link, path in known.items():
+        assert own[link] == pytest.approx(path, abs=1e-13)
+
+
 def test_a_gear_of_an_actuator_divides_its_speed(tmp_path):
     text = ARM.replace(
         '</keyframe>', '</keyframe><actuator><velocity joint="j1" gear="2"/></actuator>'
