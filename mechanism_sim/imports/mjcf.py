@@ -296,9 +296,9 @@ class _MjcfReader:
                 robot.notes.append(f'{name}: left out: an equality of {element.tag}')
 
     def _sums(self, kind: str, held: Mapping[str, str]) -> list[dict[str, float]]:
-        """What an equality sets to a function of a second: sums of joint coordinates, if it does.
+        """Two sums of joint coordinates, the first of which is held at a function of the second.
 
-        The second is empty if the first is to stay where it is.
+        The second is empty if the first is to stay where it is; other equalities have none.
         """
         ends = [held.get(f'{kind}{k}') for k in (1, 2)]
         if kind == 'joint' and all(ends):

@@ -81,7 +81,7 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
 
 
 def _parts(entity: Any, above: str = '0') -> Iterator[tuple[str, Any]]:
-    """What is drawn by an entity, with layers; 0 is within a block that of the reference to it."""
+    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference."""
     layer = above if entity.dxf.layer == '0' else str(entity.dxf.layer)
     if entity.dxftype() == 'INSERT':
         yield layer, entity
