@@ -228,6 +228,9 @@ def _export(options: argparse.Namespace) -> int:
     if options.output:
         output.write_text(options.output, text)
     where = {'file': options.output} if options.output else {'text': text}
+    if options.format == 'stl':  # the file itself has no word for it
+        print('mechanism-sim: its lengths are in mm', file=sys.stderr)
+        where['unit'] = 'mm'
     data = {'scene': machine.name, 'format': options.format, 'left_out': missing, **where}
     return print_either(options, data, options.output or text.rstrip())
 

@@ -50,7 +50,8 @@ def to_mjcf(machine: Machine) -> str:
 
 def left_out(machine: Machine) -> list[str]:
     """Properties of a machine that MJCF cannot say, in sentences."""
-    found = [*Ideal(machine).left_out()]
+    ideal = Ideal(machine)
+    found = [*ideal.left_out()]
     found += [
         f'{c}: its speed changes; the file has the one at the start'
         for c in machine.plan.prescribed
@@ -60,7 +61,7 @@ def left_out(machine: Machine) -> list[str]:
     for element in machine.plan.elements(machine.plan.ideal):
         if isinstance(element, AppliedForce) and _constant(element) is None:
             found.append(f'{element.name}: left out: its force is not constant')
-        elif not isinstance(element, AppliedForce) and not _is_linear(element):
+        elif not isinstance(element, AppliedForce) and not _is_linear(element, ideal):
             found.append(f'{element.name}: left out: MuJoCo has no force of this kind')
     return found + [f'{name}: this sensor is left out' for name in machine.scene.sensors]
 
@@ -97,7 +98,9 @@ class _MjcfWriter:
         for coupling in ideal.couplings:
             self._couple(coupling)
         for element in self._elements:
-            if isinstance(element, Spring):
+            if isinstance(element, GuidedSpring):
+                self._pulling(element, {element.joint: 1.0}, element.free_length)
+            elif isinstance(element, Spring):
                 self._spring(element)
             elif isinstance(element, TorsionSpring):
                 self._torsion(element)
@@ -118,7 +121,7 @@ class _MjcfWriter:
     def _elements(self) -> list[Elongation | AppliedForce]:
         machine = self._ideal.machine
         found = machine.plan.elements(machine.plan.ideal)
-        return [e for e in found if isinstance(e, AppliedForce) or _is_linear(e)]
+        return [e for e in found if isinstance(e, AppliedForce) or _is_linear(e, self._ideal)]
 
     def _bodies(self, parent: Element, link: str) -> None:
         """Elements of a link; depth first, in which order MuJoCo counts joints too."""
@@ -179,7 +182,7 @@ class _MjcfWriter:
         if link == GROUND:
             SubElement(body, 'site', name=GROUND)
         for element in self._elements:
-            if isinstance(element, Spring):
+            if isinstance(element, Spring) and not isinstance(element, GuidedSpring):
                 for end, (owner, at) in (('first', element.first), ('second', element.second)):
                     if owner == link:
                         SubElement(body, 'site', name=f'{element.name}.{end}', pos=text(*at, 0.0))
@@ -296,10 +299,14 @@ class _MjcfWriter:
         for name in self._hinges(spring.first):
             terms[name] = terms.get(name, 0.0) - 1.0
         fixed = self._beyond(spring.second) - self._beyond(spring.first)
+        self._pulling(spring, terms, spring.free_angle - fixed)
+
+    def _pulling(self, spring: Elongation, terms: dict[str, float], free: float) -> None:
+        """A spring and a damper of a sum of joint coordinates, which is so much without force."""
         stiffness, damping = spring.law.numbers or (0.0, 0.0)
         self._sum(
-            spring.name, terms, stiffness=text(stiffness),
-            springlength=text(spring.free_angle - fixed), damping=text(damping),
+            spring.name, terms, stiffness=text(stiffness), springlength=text(free),
+            damping=text(damping),
         )  # fmt: skip
 
     def _force(self, load: AppliedForce, wrench: tuple[float, float, float]) -> None:
@@ -314,9 +321,11 @@ class _MjcfWriter:
         self._controls.append(0.0)
 
 
-def _is_linear(element: object) -> TypeGuard[Elongation]:
-    """True of springs and dampers by numbers, between points or links."""
-    if not isinstance(element, Spring | TorsionSpring) or isinstance(element, GuidedSpring):
+def _is_linear(element: object, ideal: Ideal) -> TypeGuard[Elongation]:
+    """True of springs and dampers by numbers, between points or links or along a guide."""
+    if not isinstance(element, Spring | TorsionSpring):
+        return False
+    if isinstance(element, GuidedSpring) and element.joint in ideal.mechanism.cut:
         return False
     return element.law.numbers is not None
 

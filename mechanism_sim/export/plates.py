@@ -40,14 +40,17 @@ def drawing(machine: Machine) -> str:
 
 
 def to_stl(machine: Machine) -> str:
-    """An STL of a machine in metres: a solid for each link, named after it, above each other."""
+    """An STL of a machine in millimetres, as printers take it, which has no word for a unit.
+
+    Each link is a solid of its name; they lie above each other.
+    """
     skeleton, poses = _drawn(machine)
     thick = THICK * skeleton.symbol
     facets: dict[str, list[str]] = {}
     for link, curves in _plates(skeleton, poses):
         low = 1.5 * thick * skeleton.links.index(link) if link in skeleton.links else -1.5 * thick
         found = facets.setdefault(link, [])
-        found += map(_facet, _extruded(curves, low, low + thick))
+        found += (_facet(1e3 * corners) for corners in _extruded(curves, low, low + thick))
     solids = (f'solid {name}\n{"".join(rows)}endsolid {name}\n' for name, rows in facets.items())
     return ''.join(solids)
 

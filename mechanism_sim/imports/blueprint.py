@@ -15,7 +15,7 @@ from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.plan import ScenePlan
-from mechanism_sim.units import unrounded
+from mechanism_sim.units import to_si, unrounded
 
 Pose = tuple[float, float, float]
 """Of a frame at the start: x, y and angle [rad]."""
@@ -149,6 +149,23 @@ class Blueprint:
         axis = float(str(joint.get('axis', '0')).removesuffix(' rad'))
         x, y = rotate((1.0, 0.0), self.links[first].pose[2] + axis)
         return x * (bx - ax) + y * (by - ay)
+
+
+def unit_of(where: str, stated: str, told: str | None) -> str:
+    """The unit of the lengths of a file: as it states it, else as it is told; '' if neither does.
+
+    Parameters
+    ----------
+    where : what states it, which begins a refusal of one that is told and differs
+    """
+    if told:
+        try:
+            length = to_si(f'1 {told}', 'm')
+        except ValueError as error:
+            raise InputError(f'--unit {error}') from error
+        if stated and not math.isclose(length, to_si(f'1 {stated}', 'm'), rel_tol=1e-12):
+            raise InputError(f'{where} states lengths in {stated}: --unit {told} contradicts it')
+    return stated or told or ''
 
 
 def angle(value: float) -> str:

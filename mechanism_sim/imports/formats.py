@@ -72,7 +72,7 @@ def import_machine(
 
     Parameters
     ----------
-    unit : of lengths, if the file does not say it or is to be read otherwise, as 'mm'
+    unit : of lengths, if the file does not state it, as 'mm'
     thickness, density : of links that are drawn, for their masses, as '5 mm', '7850 kg/m^3'
     overrides : keys that the file has not, as ``drive.speed=60 rpm``
     """

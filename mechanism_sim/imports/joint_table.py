@@ -17,7 +17,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError
-from mechanism_sim.imports.blueprint import Blueprint, names_of
+from mechanism_sim.imports.blueprint import Blueprint, names_of, unit_of
 from mechanism_sim.packages import reason
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.units import to_si
@@ -138,15 +138,17 @@ def read_table(path: Path, _text: str, unit: str | None) -> Blueprint:
             'Joint,X [mm],Y [mm],Links,Ground,Input'
         )
     own = [table.units[place[key]] for key in ('x', 'y')]
-    given = unit or own[0] or own[1] or ('cm' if 'Joint ID' in table.cells else '')
+    for key, stated in zip(('x', 'y'), own, strict=True):
+        where = f'{path.name}: column {place[key]}'
+        try:
+            to_si(f'1 {stated or "m"}', 'm')
+        except ValueError as error:
+            raise InputError(f'{where} {error}') from error
+        unit_of(where, stated, unit)
+    given = own[0] or own[1] or unit or ('cm' if 'Joint ID' in table.cells else '')
     if not given:
         raise InputError(f"{path.name}: the unit is missing: write 'X [mm]', or give --unit mm")
-    size = 1.0  # of the unit of y
-    if not unit and own[1] not in ('', given):
-        try:
-            size = to_si(f'1 {own[1]}', 'm') / to_si(f'1 {given}', 'm')
-        except ValueError as error:
-            raise InputError(f'{path.name}: column {place["y"]} {error}') from error
+    size = to_si(f'1 {own[1] or given}', 'm') / to_si(f'1 {given}', 'm')
     empty = ('',) * len(table.lines)
     words = {key: table.column(place[key]) if key in place else empty for key in _COLUMNS}
     angle = [0.0] * len(empty)
@@ -185,8 +187,7 @@ def read_address(address: str, unit: str | None) -> Blueprint:
         raise InputError(
             f'this is not an address of a mechanism of PMKS+ ({reason(error)})'
         ) from error
-    if unit:
-        table.unit = unit
+    table.unit = unit_of('the address', table.unit, unit) or 'cm'
     made = _checked('the address', table).blueprint()
     made.notes.append('masses and forces of PMKS+ are left out')
     return made
@@ -238,7 +239,7 @@ def _listed(fields: dict[str, list[str]]) -> JointTable:
         )  # fmt: skip
     speed, clockwise, _, unit, *_ = [*fields.get('s', [''])[0].split(','), '', '', '', '']
     turning = float(speed or 10.0) * (-1.0 if clockwise == 'true' else 1.0)
-    return JointTable('PMKS+ mechanism', unit or 'cm', rows, {}, turning)
+    return JointTable('PMKS+ mechanism', unit, rows, {}, turning)
 
 
 def _packed(query: str) -> JointTable:

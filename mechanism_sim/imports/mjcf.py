@@ -82,12 +82,17 @@ class _MjcfReader:
             self._define(nested, found)
         return found
 
-    def _given(self, element: Element, childclass: str = '') -> dict[str, str]:
-        """Attributes of an element, with those of its class, else of the nearest `childclass`."""
+    def _given(self, element: Element, childclass: str = '', kind: str = '') -> dict[str, str]:
+        """Attributes of an element, with those of its class, else of the nearest `childclass`.
+
+        Parameters
+        ----------
+        kind : of its default values, if not by its own tag
+        """
         name = element.get('class', childclass)
         if name not in self._classes:
             raise InputError(f"there is no default class '{name}'")
-        return {**self._classes[name].get(element.tag, {}), **element.attrib}
+        return {**self._classes[name].get(kind or element.tag, {}), **element.attrib}
 
     def _parts(self, element: Element, held: _Held) -> Iterator[tuple[Element, _Held]]:
         """Elements of a body, with class and place of the `frame` in which they are."""
@@ -165,6 +170,8 @@ class _MjcfReader:
 
     def _body(self, body: Element, name: str, childclass: str) -> RobotBody:
         made = RobotBody(name)
+        if number(body.get('gravcomp')):
+            self.robot.notes.append(f'{name}: left out: gravcomp, a force against its weight')
         inertial = body.find('inertial')
         if self._weighed == 'true' or (inertial is None and self._weighed != 'false'):
             for part, held in self._parts(body, _Held(childclass)):
@@ -275,21 +282,48 @@ class _MjcfReader:
 
     def _loops(self) -> None:
         robot = self.robot
-        for k, held in enumerate(self._root.findall('equality/*')):
-            name = held.get('name') or f'{held.tag}_{k + 1}'
-            if held.tag == 'connect':
+        for k, element in enumerate(self._root.findall('equality/*')):
+            name = element.get('name') or f'{element.tag}_{k + 1}'
+            held = self._given(element, kind='equality')
+            if held.get('active') == 'false':
+                robot.notes.append(f'{name}: left out: an equality that is not active')
+            elif element.tag == 'connect':
                 (one, at), (other, there) = self._ends(held)
                 robot.joints.append(RobotJoint(name, 'revolute', one, other, at, there, _NO_AXIS))
-            elif held.tag == 'joint' and held.get('joint2'):
-                factor = numbers(held.get('polycoef') or '0 1 0 0 0', 5)[1]
-                pair = {str(held.get('joint1')): 1.0, str(held.get('joint2')): -float(factor)}
-                robot.ratios[name] = pair
-            elif held.tag == 'tendon' and held.get('tendon1') in self._tendons:
-                robot.ratios[name] = self._tendons[held.get('tendon1')]
+            elif terms := self._sums(element.tag, held):
+                self._hold(name, terms, numbers(held.get('polycoef') or '0 1 0 0 0', 5).tolist())
             else:
-                robot.notes.append(f'{name}: left out: an equality of {held.tag}')
+                robot.notes.append(f'{name}: left out: an equality of {element.tag}')
 
-    def _ends(self, held: Element) -> Iterator[tuple[str, Array]]:
+    def _sums(self, kind: str, held: Mapping[str, str]) -> list[dict[str, float]]:
+        """Two sums of joint coordinates, the first of which is held at a function of the second.
+
+        The second is empty if the first is to stay where it is; other equalities have none.
+        """
+        ends = [held.get(f'{kind}{k}') for k in (1, 2)]
+        if kind == 'joint' and all(ends):
+            return [{str(end): 1.0} for end in ends]
+        if kind == 'tendon' and ends[0] in self._tendons and ends[1] in (None, *self._tendons):
+            return [self._tendons.get(end, {}) for end in ends]
+        return []
+
+    def _hold(self, name: str, terms: list[dict[str, float]], coefficients: list[float]) -> None:
+        """Hold the first sum at a polynomial of the second that is a constant and a factor."""
+        constant, factor, *curved = coefficients
+        one, other = terms
+        if other and any(curved):
+            self.robot.notes.append(f'{name}: left out: a ratio that is a polynomial')
+            return
+        if constant:
+            self.robot.notes.append(
+                f'{name}: its constant {constant!r} is left out: it holds what is at the start'
+            )
+        both = dict(one)
+        for joint, coefficient in other.items():
+            both[joint] = both.get(joint, 0.0) - factor * coefficient
+        self.robot.ratios[name] = both
+
+    def _ends(self, held: Mapping[str, str]) -> Iterator[tuple[str, Array]]:
         """The bodies that a `connect` holds together, and where on each."""
         if held.get('site1'):
             yield self._sites[str(held.get('site1'))]
@@ -354,6 +388,8 @@ class _MjcfReader:
             f'{x.get("file")}: left out: an included file' for x in self._root.iter('include')
         ]
         robot.notes += [f'{key} of the compiler is left out' for key in _UNREAD if key in compiler]
+        medium = [x for x in ('density', 'viscosity') if number(self._section('option').get(x))]
+        robot.notes += [f'{key} of the medium is left out' for key in medium]
         driven = {joint for factors, _ in robot.drives for joint in factors}
         for name, joint in self._joints.items():
             robot.leave_out(
@@ -361,6 +397,14 @@ class _MjcfReader:
                 limits='range' in joint and joint.get('limited') != 'false',
                 friction=number(joint.get('frictionloss')) > 0.0,
                 armature=number(joint.get('armature')) > 0.0 and name not in driven,
+                springdamper=bool(numbers(joint.get('springdamper'), 2).all()),
+            )
+        for tendon in self._root.findall('tendon/*'):
+            given = self._given(tendon, kind='tendon')
+            robot.leave_out(
+                str(tendon.get('name')),
+                limits='range' in given and given.get('limited') != 'false',
+                friction=number(given.get('frictionloss')) > 0.0,
             )
         key = self._root.find('keyframe/key')
         rates = (key.get('qvel') if key is not None else None) or ''

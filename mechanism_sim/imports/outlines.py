@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from io import StringIO
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,8 +17,9 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.export.shapes import encloses
 from mechanism_sim.imports import svg
-from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of
+from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of, unit_of
 from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drawn_edges import DXF_UNITS, simple_entities
@@ -26,16 +28,18 @@ from mechanism_sim.units import to_si
 _FINE = 1e-7  # error of curves as polygons, and of ends that meet, in sizes of the drawing
 _SAME = 1e-6  # distance of holes that are one, likewise
 _CURVES = 'LINE', 'ARC', 'CIRCLE', 'ELLIPSE', 'SPLINE'
+_MOST = 100_000  # entities of a drawing
 _GROUNDS = 'ground', 'frame', 'base'
 
 
 class DrawnCurve(NamedTuple):
-    """A closed curve on a layer: a polygon (n, 2), and its centre and radius if it is a circle."""
+    """A curve on a layer: its points (n, 2), and its centre and radius if it is a circle."""
 
     layer: str
     points: Array
     centre: tuple[float, float] | None = None
     radius: float = 0.0
+    closed: bool = True
 
 
 class DrawnArea(NamedTuple):
@@ -51,24 +55,41 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     ezdxf = needed('ezdxf', 'drawings as DXF')
     try:
         document = ezdxf.read(StringIO(text))
-        simple = (x for e in document.modelspace() for x in simple_entities(e))
-        parts = [x for x in simple if x.dxftype() in _CURVES]
-        size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for e in parts), default=1.0))
-        drawn = [(e, _points(e, _FINE * size)) for e in parts]
+        found = list(islice((x for e in document.modelspace() for x in _parts(e)), _MOST + 1))
+        if len(found) > _MOST:
+            raise InputError(
+                f'{path.name} has more than {_MOST} entities with those of its blocks'
+            )
+        parts = [(layer, x) for layer, x in found if x.dxftype() in _CURVES]
+        size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for _, e in parts), default=1.0))
+        drawn = [(part, _points(part[1], _FINE * size)) for part in parts]
     except ezdxf.DXFError as error:
         raise InputError(f'{path.name} cannot be read as DXF ({reason(error)})') from error
     curves: list[DrawnCurve] = []
-    open_: dict[str, list[Array]] = {}
-    for entity, points in drawn:
-        layer = str(entity.dxf.layer)
+    pieces: dict[str, list[Array]] = {}
+    for (layer, entity), points in drawn:
         if entity.dxftype() == 'CIRCLE':
-            centre = (float(entity.dxf.center.x), float(entity.dxf.center.y))
+            middle = entity.ocs().to_wcs(entity.dxf.center)
+            centre = (float(middle.x), float(middle.y))
             curves.append(DrawnCurve(layer, points, centre, float(entity.dxf.radius)))
         else:
-            open_.setdefault(layer, []).append(points)
-    for layer, pieces in open_.items():
-        curves += [DrawnCurve(layer, loop) for loop in _closed(pieces, 10.0 * _FINE * size)]
-    return blueprint(path.stem, unit or DXF_UNITS.get(document.units, ''), curves)
+            pieces.setdefault(layer, []).append(points)
+    for layer, own in pieces.items():
+        curves += _chains(layer, own, 10.0 * _FINE * size)
+    unit = unit_of(path.name, DXF_UNITS.get(document.units, ''), unit)
+    return blueprint(path.stem, unit, curves)
+
+
+def _parts(entity: Any, above: str = '0') -> Iterator[tuple[str, Any]]:
+    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference."""
+    layer = above if entity.dxf.layer == '0' else str(entity.dxf.layer)
+    if entity.dxftype() == 'INSERT':
+        yield layer, entity
+        for block in entity.multi_insert() if entity.mcount > 1 else (entity,):
+            for part in block.virtual_entities():
+                yield from _parts(part, layer)
+    else:
+        yield from ((layer, part) for part in simple_entities(entity))
 
 
 def _points(entity: Any, near: float) -> Array:
@@ -80,19 +101,22 @@ def _points(entity: Any, near: float) -> Array:
 
 def read_svg(path: Path, text: str, unit: str | None) -> Blueprint:
     """The links of an SVG, whose groups are named by their ids."""
-    given, found = svg.curves(path.name, text)
-    return blueprint(path.stem, unit or given, [DrawnCurve(*curve) for curve in found])
+    given, found = svg.curves(path.name, text, unit)
+    return blueprint(path.stem, given, [DrawnCurve(*curve) for curve in found])
 
 
-def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:
+def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
     """The machine of the curves of a drawing; its links have outlines but no masses yet."""
     if not unit:
         raise InputError(f'{title}: the drawing does not state its unit: give --unit mm')
     made = Blueprint(title, unit)
+    curves = [curve for curve in drawn if curve.closed]
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:
         raise InputError(f'{title}: there is no closed curve in the drawing')
     moving = {x: x.lower() if x.isupper() else x for x in layers if x.lower() not in _GROUNDS}
+    if not moving:
+        raise InputError(f'{title}: there is no link: closed curves are on {layers[0]} alone')
     named = names_of(moving.values(), 'links')
     names = {layer: named[x] for layer, x in moving.items()}
     everything = np.concatenate([curve.points for curve in curves])
@@ -110,10 +134,18 @@ def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:
             part.points[f'hole_{k + 1}'] = part.local(at)
             holes.append((link, f'hole_{k + 1}', at))
         if link != GROUND:
+            loose = [curve for curve in drawn if curve.layer == layer and not curve.closed]
+            made.notes += _loose(f'{title}: {layer}', unit, outer, loose)
+            _check_one(f'{title}: {layer}', unit, outer, inner)
             made.outlines[link] = [
                 _area(outer),
                 *(_area(c)._replace(size=-_area(c).size) for c in inner),
             ]
+    made.notes += [
+        f'{layer}: left out: no curve on it is closed'
+        for layer in dict.fromkeys(curve.layer for curve in drawn)
+        if layer not in layers
+    ]
     while holes:  # the first link in a place holds the others there
         (one, a, at), *others = holes
         here = [hole for hole in others if math.dist(at, hole[2]) < _SAME * size]
@@ -122,6 +154,39 @@ def blueprint(title: str, unit: str, curves: Sequence[DrawnCurve]) -> Blueprint:
             if other != one:
                 made.join(f'{one}_{other}', 'revolute', (one, a), (other, b))
     return made
+
+
+def _check_one(where: str, unit: str, outer: DrawnCurve, inner: Sequence[DrawnCurve]) -> None:
+    """Refuse a layer with a curve that is not within its largest one."""
+    for curve in inner:
+        points = curve.points[:: len(curve.points) // 64 + 1]
+        middle = 0.5 * (curve.points.min(axis=0) + curve.points.max(axis=0))
+        within = middle + (1.0 - _SAME) * (points - middle)  # it may touch
+        if not all(encloses(outer.points, point) for point in within):
+            x, y = middle
+            raise InputError(
+                f'{where} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} is not '
+                'within the largest; a link is one plate with its holes'
+            )
+
+
+def _loose(where: str, unit: str, outer: DrawnCurve, loose: Sequence[DrawnCurve]) -> Iterator[str]:
+    """A note of curves that do not close within an outline; beyond it they are one themselves."""
+    if not loose:
+        return
+    low, high = outer.points.min(axis=0), outer.points.max(axis=0)
+    if all(((c.points >= low) & (c.points <= high)).all() for c in loose):
+        yield f'{where}: left out: {len(loose)} curves that are not closed'
+        return
+    ends = np.concatenate([curve.points[[0, -1]] for curve in loose])
+    gaps = np.hypot(*(ends[:, None] - ends).T)
+    np.fill_diagonal(gaps, np.inf)
+    k = int(gaps.argmin()) // len(ends)
+    x, y = ends[k]
+    raise InputError(
+        f'{where}: its outline does not close: there is a gap of {gaps.min():.3g} {unit} at '
+        f'({x:.6g}, {y:.6g}) {unit}'
+    )
 
 
 def weigh(made: Blueprint, thickness: str | None, density: str) -> None:
@@ -163,12 +228,12 @@ def _area(curve: DrawnCurve) -> DrawnArea:
     return DrawnArea(abs(size), centre, math.copysign(polar, 1.0))
 
 
-def _closed(pieces: list[Array], near: float) -> Iterator[Array]:
-    """Closed curves of pieces that meet at their ends."""
+def _chains(layer: str, pieces: list[Array], near: float) -> Iterator[DrawnCurve]:
+    """Curves of pieces that meet at their ends."""
     left = list(pieces)
     while left:
-        chain = left.pop(0)
-        while np.abs(chain[0] - chain[-1]).max() > near:
+        chain, turned = left.pop(0), False
+        while not (closed := np.abs(chain[0] - chain[-1]).max() <= near):
             for k, piece in enumerate(left):
                 ahead = piece if np.abs(piece[0] - chain[-1]).max() <= near else piece[::-1]
                 if np.abs(ahead[0] - chain[-1]).max() <= near:
@@ -176,6 +241,7 @@ def _closed(pieces: list[Array], near: float) -> Iterator[Array]:
                     del left[k]
                     break
             else:
-                break
-        else:
-            yield chain[:-1]
+                if turned:
+                    break
+                chain, turned = chain[::-1], True  # what meets its beginning
+        yield DrawnCurve(layer, chain[:-1] if closed else chain, closed=bool(closed))

@@ -22,7 +22,8 @@ KINDS = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismat
 
 _LEFT_OUT = {'limits': 'its limits are left out: see `stops`',
              'friction': 'its friction is left out, which does not depend on its load',
-             'armature': 'the inertia of its rotor is left out'}  # fmt: skip
+             'armature': 'the inertia of its rotor is left out',
+             'springdamper': 'its springdamper is left out: see `springs`'}  # fmt: skip
 _ALIGNED = 1e-4  # [rad] by which axes may differ: files have angles such as 1.5708
 _SAME = 1e-9  # [m] of points that are one
 _PLANES = {2: (0, 1), 1: (0, 2), 0: (1, 2)}  # axes of the plane, by the axis across it

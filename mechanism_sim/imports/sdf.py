@@ -24,15 +24,18 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
         raise InputError(f'{path.name} has {len(models)} models: it must be one')
     (model,) = models
     robot = Robot(model.get('name') or path.stem)
-    gravity = root.find('world/gravity')
-    if gravity is not None:
-        robot.gravity = numbers(gravity.text, 3)
+    if (world := root.find('world')) is not None:
+        if world.find('gravity') is None:
+            robot.notes.append(f'the world has no gravity in the file: {_GRAVITY} m/s^2 by SDF')
+        robot.gravity = numbers(_text(world, 'gravity') or _GRAVITY, 3)
     robot.notes += [
         f'{x.findtext("uri")}: left out: an included model' for x in root.iter('include')
     ]
     frames = SdfFrames(model, root.get('version', ''))
     for link in model.findall('link'):
         body = _body(link)
+        if link.find('inertial') is None:
+            robot.notes.append(f'{body.name}: it has no <inertial>: 1 kg and 1 kg m^2 by SDF')
         body.turn, body.place = frames.pose(body.name)
         robot.bodies[body.name] = body
     for joint in model.findall('joint'):
@@ -78,6 +81,7 @@ class SdfFrames:
         return (part.get('attached_to') if part.tag == 'frame' else '') or '__model__'
 
 
+_GRAVITY = '0 0 -9.8'
 _FRAMES = 'link', 'joint', 'frame'
 _ENDLESS, _NO_LIMIT = 1e15, ('', 'inf', 'infinity')  # limits that are none
 
@@ -144,13 +148,14 @@ def inertia_of(part: Callable[[str], str | None], diagonal: float = 0.0) -> Arra
 
 
 def _body(link: Element) -> RobotBody:
+    """A link; what it does not say of its mass and inertia is 1."""
     body = RobotBody(str(link.get('name')))
-    body.frame = not any(link.find(x) is not None for x in ('inertial', 'visual', 'collision'))
-    if (given := link.find('inertial')) is not None:
-        turn, body.cog = _pose(given)
-        body.mass = number(_text(given, 'mass'), 1.0)
-        inertia = inertia_of(lambda k: _text(given, f'inertia/{k}'), 1.0)
-        body.inertia = turn @ inertia @ turn.T
+    given = link.find('inertial')
+    given = Element('inertial') if given is None else given
+    turn, body.cog = _pose(given)
+    body.mass = number(_text(given, 'mass'), 1.0)
+    inertia = inertia_of(lambda k: _text(given, f'inertia/{k}'), 1.0)
+    body.inertia = turn @ inertia @ turn.T
     return body
 
 

@@ -1,4 +1,4 @@
-"""Curves of an SVG as polygons, in its lengths, y upwards."""
+"""Curves of an SVG as polygons, y upwards."""
 
 from __future__ import annotations
 
@@ -12,34 +12,61 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
+from mechanism_sim.imports.blueprint import unit_of
 from mechanism_sim.imports.markup import number, numbers, parse
 
 _STEPS = np.linspace(0.0, 1.0, 257)[1:]  # of a curve
-_TOKEN = re.compile(r'([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)')
+_NUMBER = re.compile(r'[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?')
+_TOKEN = re.compile(rf'[\s,]*(?:([MmLlHhVvCcSsQqTtAaZz])|({_NUMBER.pattern}))')
+_FLAG = re.compile(r'[\s,]*()([01])')
 _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 7, 'z': 0}
+_SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
-_UNITS = {
-    'mm': 1.0,
-    'cm': 10.0,
-    'in': 25.4,
-    'px': 25.4 / 96.0,
-    'pt': 25.4 / 72.0,
-    None: 25.4 / 96.0,
-}
+_PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
 _DEEPEST = 100
+_SAME = 1e-7  # distance of ends that meet, in sizes of a curve
 
-Found = tuple[str, Array, tuple[float, float] | None, float]
-"""Layer, points (n, 2), centre and radius of a circle."""
+Found = tuple[str, Array, tuple[float, float] | None, float, bool]
+"""Layer, points (n, 2), centre and radius of a circle, and True if it is closed."""
 
 
-def curves(file: str, text: str) -> tuple[str, list[Found]]:
-    """The unit of a drawing, and its closed curves."""
+def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
+    """The unit of the lengths that follow, and the curves of a drawing.
+
+    Parameters
+    ----------
+    told : the unit of its own lengths, if it has no size on paper; 96 of them are an inch if not
+    """
     root = parse(file, text, 'svg')
-    scale, size = 25.4 / 96.0, _LENGTH.fullmatch(root.get('width') or '')
-    box = numbers(root.get('viewBox'), 4)
-    if size and box[2]:
-        scale = float(size[1]) * _UNITS[size[2]] / box[2]
-    return 'mm', list(_walk(root, np.diag([scale, -scale, 1.0]), '', 0))
+    sizes = [_LENGTH.fullmatch(root.get(key) or '') for key in ('width', 'height')]
+    stated = next((size[2] for size in sizes if size and size[2] in _PAPER), '')
+    unit_of(file, stated, told)
+    unit, pixel = (told, 1.0) if told and not stated else ('mm', 25.4 / 96.0)
+    x, y = _scales(root, sizes, pixel)
+    return unit, list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
+
+
+def _scales(root: Element, sizes: list[re.Match[str] | None], pixel: float) -> tuple[float, float]:
+    """Lengths of a unit of its own, across and upwards (SVG 1.1, 7.8).
+
+    Parameters
+    ----------
+    sizes : width and height as they are given, and their units
+    pixel : length of a unit that is none on paper
+    """
+    box = numbers(root.get('viewBox'), 4)[2:].tolist()
+    found = [
+        float(size[1]) * _PAPER.get(size[2], pixel) / own
+        for size, own in zip(sizes, box, strict=True)
+        if size and own
+    ]
+    fit = (root.get('preserveAspectRatio') or '').split()
+    if not found:
+        return pixel, pixel
+    if 'none' in fit:
+        return found[0], found[-1]
+    scale = max(found) if 'slice' in fit else min(found)
+    return scale, scale
 
 
 def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:
@@ -55,8 +82,8 @@ def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Fo
         if child.tag in ('circle', 'ellipse'):
             yield _round(child, own, where)
             continue
-        for points in _shapes(child):
-            yield where, points @ own[:2, :2].T + own[:2, 2], None, 0.0
+        for points, closed in _shapes(child):
+            yield where, points @ own[:2, :2].T + own[:2, 2], None, 0.0, closed
 
 
 def _round(element: Element, frame: Array, layer: str) -> Found:
@@ -68,41 +95,56 @@ def _round(element: Element, frame: Array, layer: str) -> Found:
     points = (frame[:2, :2] @ ring).T + at[:2]
     radius = math.sqrt(abs(np.linalg.det(frame[:2, :2])) * radii[0] * radii[1])
     is_round = np.ptp(np.hypot(*(points - at[:2]).T)) < 1e-9 * radius
-    return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius
+    return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius, True
 
 
-def _shapes(element: Element) -> Iterator[Array]:
-    """Closed curves of a path, a polygon or a rectangle."""
+def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
+    """Curves of a path, a polygon or a rectangle, and True of those that are closed."""
     get = element.get
     if element.tag == 'rect':
-        x, y, w, h = (number(get(key)) for key in ('x', 'y', 'width', 'height'))
-        yield np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+        yield _rectangle(element), True
     elif element.tag == 'polygon':
-        found = [float(v) for _, v in _TOKEN.findall(get('points') or '') if v]
-        yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2)
+        found = [float(v) for v in _NUMBER.findall(get('points') or '')]
+        yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2), True
     elif element.tag == 'path':
-        yield from _paths(get('d') or '')
+        for part in _paths(get('d') or ''):
+            points = np.array([[p.real, p.imag] for p in part])
+            yield points, bool(np.abs(points[0] - points[-1]).max() <= _SAME * np.ptp(points))
 
 
-def _paths(text: str) -> Iterator[Array]:
-    """The closed parts of the data of a path."""
-    tokens = [(c, v) for c, v in _TOKEN.findall(text)]
-    place, command, k = 0j, '', 0
+def _rectangle(element: Element) -> Array:
+    """The four sides, between which corners are rounded by quarters of ellipses."""
+    x, y, w, h = (number(element.get(key)) for key in ('x', 'y', 'width', 'height'))
+    radii = [element.get(key, 'auto') for key in ('rx', 'ry')]
+    own = [r for r in radii if r != 'auto']  # of the other where it is not given
+    rx, ry = (number(r if r != 'auto' else own[0] if own else '0') for r in radii)
+    rx, ry = (min(max(rx, 0.0), 0.5 * w), min(max(ry, 0.0), 0.5 * h))
+    if not rx or not ry:
+        return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
+    right, low = x + w, y + h
+    sides = [
+        (complex(x + rx, y), complex(right - rx, y)),
+        (complex(right, y + ry), complex(right, low - ry)),
+        (complex(right - rx, low), complex(x + rx, low)),
+        (complex(x, low - ry), complex(x, y + ry)),
+    ]
+    points = []
+    for (_, end), (begin, _) in pairwise([*sides, sides[0]]):
+        points += [end, *_arc(end, begin, [rx, ry, 0.0, 0.0, 1.0])]
+    return np.array([[p.real, p.imag] for p in points])
+
+
+def _paths(text: str) -> Iterator[list[complex]]:
+    """The parts of the data of a path, of which closed ones end where they begin."""
+    place, before = 0j, ''
     points: list[complex] = []
-    handle = None  # of a smooth curve that follows
-    while k < len(tokens):
-        if tokens[k][0]:
-            command, k = tokens[k][0], k + 1
-        elif not command or command in 'Zz':
-            raise InputError(f"the path '{text[:40]}' cannot be read")
-        kind = command.lower()
-        values = [float(v or 'nan') for _, v in tokens[k : k + _COUNTS[kind]]]
-        if len(values) < _COUNTS[kind] or any(map(math.isnan, values)):
-            raise InputError(f"the path '{text[:40]}' ends within a command")
-        k += _COUNTS[kind]
+    handle = 0j  # for a smooth curve after one of its kind
+    for command, values in _commands(text):
+        kind, last = command.lower(), before
+        before = kind
         base = place if command.islower() else 0j
         if kind == 'z':
-            yield np.array([[p.real, p.imag] for p in points])
+            yield [*points, points[0]]
             place = points[0]
             points = [place]
             continue
@@ -116,15 +158,40 @@ def _paths(text: str) -> Iterator[Array]:
             points.append(end)
         else:
             given = [base + complex(*values[i : i + 2]) for i in range(0, len(values), 2)]
-            if kind in 'st':
-                given.insert(0, 2.0 * place - handle if handle is not None else place)
+            if kind in _SMOOTH:
+                given.insert(0, 2.0 * place - handle if last in _SMOOTH[kind] else place)
             end = given[-1]
-            handle = given[-2] if kind in 'csqt' else None
+            handle = given[-2] if len(given) > 1 else end
             if kind == 'm':
-                points, command = [end], 'l' if command == 'm' else 'L'
+                if len(points) > 1:
+                    yield points
+                points = [end]
             else:
                 points += _bezier([place, *given])
         place = end
+    if len(points) > 1:
+        yield points
+
+
+def _commands(text: str) -> Iterator[tuple[str, list[float]]]:
+    """Commands of the data of a path, each with its numbers; a flag of an arc is one digit."""
+    text, at, command = text.rstrip(), 0, ''
+    while at < len(text):
+        found = _TOKEN.match(text, at)
+        if found and found[1]:
+            command, at = found[1], found.end()
+        elif not found or command in ('', 'Z', 'z'):
+            raise InputError(f"the path '{text[:40]}' cannot be read")
+        values: list[float] = []
+        while len(values) < _COUNTS[command.lower()]:
+            flag = command in 'Aa' and len(values) in (3, 4)
+            found = (_FLAG if flag else _TOKEN).match(text, at)
+            if not found or not found[2]:
+                raise InputError(f"the path '{text[:40]}' ends within a command")
+            values.append(float(found[2]))
+            at = found.end()
+        yield command, values
+        command = {'m': 'l', 'M': 'L'}.get(command, command)  # lines follow without their letter
 
 
 def _bezier(control: list[complex]) -> list[complex]:
@@ -161,7 +228,7 @@ def _transform(text: str) -> Array:
     """The matrix (3, 3) of a list of transformations."""
     found = np.eye(3)
     for name, given in re.findall(r'(\w+)\s*\(([^)]*)\)', text):
-        v = [float(x) for _, x in _TOKEN.findall(given) if x]
+        v = [float(x) for x in _NUMBER.findall(given)]
         if name == 'matrix' and len(v) == 6:
             step = np.array([[v[0], v[2], v[4]], [v[1], v[3], v[5]], [0.0, 0.0, 1.0]])
         elif name == 'translate' and v:

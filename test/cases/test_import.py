@@ -439,6 +439,41 @@ def test_springs_between_links_come_back_of_an_mjcf(tmp_path):
     assert {'base', 'mass'} <= found.data['guess'].keys()
 
 
+def test_springs_along_guides_come_back_of_an_mjcf(tmp_path):
+    """Two on one guide, one along a guide of a moving link: it moves as it did."""
+    tree = ms.load_scene({
+        'mechanism': 'linkage',
+        'links': {'sledge': {'mass': '2 kg'}, 'ram': {'mass': '0.5 kg'}},
+        'joints': {
+            'rail': {'prismatic': ['ground', 'sledge'], 'axis': '30 deg'},
+            'bore': {'prismatic': ['ram', 'sledge'], 'axis': '70 deg'},
+        },
+        'gravity': ['0 m/s^2', '-9.81 m/s^2'],
+        'initial': {'position': {'sledge': '40 mm', 'ram': '-30 mm'}},
+        'springs': {
+            'buffer': {'coordinate': 'sledge', 'stiffness': '300 N/m', 'damping': '2 N s/m',
+                       'free_length': '25 mm'},
+            'second': {'coordinate': 'sledge', 'stiffness': '100 N/m', 'free_length': '-10 mm'},
+            'return': {'coordinate': 'ram', 'stiffness': '200 N/m', 'damping': '1 N s/m'},
+        },
+        'duration': '0.5 s',
+    })  # fmt: skip
+    text = to_mjcf(tree)
+    assert 'left out' not in text
+    found = import_machine(saved(tmp_path, text, 'guides.xml'))
+    assert found.data['springs'] == {
+        'buffer': {'coordinate': 'sledge', 'stiffness': '300.0 N/m', 'damping': '2.0 N s/m',
+                   'free_length': '0.025 m'},
+        'second': {'coordinate': 'sledge', 'stiffness': '100.0 N/m', 'free_length': '-0.01 m'},
+        'return': {'coordinate': 'ram', 'stiffness': '200.0 N/m', 'damping': '1.0 N s/m',
+                   'free_length': '0.0 m'},
+    }  # fmt: skip
+    t = np.linspace(0.0, 0.5, 6)
+    known, own = (places(m, t, sledge='sledge.cog', ram='ram.cog') for m in (tree, machine(found)))
+    for link, path in known.items():
+        assert own[link] == pytest.approx(path, abs=1e-13)
+
+
 def test_a_gear_of_an_actuator_divides_its_speed(tmp_path):
     text = ARM.replace(
         '</keyframe>', '</keyframe><actuator><velocity joint="j1" gear="2"/></actuator>'
@@ -583,16 +618,31 @@ def test_a_machine_as_a_drawing_comes_back(tmp_path):
 
 
 def test_plates_for_a_printer_are_closed(tmp_path):
-    """Each link a solid of its name whose volume, by Gauss' theorem, is that of its drawing."""
-    file = tmp_path / 'links.stl'
-    assert run('export', 'four_bar_nominal', '-o', str(file)).returncode == 0
+    """Each link a solid of its name whose volume, by Gauss' theorem, is that of its drawing.
+
+    In millimetres, as programs for printers take numbers, and as the drawing has them.
+    """
+    ezdxf = pytest.importorskip('ezdxf')
+    file, sheet = tmp_path / 'links.stl', tmp_path / 'links.dxf'
+    done = run('export', 'four_bar_nominal', '-o', str(file))
+    assert (done.returncode, done.stdout.strip()) == (0, str(file))
+    assert 'its lengths are in mm' in done.stderr
+    assert run_json('export', 'four_bar_nominal', '--format', 'stl')['unit'] == 'mm'
+    assert run('export', 'four_bar_nominal', '-o', str(sheet)).returncode == 0
+    drawn = ezdxf.readfile(sheet)
+    assert drawn.units == ezdxf.units.MM
     solids = file.read_text().split('endsolid ')[:-1]
     assert {'crank', 'coupler', 'rocker'} <= {x.split('solid ')[1].split()[0] for x in solids}
     for text in solids:
         corners = np.array([x.split() for x in re.findall(r'vertex (.*)', text)], float)
         a, b, c = corners.reshape(-1, 3, 3).transpose(1, 0, 2)
         assert np.abs(np.cross(b - a, c - a).sum(axis=0)).max() < 1e-9  # without holes
-        assert (a * np.cross(b, c)).sum() > 0.0  # counterclockwise from outside
+        volume = (a * np.cross(b, c)).sum() / 6.0  # positive: counterclockwise from outside
+        link = text.split('solid ')[1].split()[0]
+        (curve,) = drawn.modelspace().query(f'LWPOLYLINE[layer=="{link.upper()}"]')
+        x, y = np.array([point[:2] for point in curve]).T
+        area = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+        assert volume == pytest.approx(area * np.ptp(a[:, 2]), rel=1e-6), link
 
 
 @pytest.mark.slow

@@ -376,6 +376,24 @@ loads:
 duration: 0.5 s
 """
 
+GUIDED = """
+title: A ram in a bore of a sledge, with springs along both guides
+mechanism: linkage
+links:
+  sledge: {mass: 2 kg, inertia: 0.01 kg m^2, cog: [10 mm, 5 mm]}
+  ram: {mass: 0.5 kg, inertia: 0.001 kg m^2}
+joints:
+  rail: {prismatic: [ground, sledge], axis: 30 deg}
+  bore: {prismatic: [ram, sledge], axis: 70 deg}
+gravity: [0 m/s^2, -9.81 m/s^2]
+initial: {position: {sledge: 40 mm, ram: -30 mm}, velocity: {sledge: 0.2 m/s, ram: -0.1 m/s}}
+springs:
+  buffer: {coordinate: sledge, stiffness: 300 N/m, damping: 2 N s/m, free_length: 25 mm}
+  second: {coordinate: sledge, stiffness: 100 N/m, free_length: -10 mm}
+  return: {coordinate: ram, stiffness: 200 N/m, damping: 1 N s/m, free_length: -50 mm}
+duration: 0.5 s
+"""
+
 
 @pytest.mark.parametrize(
     ('name', 'share', 'error'),
@@ -388,12 +406,13 @@ duration: 0.5 s
         ('rotary_engine', 0.5, 1e-7),  # a guide on a moving link
         ('planetary', 0.5, 1e-9),
         ('loaded', 1.0, 1e-7),
+        ('guided', 1.0, 1e-7),
     ],
 )
 def test_mujoco_moves_as_we_do_the_finer_the_nearer(name, share, error, tmp_path):
-    if name == 'loaded':
-        (tmp_path / 'loaded.yaml').write_text(LOADED)
-        name = str(tmp_path / 'loaded.yaml')
+    if text := {'loaded': LOADED, 'guided': GUIDED}.get(name):
+        (tmp_path / f'{name}.yaml').write_text(text)
+        name = str(tmp_path / f'{name}.yaml')
     scene = ms.load_scene(name)
     errors = []
     for factor in (4.0, 2.0):

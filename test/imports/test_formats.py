@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -146,7 +147,7 @@ def intact(folder, ending):
 SVG = b"""<svg xmlns="http://www.w3.org/2000/svg" width="30cm" viewBox="0 0 300 200">
 <g id="ground"><circle cx="50" cy="150" r="5"/></g><g id="arm"><circle cx="50" cy="150" r="4"/>
 <path d="M60 150V100a10 10 0 0 0-20 0v50A10 10 0 0 0 60 150Z" transform="translate(0,1)"/></g>
-<g id="dot"><polygon points="0,0 10,0 10,10"/><rect x="1" y="1" width="2" height="3"/></g></svg>"""
+<g id="dot"><polygon points="0,0 10,0 10,10"/><rect x="5" y="1" width="2" height="3"/></g></svg>"""
 
 
 def test_bodies_within_bodies_have_an_end(tmp_path):
@@ -160,9 +161,72 @@ def test_units_of_columns_and_of_the_option(tmp_path):
     file = tmp_path / 'm.csv'
     file.write_text('Point,X (in),Y (in),Links,Ground\nA,0,0,ground a,\nB,1,0,a b\nC,3,1,b,x\n')
     assert import_machine(file).data['links']['a']['points'] == {'B': ['1.0 in', '0.0 in']}
+    assert import_machine(file, unit='inch').text == import_machine(file).text
+    file.write_text(file.read_text().replace(' (in)', ''))
     assert import_machine(file, unit='mm').data['links']['a']['points'] == {
         'B': ['1.0 mm', '0.0 mm']
     }
+
+
+PLATE = """<svg width="{}" viewBox="0 0 300 200"><g id="ground"><circle r="5"/></g>
+<g id="arm"><circle r="5"/><circle r="4"/></g></svg>"""
+
+
+def dxf(units):
+    """A plate with a hole, in a unit by its number."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.new('R2010', units=units)
+    for layer, radius in (('ground', 1.0), ('arm', 1.0), ('arm', 5.0)):
+        document.modelspace().add_circle((0.0, 0.0), radius, dxfattribs={'layer': layer})
+    stream = StringIO()
+    document.write(stream)
+    return stream.getvalue()
+
+
+STATED = {
+    'm.csv': lambda: 'Joint,X [mm],Y,Links\nA,0,0,ground a\nB,1,0,a\n',
+    'y.csv': lambda: 'Joint,X,Y [mm],Links\nA,0,0,ground a\nB,1,0,a\n',
+    'm.dxf': lambda: dxf(4),
+    'm.svg': lambda: PLATE.format('300mm'),
+}
+
+
+@pytest.mark.parametrize('name', STATED)
+def test_a_unit_against_that_of_the_file_is_refused(tmp_path, name):
+    """It went before what the file says, without a word; lengths were ten times too large."""
+    file = tmp_path / name
+    file.write_text(STATED[name]())
+    assert import_machine(file, unit='millimetre').data == import_machine(file).data
+    with pytest.raises(InputError, match=r'states lengths in mm: --unit cm contradicts it$'):
+        import_machine(file, unit='cm')
+    with pytest.raises(InputError, match=r"--unit has the unknown unit 'paces'"):
+        import_machine(file, unit='paces')
+
+
+def test_a_unit_against_that_of_an_address_is_refused():
+    address = 'https://x.org/?j=A,0,0,ground%7Ca,R,t,0%0AB,1,0,a,R,f,0&s=10,false,false,{}'
+    inches = import_machine(address.format('in'), unit='inch').data
+    assert inches['links']['a']['points'] == {'B': ['1.0 in', '0.0 in']}
+    assert import_machine(address.format(''), unit='mm').data['links']['a'] == {
+        'points': {'B': ['1.0 mm', '0.0 mm']}
+    }
+    with pytest.raises(InputError, match='the address states lengths in in: --unit mm contra'):
+        import_machine(address.format('in'), unit='mm')
+
+
+def test_a_unit_is_that_of_a_drawing_that_states_none(tmp_path):
+    """A DXF without one, and an SVG in pixels or without a size: their numbers in that unit."""
+    (tmp_path / 'm.dxf').write_text(dxf(0))
+    (tmp_path / 'm.svg').write_text(PLATE.format('600px'))
+    mass = {
+        name: [float(import_machine(tmp_path / name, unit, thickness='5 mm').data['links']['arm']
+                     ['mass'].split()[0]) for unit in ('mm', 'inch')]
+        for name in ('m.dxf', 'm.svg')
+    }  # fmt: skip
+    assert mass['m.dxf'][0] == pytest.approx(24.0 * np.pi * 1e-6 * 5e-3 * 7850.0, rel=1e-12)
+    assert mass['m.svg'][0] == pytest.approx(4.0 * 9.0 * np.pi * 1e-6 * 5e-3 * 7850.0, rel=1e-12)
+    for small, large in mass.values():
+        assert large == pytest.approx(25.4**2 * small, rel=1e-12)
 
 
 def test_columns_of_other_units_lists_and_inputs_are_read(tmp_path):

@@ -1,0 +1,123 @@
+"""Equalities of an MJCF, and what of them and of others is left out with a note."""
+
+from __future__ import annotations
+
+import pytest
+
+from mechanism_sim.imports import import_machine
+
+BODIES = ''.join(
+    f'<body name="{x}" pos="{k} 0 0" {{{x}}}><joint name="j{x}" axis="0 0 1" {{j{x}}}/>'
+    '<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 2"/></body>'
+    for k, x in enumerate('abcd')
+)
+NONE = dict.fromkeys([*'abcd', 'ja', 'jb', 'jc', 'jd'], '')
+
+
+def imported(folder, more, **given):
+    """Transmissions by name, and the notes but those of drives and gravity."""
+    file = folder / 'm.xml'
+    worldbody = BODIES.format(**{**NONE, **given})
+    file.write_text(f'<mujoco><worldbody>{worldbody}</worldbody>{more}</mujoco>')
+    found = import_machine(file)
+    joints = {k: j for k, j in found.data['joints'].items() if 'transmission' in j}
+    return joints, [x for x in found.notes if 'defines no drive' not in x]
+
+
+def tendon(name, **factors):
+    """A sum of joint coordinates."""
+    terms = ''.join(f'<joint joint="j{x}" coef="{f}"/>' for x, f in factors.items())
+    return f'<fixed name="{name}">{terms}</fixed>'
+
+
+def test_equalities_of_joints_are_ratios(tmp_path):
+    """``ja = 2 jb`` and ``jd = jc``: the second turns by the ratio of the first."""
+    found, notes = imported(
+        tmp_path,
+        '<equality><joint name="held" joint1="ja" joint2="jb" polycoef="0 2 0 0 0"/>'
+        '<joint name="other" joint1="jc" joint2="jd"/></equality>',
+    )
+    assert (found['held']['transmission'], found['held']['ratio']) == (['a', 'b'], '1/2')
+    assert (found['other']['transmission'], found['other']['ratio']) == (['c', 'd'], '1')
+    assert notes == []
+
+
+@pytest.mark.parametrize('held', [
+    '<joint name="held" active="false" joint1="ja" joint2="jb"/>',
+    '<joint name="held" class="off" joint1="ja" joint2="jb"/>',
+    '<tendon name="held" active="false" tendon1="t"/>',
+    '<connect name="held" active="false" body1="a" body2="b" anchor="0 0 0"/>',
+])  # fmt: skip
+def test_equalities_that_are_not_active_hold_nothing(tmp_path, held):
+    """They became transmissions and joints."""
+    off = '<default><default class="off"><equality active="false"/></default></default>'
+    sums = f'<tendon>{tendon("t", a=1, b=1)}</tendon>'
+    found = imported(tmp_path, f'{off}{sums}<equality>{held}</equality>')
+    assert found == ({}, ['held: left out: an equality that is not active'])
+
+
+@pytest.mark.parametrize(
+    ('polynomial', 'ratio', 'words'),
+    [
+        ('0 2 0.7 0 0', None, 'held: left out: a ratio that is a polynomial'),
+        ('0 2 0 0 1e-3', None, 'held: left out: a ratio that is a polynomial'),
+        (
+            '0.3 2 0 0 0',
+            '1/2',
+            'held: its constant 0.3 is left out: it holds what is at the start',
+        ),
+    ],
+)
+def test_other_parts_of_a_polynomial_have_a_note(tmp_path, polynomial, ratio, words):
+    joint = f'<joint name="held" joint1="ja" joint2="jb" polycoef="{polynomial}"/>'
+    found, notes = imported(tmp_path, f'<equality>{joint}</equality>')
+    assert [x['ratio'] for x in found.values()] == ([ratio] if ratio else [])
+    assert notes == [words]
+
+
+@pytest.mark.parametrize(
+    ('first', 'second', 'ratio', 'pair'),
+    [
+        ({'a': 1}, {'b': 3}, '1/6', ['a', 'b']),  # a = 2 (3 b)
+        ({'a': 1, 'b': 4}, {'b': 3}, '1/2', ['a', 'b']),  # a + 4 b = 6 b
+        ({'a': 1, 'b': 1}, None, '-1', ['a', 'b']),
+    ],
+)
+def test_a_tendon_may_follow_a_second_one(tmp_path, first, second, ratio, pair):
+    """The second was passed over, and the first stayed as long as it was."""
+    sums = tendon('one', **first) + (tendon('other', **second) if second else '')
+    to = 'tendon2="other"' if second else ''
+    held = f'<equality><tendon name="held" tendon1="one" {to} polycoef="0 2 0 0 0"/></equality>'
+    found, notes = imported(tmp_path, f'<tendon>{sums}</tendon>{held}')
+    assert (found['held']['transmission'], found['held']['ratio']) == (pair, ratio)
+    assert notes == []
+
+
+def test_tendons_over_more_than_two_links_are_left_out(tmp_path):
+    sums = tendon('one', a=1, b=1) + tendon('other', c=1, d=1)
+    held = '<equality><tendon name="held" tendon1="one" tendon2="other"/></equality>'
+    found, notes = imported(tmp_path, f'<tendon>{sums}</tendon>{held}')
+    assert not found
+    assert notes == ['held: left out: it is not a ratio of the angles of two links']
+
+
+@pytest.mark.parametrize(
+    ('given', 'words'),
+    [
+        ({'b': 'gravcomp="1"'}, 'b: left out: gravcomp, a force against its weight'),
+        ({'jb': 'springdamper="0.1 1"'}, 'jb: its springdamper is left out: see `springs`'),
+        ({'b': 'gravcomp="0"', 'jb': 'springdamper="0 0"'}, None),
+    ],
+)
+def test_forces_that_a_scene_has_not_have_a_note(tmp_path, given, words):
+    assert imported(tmp_path, '', **given) == ({}, [words] if words else [])
+
+
+def test_what_else_a_file_has_of_tendons_and_its_medium_has_a_note(tmp_path):
+    sums = tendon('t', a=1, b=1).replace('name=', 'range="0 1" frictionloss="2" name=')
+    _, notes = imported(tmp_path, f'<option density="1.2"/><tendon>{sums}</tendon>')
+    assert notes == [
+        'density of the medium is left out',
+        't: its limits are left out: see `stops`',
+        't: its friction is left out, which does not depend on its load',
+    ]

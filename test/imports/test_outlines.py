@@ -1,0 +1,142 @@
+"""What of a drawing is an outline, and what of it cannot be one."""
+
+from __future__ import annotations
+
+import math
+from io import StringIO
+
+import pytest
+
+from mechanism_sim.errors import InputError
+from mechanism_sim.imports import import_machine
+
+PLATE = 5e-3 * 7850.0 * 1e-6  # [kg/mm^2]
+SIDES = ((-10, -10), (110, -10)), ((110, 10), (110, -10)), ((110, 10), (-10, 10)), (
+    (-10, 10), (-10, -10))  # fmt: skip
+SVG = (
+    '<svg width="200mm" viewBox="0 0 200 100"><g id="ground"><circle r="2"/></g>'
+    '<g id="arm"><circle r="2"/>{}</g></svg>'
+)
+
+
+def plate(folder, *lines, holes=(0, 100), on='arm'):
+    """A DXF in millimetres of lines and holes on a layer, with a pivot on the ground."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.new('R2010', units=4)
+    space = document.modelspace()
+    for layer, x in (('ground', 0), *((on, x) for x in holes)):
+        space.add_circle((x, 0), 2, dxfattribs={'layer': layer})
+    for a, b in lines:
+        space.add_line(a, b, dxfattribs={'layer': on})
+    return saved(folder, document)
+
+
+def saved(folder, document):
+    """A file of a drawing."""
+    stream = StringIO()
+    document.write(stream)
+    (folder / 'm.dxf').write_text(stream.getvalue())
+    return folder / 'm.dxf'
+
+
+def arm(file, **options):
+    """Mass [kg] of a plate, where its holes are, and notes but that of the drive."""
+    found = import_machine(file, thickness='5 mm', **options)
+    link = found.data['links']['arm']
+    notes = [note for note in found.notes if 'defines no drive' not in note]
+    return float(link['mass'].split()[0]), link.get('points', {}), notes
+
+
+@pytest.mark.parametrize('holes', [(0, 100), (0,)])
+@pytest.mark.parametrize(
+    ('sides', 'words'),
+    [
+        ((*SIDES[:3], ((-10, 10), (-10, -9.99))), r'gap of 0\.01 mm at \(-10, -(10|9\.99)\) mm$'),
+        (SIDES[:3], r'gap of 20 mm at \(-10, -?10\) mm$'),
+        ((*SIDES[::2], ((109.9, -10), (109.9, 10))), r'gap of 0\.1 mm at \(1[01.9]+, -?10\) mm$'),
+    ],
+    ids=['small', 'side', 'pieces'],
+)  # fmt: skip
+def test_an_outline_that_does_not_close_is_refused_with_its_gap(tmp_path, sides, words, holes):
+    """The largest hole was taken for the outline, from which the others were subtracted."""
+    with pytest.raises(
+        InputError, match='^m: arm: its outline does not close: there is a ' + words
+    ):
+        import_machine(plate(tmp_path, *sides, holes=holes), thickness='5 mm')
+
+
+def test_lines_within_an_outline_are_left_out_with_a_note(tmp_path):
+    mass, points, notes = arm(plate(tmp_path, *SIDES, ((20, 0), (80, 0)), ((20, 5), (80, 5))))
+    assert mass == pytest.approx(PLATE * (120 * 20 - 8 * math.pi), rel=1e-12)
+    assert points == {'hole_2': ['100.0 mm', '0.0 mm']}
+    assert notes == ['m: arm: left out: 2 curves that are not closed']
+
+
+def test_a_layer_without_a_closed_curve_has_a_note(tmp_path):
+    file = tmp_path / 'm.svg'
+    plates = '<rect x="-5" y="-5" width="90" height="10"/></g><g id="axis"><path d="M0 0h90"/>'
+    file.write_text(SVG.format(plates))
+    assert arm(file)[2] == ['axis: left out: no curve on it is closed']
+
+
+@pytest.mark.parametrize(
+    ('shape', 'at'),
+    [
+        ('<rect x="115" y="-9" width="30" height="18"/>', '130, -?0'),
+        ('<rect x="60" y="-9" width="60" height="18"/>', '90, -?0'),
+        ('<circle cx="200" r="3"/>', r'200, -?0'),
+    ],
+    ids=['beside', 'across', 'hole'],
+)
+def test_two_outlines_of_one_link_are_refused(tmp_path, shape, at):
+    """One was subtracted from the other: a moment of inertia below 0, or a wrong one."""
+    file = tmp_path / 'm.svg'
+    file.write_text(SVG.format(f'<rect x="-10" y="-10" width="120" height="20"/>{shape}'))
+    with pytest.raises(
+        InputError, match=rf'^m: arm has two outlines: the one around \({at}\) mm '
+    ):
+        import_machine(file, thickness='5 mm')
+
+
+def test_a_window_may_touch_its_outline(tmp_path):
+    file = tmp_path / 'm.svg'
+    window = '<path d="M60 -10h20v20h-20z"/>'
+    file.write_text(SVG.format(f'<rect x="-10" y="-10" width="120" height="20"/>{window}'))
+    area = 120 * 20 - 20 * 20 - 4 * math.pi
+    assert arm(file)[0] == pytest.approx(PLATE * area, rel=1e-12)
+
+
+@pytest.mark.parametrize('turned', ['M-10-10h120v20h-120v-20', 'M110 10h-120v-20h120v20'])
+def test_a_path_that_ends_where_it_begins_is_closed(tmp_path, turned):
+    """Without a Z it was passed over, and its hole was the plate."""
+    file = tmp_path / 'm.svg'
+    file.write_text(SVG.format(f'<path d="{turned}"/>'))
+    assert arm(file)[0] == pytest.approx(PLATE * (2400 - 4 * math.pi), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ('scale', 'end'), [({}, 100), ({'xscale': -1}, -100), ({'rotation': 180}, -100)]
+)
+def test_a_block_that_is_referred_to_on_a_layer_is_drawn_there(tmp_path, scale, end):
+    """What is on layer 0 in a block, also in a block of it, is on that of the reference."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.new('R2010', units=4)
+    holes, block = (document.blocks.new(name) for name in ('holes', 'plate'))
+    for x in (0, 100):
+        holes.add_circle((x, 0), 2)
+    block.add_lwpolyline([(-10, -10), (110, -10), (110, 10), (-10, 10)], close=True)
+    block.add_blockref('holes', (0, 0))
+    space = document.modelspace()
+    space.add_circle((20, 50), 2, dxfattribs={'layer': 'ground'})
+    space.add_blockref('plate', (20, 50), dxfattribs={'layer': 'arm', **scale})
+    mass, points, notes = arm(saved(tmp_path, document))
+    assert mass == pytest.approx(PLATE * (2400 - 8 * math.pi), rel=1e-12)
+    x, y = (float(part.split()[0]) for part in points['hole_2'])
+    assert (x, y) == pytest.approx((end, 0), abs=1e-12)
+    assert notes == []
+
+
+def test_a_drawing_of_the_ground_alone_has_no_link(tmp_path):
+    """It ended in a sentence about its thickness."""
+    with pytest.raises(InputError, match='there is no link: closed curves are on ground alone'):
+        import_machine(plate(tmp_path, holes=()), thickness='5 mm')
