@@ -136,7 +136,7 @@ class Dynamics:
     flags, contacts, drives : see there
     rubs : friction in ideal joints
     state_rates : of the states of first order
-    depths : of compliant contacts, by the symbols that stand for them beside such friction
+    depths : of compliant contacts, by the symbols that stand for them
     reduced : the equations without contact forces
     exact, stabilised : the solution without and with Baumgarte's terms
     free_acceleration : second derivatives of the rows without contact forces
@@ -420,10 +420,10 @@ class Dynamics:
 
     def struck(self, impulses: Sequence[Term]) -> Solved:
         """Free motion with impulses of all rows, of whose loads friction in joints is one."""
-        count, m = len(self.contacts.rows), len(self.gaps)
-        N, T = impulses[:m], impulses[m:count] if self.contacts.frictional else [None] * m
+        m, rubbing = len(self.gaps), self.contacts.frictional
+        T = [impulses[m + i] if i in rubbing else None for i in range(m)]
         a, closing = self.reduced.pushed(self.reduced.exact, list(impulses))
-        return Solved(a, list(N), list(T), closing)
+        return Solved(a, list(impulses[:m]), T, closing)
 
     def compressed(self, i: int) -> tuple[Term, Term, Term]:
         """Depth of a closed compliant contact, its rate, and ``|dy/d distance|``.
@@ -434,11 +434,9 @@ class Dynamics:
         value = s * jet.value
         stretch = self.gaps[i].stretch(value)
         depth = self.gaps[i].depth(value) + (1.0 - s)
-        if self.rubs:  # in long expressions only symbols are found again
-            symbol = hy.make_vars(f'depth{i}')
-            self.depths[symbol] = depth
-            depth = symbol
-        return depth, neg(mul(s, jet.rate)) / stretch, stretch
+        symbol = hy.make_vars(f'depth{i}')  # in long expressions only symbols are found again
+        self.depths[symbol] = depth
+        return symbol, neg(mul(s, jet.rate)) / stretch, stretch
 
     def relief(self, i: int) -> hy.expression:
         """Of a closed compliant contact, what has the sign of its force [m/s]."""

@@ -111,6 +111,5 @@ class RunExpressions:
         found = [dense(x) for x in terms]
         if not self.dynamics.contacts.compliant:
             return found
-        depths = [dense(self.dynamics.compressed(i)[0]) for i in range(len(self.dynamics.gaps))]
-        known = self.dynamics.depths
-        return substitute(found, {x: hy.relu(known.get(x, x)) for x in depths})
+        depths = self.dynamics.depths.items()
+        return substitute(found, {symbol: hy.relu(depth) for symbol, depth in depths})

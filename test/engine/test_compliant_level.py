@@ -5,6 +5,7 @@ from __future__ import annotations
 import heyoka as hy
 import numpy as np
 import pytest
+from builders import made
 from compliant_impacts import impact_duration, true_restitution
 from four_bars import TURN
 from running import one_of, run_json
@@ -457,3 +458,34 @@ def test_a_film_moves_the_links_as_the_textbook_equations_integrated_by_scipy():
 def test_a_film_needs_its_oil():
     with pytest.raises(InputError, match='viscosity'):
         compliant('film')
+
+
+def test_a_brake_beside_a_compliant_pin_loses_what_its_torque_says():
+    """Its rate passes zero, where it may hold: what it asks for then must be found in no time."""
+    brake = 0.1
+    content = {
+        'mechanism': 'linkage',
+        'links': {
+            'crank': {'length': 0.064, 'mass': 0.6, 'inertia': 0.0026},
+            'bob': {'length': 0.1, 'mass': 0.5, 'inertia': 5e-4, 'cog': 0.05},
+        },
+        'joints': {
+            'bearing': {'revolute': ['ground', 'crank']},
+            'pin': {
+                'revolute': ['crank.end', 'bob'],
+                'clearance': {
+                    'radial': 1e-4, 'restitution': 1.0,
+                    'contact': {'law': 'hertz', 'stiffness': 2e7},
+                },
+            },
+        },
+        'gravity': [0.0, -9.81],
+        'drive': {'coordinate': 'crank', 'speed': 5.0},
+        'loads': {'brake': {'at': 'bob', 'torque': f'-{brake}*sign(bob_rate)'}},
+    }  # fmt: skip
+    run = ms.simulate(made(content), duration=0.4)
+    t = np.linspace(0.0, 0.4, 40001)
+    turned = run.sample(t, 'position.bob')['position.bob']
+    assert (np.diff(np.sign(np.diff(turned))) != 0).any()
+    assert run.energy.dissipated == pytest.approx(brake * np.abs(np.diff(turned)).sum(), rel=1e-6)
+    assert run.energy.share < 1e-9

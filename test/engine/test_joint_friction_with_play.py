@@ -288,3 +288,44 @@ def test_a_pin_rubs_where_it_touches_its_slot():
     friction = now['reaction.crank_yoke.y']
     assert pressed.sum() > 300
     assert friction[pressed] == pytest.approx((0.2 * np.abs(N) * np.sign(slip))[pressed], rel=1e-9)
+
+
+def test_a_wall_without_friction_beside_contacts_that_rub_is_the_limit_of_one_with_hardly_any():
+    """Teeth with backlash, a loose pin and an ideal bearing that rub: three sorts of contact."""
+    link = {'length': 0.064, 'mass': 0.6, 'inertia': 0.0026}
+    content = {
+        'mechanism': 'linkage',
+        'links': {
+            'ground': {'points': {'m': [-0.12, 0.0]}},
+            'motor': {'mass': 0.4, 'inertia': 3e-4},
+            'crank': link,
+            'bob': {'length': 0.1, 'mass': 0.5, 'inertia': 5e-4, 'cog': 0.05},
+        },
+        'gears': {
+            'pinion': {'at': 'motor', 'teeth': 40, 'module': 0.002},
+            'wheel': {'at': 'crank', 'teeth': 80, 'module': 0.002},
+        },
+        'joints': {
+            'motor_bearing': {'revolute': ['ground.m', 'motor']},
+            'bearing': {
+                'revolute': ['ground', 'crank'], 'friction': {'coefficient': 0.1, 'radius': 0.01},
+            },
+            'mesh': {'mesh': ['pinion', 'wheel'], 'backlash': {'width': 1e-4, 'restitution': 0.4}},
+            'pin': {
+                'revolute': ['crank.end', 'bob'],
+                'clearance': {
+                    'radial': 1e-4, 'restitution': 0.4, 'friction': 0.1, 'pin_radius': 0.005,
+                },
+            },
+        },
+        'gravity': [0.0, -9.81],
+        'drive': {'coordinate': 'motor', 'speed': 20.0},
+    }  # fmt: skip
+    machine = made(content)
+    hardly = ms.load_scene(machine, {'joints.mesh.backlash.friction': 1e-9})
+    found = [ms.simulate(m, duration=0.03) for m in (machine, hardly)]
+    places = [one.sample([0.01, 0.03], 'position') for one in found]
+    assert found[0].impacts
+    assert found[0].energy.share < 1e-10
+    for name in ('position.crank', 'position.bob'):
+        assert places[0][name] == pytest.approx(places[1][name], abs=1e-7)
