@@ -60,7 +60,8 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
             raise InputError(
                 f'{path.name} has more than {_MOST} entities with those of its blocks'
             )
-        parts = [(layer, x) for layer, x in found if x.dxftype() in _CURVES]
+        unseen = {x.dxf.name for x in document.layers if x.is_off() or x.is_frozen()}
+        parts = [(n, x) for n, x in found if n not in unseen and x.dxftype() in _CURVES]
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for _, e in parts), default=1.0))
         drawn = [(part, _points(part[1], _FINE * size)) for part in parts]
     except ezdxf.DXFError as error:

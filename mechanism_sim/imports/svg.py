@@ -69,10 +69,16 @@ def _scales(root: Element, sizes: list[re.Match[str] | None], pixel: float) -> t
     return scale, scale
 
 
+_HIDDEN = re.compile(r'(?:^|[;:\s])display\s*:\s*none|(?:^|[;:\s])visibility\s*:\s*hidden')
+"""Attributes or styles of what no viewer shows."""
+
+
 def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:
     if depth > _DEEPEST:
         raise InputError(f'groups nested more than {_DEEPEST} deep')
     for child in element:
+        if _HIDDEN.search(';'.join(f'{key}:{value}' for key, value in child.attrib.items())):
+            continue
         own = frame @ _transform(child.get('transform') or '')
         name = next((v for k, v in child.attrib.items() if k.endswith('label')), child.get('id'))
         if child.tag in ('g', 'svg'):

@@ -140,3 +140,24 @@ def test_a_drawing_of_the_ground_alone_has_no_link(tmp_path):
     """It ended in a sentence about its thickness."""
     with pytest.raises(InputError, match='there is no link: closed curves are on ground alone'):
         import_machine(plate(tmp_path, holes=()), thickness='5 mm')
+
+
+@pytest.mark.parametrize('hide', ['off', 'freeze'])
+def test_what_is_on_a_layer_that_is_not_shown_is_not_there(tmp_path, hide):
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    mass = arm(tmp_path / 'm.dxf')[0]
+    document.modelspace().add_circle((50, 0), 5, dxfattribs={'layer': 'aids'})
+    getattr(document.layers.add('aids'), hide)()
+    document.modelspace().add_circle((50, 0), 8, dxfattribs={'layer': 'aids'})
+    assert arm(saved(tmp_path, document))[0] == mass
+    assert set(import_machine(tmp_path / 'm.dxf', thickness='5 mm').data['links']) == {
+        'ground', 'arm'}  # fmt: skip
+
+
+@pytest.mark.parametrize('hide', ['style="fill:none; display: none"', 'visibility="hidden"'])
+def test_what_an_svg_hides_is_not_there(tmp_path, hide):
+    shape = '<rect x="-10" y="-10" width="120" height="20"/>'
+    for name, more in (('a', ''), ('b', f'<g {hide}><circle cx="50" r="5"/></g>')):
+        (tmp_path / f'{name}.svg').write_text(SVG.format(shape + more))
+    assert arm(tmp_path / 'a.svg') == arm(tmp_path / 'b.svg')
