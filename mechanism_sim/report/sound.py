@@ -60,7 +60,7 @@ def write(
         raise InputError('there is no sound: the run has no impacts')
     with output.beside(file) as part:
         wavfile.write(part, RATE, np.round(p * (32767.0 / peak)).astype(np.int16))
-    mean = float(np.sqrt(np.mean(p**2)))
+    mean = float(np.sqrt((p**2).sum() / (rate * end)))  # what follows is still of its impacts
     levels = level(peak), level(mean)
     return Sound(str(file), len(train), peak, *levels, realtime_factor, len(p) / RATE)
 

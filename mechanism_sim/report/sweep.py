@@ -117,8 +117,8 @@ def _largest(rows: Sequence[Row], name: str) -> float:
     return max((abs(x) for row in rows if math.isfinite(x := number(row, name))), default=0.0)
 
 
-def _text(value: float) -> str:
-    return f'{value:.6g}' if math.isfinite(value) else 'none'
+def _text(value: float, digits: int = 6) -> str:
+    return f'{value:.{digits}g}' if math.isfinite(value) else 'none'
 
 
 def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
@@ -142,16 +142,20 @@ def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
     if found:
         units = {c.name: c.unit for c in measures}
         indices = any(e.first for e in found)
-        heads = ['effect of', 'on', 'unit', 'effect', 'share of variance']
+        drawn = any(e.chance is not None for e in found)
+        heads = ['effect of', 'on', 'unit', 'effect', *['by chance'] * drawn, 'share of variance']
         table = [heads + ['first index', 'total index'] * indices]
         for e in found:
             unit, scale = for_people(units.get(e.measure, ''), _largest(rows, e.measure))
             share = f'{100.0 * e.share:.1f} %' if math.isfinite(e.share) else 'none'
-            row = [e.factor, e.measure, unit, _text(scale * e.effect), share]
+            figures = [e.effect] if e.chance is None else [e.effect, e.chance]
+            digits = 6 if e.chance is None else 3
+            row = [e.factor, e.measure, unit, *(_text(scale * x, digits) for x in figures), share]
             if indices:
                 row += [_index(i) if i else '' for i in (e.first, e.total)]
             table.append(row)
-        lines += ['main effects: greatest less least mean', *text_table.lines(table, 3)]
+        note = '; by chance: 95 % of drawn runs show less of a value without effect' * drawn
+        lines += [f'main effects: greatest less least mean{note}', *text_table.lines(table, 3)]
     which = 'independent runs' if plan.design and plan.design.kind == INDICES else 'runs'
     for x in exceedances(plan, rows):
         (unit,) = (c.unit for c in measures if c.name == x.measure)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 from warnings import catch_warnings, filterwarnings
 
@@ -42,6 +43,8 @@ class Effect:
     effect : greatest less least of these means
     share : of the variance that the factor explains by itself: epsilon squared, the correlation
         ratio without what classes of so few runs explain by chance (Kelley 1935)
+    chance : an effect that drawn runs show by chance in 5 % of designs where there is none (Tukey's
+        range of means); None where the other factors have the same values in all classes
     first, total : indices of Sobol and their 95 % intervals, of a design for them only
     """
 
@@ -50,6 +53,7 @@ class Effect:
     levels: tuple[FactorLevel, ...]
     effect: float
     share: float
+    chance: float | None = None
     first: tuple[float, float, float] | None = None
     total: tuple[float, float, float] | None = None
 
@@ -95,9 +99,10 @@ def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
                 continue
             means = [level.mean for level in levels]
             spread = max(means) - min(means)
+            chance = _chance(levels, y) if plan.design else None
             found.append(
                 Effect(
-                    factor, measure, tuple(levels), spread, _share(levels, y),
+                    factor, measure, tuple(levels), spread, _share(levels, y), chance,
                     *indices.get(factor, (None, None)),
                 )
             )  # fmt: skip
@@ -178,14 +183,35 @@ def _levels(x: NDArray[Any], y: Array) -> list[FactorLevel]:
 
 def _share(levels: Sequence[FactorLevel], y: Array) -> float:
     """Epsilon squared: explained variance without what chance explains."""
+    total, within = _variation(levels, y)
+    n = int(np.isfinite(y).sum())
+    return max(0.0, 1.0 - within * (n - 1) / total) if total else math.nan
+
+
+def _variation(levels: Sequence[FactorLevel], y: Array) -> tuple[float, float]:
+    """Sum of squares of figures about their mean, and variance within classes."""
     y = y[np.isfinite(y)]
-    n, k = len(y), len(levels)
     total = float(((y - y.mean()) ** 2).sum())
-    if not total or n <= k:
-        return math.nan
+    if not total or len(y) <= len(levels):
+        return 0.0, math.nan
     between = sum(level.runs * (level.mean - float(y.mean())) ** 2 for level in levels)
-    within = (total - between) / (n - k)
-    return max(0.0, 1.0 - within * (n - 1) / total)
+    return total, max(total - between, 0.0) / (len(y) - len(levels))
+
+
+def _chance(levels: Sequence[FactorLevel], y: Array) -> float:
+    """The largest range of means of classes in 95 % of designs of a factor without effect."""
+    runs = [level.runs for level in levels]
+    within, free = _variation(levels, y)[1], sum(runs) - len(runs)
+    if not math.isfinite(within):
+        return math.nan
+    # classes of unequal size by the mean of their inverses (Kramer 1956)
+    return _range(len(runs), free) * math.sqrt(within * float(np.mean(1.0 / np.array(runs))))
+
+
+@lru_cache
+def _range(classes: int, free: int) -> float:
+    """Tukey's range of so many means, over their deviation, that 5 % exceed."""
+    return float(scipy.stats.studentized_range.ppf(0.95, classes, free))
 
 
 def _indices(plan: SweepPlan, y: Array) -> dict[str, Any]:

@@ -641,3 +641,22 @@ def test_mistakes(part: dict[str, Any], said: str) -> None:
         made(BLOCK | part)
     assert said in str(caught.value)
     assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    'more', [{}, {'i': '5 N m/rad/s', 'd': '0.4 N m s/rad', 'limit': '2 N m'}]
+)
+def test_a_target_of_a_servo_with_units_is_that_in_si(more):
+    """Then its gains have theirs, too."""
+    ends = []
+    for target, rate in (('1 + t', '1'), ('1 rad + 60 deg/s*t*3/pi', '1 rad/s')):
+        servo = {'between': ['ground', 'a'], 'target': target, 'target_rate': rate} | more
+        content = {
+            'mechanism': 'linkage',
+            'links': {'a': {'mass': 2.0, 'inertia': 0.1}},
+            'joints': {'b': {'revolute': ['ground', 'a']}},
+            'servos': {'s': servo | {'p': '8 N m/rad'}},
+        }
+        ends.append(ms.simulate(content, duration=0.5).sample([0.5], 'position.a')['position.a'])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-14)
+    assert abs(ends[0]) > 0.1

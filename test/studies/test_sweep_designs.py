@@ -222,6 +222,22 @@ def test_main_effects_are_differences_of_means_and_shares_of_variance():
     assert [level.runs for level in a.levels] == [50] * 8
 
 
+def test_what_chance_shows_of_a_value_without_effect_is_said():
+    """One of 20 designs shows more; of a grid, where all classes are alike, nothing is said."""
+    shown = []
+    for seed in range(300):
+        random = np.random.default_rng(seed)
+        plan, rows = study({name: [0.0, 1.0] for name in 'ab'}, 'random', 60, lambda a, b: b)
+        for row, noise in zip(rows, random.normal(size=60), strict=True):
+            row['y'] = noise
+        effect = effects(plan, rows)[0]
+        shown.append(effect.effect > effect.chance)
+    assert 0.02 < np.mean(shown) < 0.09
+    plan, rows = study({'a': [0.0, 1.0]}, 'random', 6, lambda a: a)
+    plan.design = None
+    assert effects(plan, rows)[0].chance is None
+
+
 def test_levels_of_a_grid_are_its_values():
     plan, rows = study({'a': [0.0, 1.0]}, 'random', 6, lambda a: a)
     for k, run in enumerate(plan.runs):

@@ -10,12 +10,13 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.joint_keys import Reference
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Part, si_of
+from mechanism_sim.numerics.expressions import parse
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene.formula_keys import check_formula, or_formula
 from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 from mechanism_sim.scene.loads.spring import Placing, SpringPart
 from mechanism_sim.scene.loads.state import formula_state
-from mechanism_sim.units import QuantityValue
+from mechanism_sim.units import QuantityValue, alike
 
 _INTEGRAL = 'integral'
 _NOTHING = QuantityValue(0.0, '')
@@ -73,20 +74,30 @@ class ServoPart(ElementKeys):
         ----------
         own : what stands before its own length or angle and rate
         """
-        target, pace = (
-            f'({x})' if isinstance(x, str) else f'({x.value!r})'
-            for x in (self.target, self.target_rate)
-        )
+        said, of = self._said, 'rad' if self._turns else 'm'
+        target, pace = said(self.target, of), said(self.target_rate, f'{of}/s')
         error = f'({target} - {own}{"angle" if self._turns else "length"})'
-        wanted = f'{self.p.value!r}*{error}'
+        wanted = f'{said(self.p)}*{error}'
         if self.d.value:
-            wanted += f' + {self.d.value!r}*({pace} - {own}rate)'
+            wanted += f' + {said(self.d)}*({pace} - {own}rate)'
         if self.i.value:
-            wanted += f' + {self.i.value!r}*{name}.{_INTEGRAL}'
+            wanted += f' + {said(self.i)}*{name}.{_INTEGRAL}'
         if not self.limit:
             return wanted, wanted, error
-        limit = self.limit.value
-        return f'min({limit!r}, max(0 - {limit!r}, {wanted}))', wanted, error
+        limit = said(self.limit)
+        return f'min({limit}, max(0 - {limit}, {wanted}))', wanted, error
+
+    @property
+    def _has_units(self) -> bool:
+        """True if a formula of its own has any: then all of its effort must have them."""
+        formulas = [x for x in (self.target, self.target_rate) if isinstance(x, str)]
+        return not all(alike(n.unit or '', '') for x in formulas for n in parse(x, None).walk())
+
+    def _said(self, x: QuantityValue | str, unit: str = '') -> str:
+        """A value or a formula as a part of another formula."""
+        if isinstance(x, str):
+            return f'({x})'
+        return f'({x.value!r} {x.unit or unit})' if self._has_units else f'({x.value!r})'
 
     def placed(self, places: Names, name: str, tree: Mechanism) -> Placing:
         """Where it acts."""
@@ -108,7 +119,7 @@ class ServoPart(ElementKeys):
         if not self.i.value:
             return force
         effort, wanted, error = self._efforts(f'{name}.', name)
-        rate = f'{error} + ({effort} - ({wanted}))/{self.p.value!r}' if self.limit else error
+        rate = f'{error} + ({effort} - ({wanted}))/{self._said(self.p)}' if self.limit else error
         (state,) = self.states(name)
         integral = formula_state(places, tree, state, f'{unit} s', 0.0, 1.0, rate)
         return lambda mechanism: [*force(mechanism), *integral(mechanism)]
