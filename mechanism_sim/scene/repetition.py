@@ -28,7 +28,6 @@ _WHOLE = 1e-6
 """Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
 _CENTRED = 1e-9
 """Of the size of the machine: what is so near to the centre of a wheel is there."""
-_WAVES = 'sin', 'cos', 'tan'
 _PROSE = 'title', 'description', 'tables'
 _GEOMETRY = 'links', 'joints', 'gears'
 
@@ -109,8 +108,8 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
         *(_Phase(link, {link: 1.0}, TWO_PI) for link in _seen(plan)),
         *(
             _Phase(node.text, factors, _span(plan, node.name))
-            for node, factors in calls_of_angles(plan, _WAVES)
-            if node.name in _WAVES or plan.scene.tables[node.name].curve.cyclic
+            for node, factors in calls_of_angles(plan, formula.PERIODIC)
+            if node.name in formula.PERIODIC or plan.scene.tables[node.name].curve.cyclic
         ),
     ]
     if len(first) == 1:
@@ -155,7 +154,7 @@ def _again(phase: _Phase, turned: Mapping[str, float]) -> bool:
 
 def _span(plan: ScenePlan, function: str) -> float:
     """After which a function of an angle repeats itself [rad]."""
-    if function in _WAVES:
+    if function in formula.PERIODIC:
         return TWO_PI
     points = plan.scene.tables[function].points
     return points[-1][0].value - points[0][0].value

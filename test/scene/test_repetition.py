@@ -80,6 +80,7 @@ def test_a_table_of_two_turns_makes_runs_of_two():
         (lambda: engine(force='gas(rod)'), 1, ''),  # a rod swings
         (lambda: engine(force='gas(t)'), 1, ''),
         (lambda: engine(force='3 N*sin(0.25*crank)'), 4, 'sin(0.25*crank)'),
+        (lambda: engine(force='gas(crank/2)'), 4, 'gas(crank/2)'),
         (lambda: made(CAMSHAFT.replace('teeth: 40', 'teeth: 20'), **CLOSER), 1, ''),
         (lambda: ms.load_scene('gear_pair'), 1, ''),  # wheels are round
         (lambda: ms.load_scene('gear_pair', {'links.wheel.cog': '1 mm'}), 2, 'wheel'),
