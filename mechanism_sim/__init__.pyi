@@ -294,7 +294,7 @@ class Scene(_schema.Scene):
         description : Purpose of the scene, and where its numbers come from.
         gravity : Acceleration along x and along y. [m/s^2]
         axial_gravity : Towards the reader, of links that move along their axes. [m/s^2]
-        duration : Length of a run if none is given; one revolution if this is missing, too. [s, > 0]
+        duration : Length of a run if none is given; without it the turns that bring all again. [s, > 0]
         start : Where loose pins start: pressed on their bushings as by an ideal joint, or in the middle. [seated or centred]
         outputs : Published outputs, and how often.
         solver : Tolerances of the solution.

@@ -21,6 +21,7 @@ from mechanism_sim.cli.options import (
     read_machine,
     read_measures,
     refuse_options,
+    say_turns,
     scene_options,
     several,
     time_option,
@@ -47,7 +48,8 @@ def add(command: Command) -> None:
         sub, '--at', 'ANGLE|WAY',
         "all quantities at a position of the drive, as '30 deg' or '60 mm'; a turn begins there",
     )  # fmt: skip
-    option(sub, '--revolutions', 'N', 'number of turns of the drive (default: 1)', int)
+    turns = 'number of turns of the drive (default: as many as bring all again)'
+    option(sub, '--revolutions', 'N', turns, int)
     time_option(sub, '--duration', 'length, for a drive without a constant speed')
     sub.add_argument(
         '--points', nargs='+', action='extend', default=[], metavar='LINK.POINT',
@@ -116,6 +118,7 @@ def _cycle(options: argparse.Namespace) -> int:
     if options.output:
         tables.check_output(options.output)
     machine = read_machine(options)
+    say_turns(options, machine, of_cycle=True)
     unit = 'm' if machine.plan.main in machine.plan.ideal.displacements else 'rad'
     at = quantity('--at', options.at, unit)[0] if options.at else None
     with progress.busy('cycle', options.json) as say:

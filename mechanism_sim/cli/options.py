@@ -241,6 +241,22 @@ def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
     return machine
 
 
+def say_turns(options: argparse.Namespace, machine: Machine, of_cycle: bool = False) -> None:
+    """Say on standard error how many turns are computed if nobody says, where it is not plain one.
+
+    Parameters
+    ----------
+    of_cycle : of a steady drive turns count, whatever duration the scene has
+    """
+    from mechanism_sim.results.cycle import is_steady  # noqa: PLC0415
+
+    given = machine.scene.duration and not (of_cycle and is_steady(machine))
+    if options.revolutions is not None or options.duration is not None or given:
+        return
+    if note := machine.drive.repetition.note(machine.plan.main):
+        print(f'mechanism-sim: {machine.name}: {note}', file=sys.stderr)
+
+
 def ros_args(options: argparse.Namespace) -> list[str]:
     """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)

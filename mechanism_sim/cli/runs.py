@@ -27,6 +27,7 @@ from mechanism_sim.cli.options import (
     read_measures,
     refuse_options,
     ros_args,
+    say_turns,
     scene_options,
 )
 from mechanism_sim.errors import InputError, nearest
@@ -110,6 +111,7 @@ def _solve(options: argparse.Namespace) -> int:
     if options.sample_rate is not None and not options.output:
         raise InputError('--sample-rate needs --output: it is that of the samples in the file')
     machine = read_machine(options)
+    say_turns(options, machine)
     end = run_length(machine, options.revolutions, options.duration)
     taken = Measurement(machine, read_measures(options, machine))
     snapshot = Snapshot.load(options.resume) if options.resume else None
@@ -182,6 +184,7 @@ def _run(options: argparse.Namespace) -> int:
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     machine, overrides = read_machine(options), overrides_of(options)
+    say_turns(options, machine)
     end = run_length(machine, options.revolutions, options.duration)
     if not 0.0 <= options.realtime_factor < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')

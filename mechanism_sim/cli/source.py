@@ -13,6 +13,7 @@ from mechanism_sim.cli.options import (
     option,
     overrides_of,
     read_machine,
+    say_turns,
     scene_options,
     skip_option,
     skipped_turns,
@@ -124,6 +125,7 @@ def simulate_run(
     if check:
         check(machine)
     if to is None:
+        say_turns(options, machine)
         end = start + run_length(machine, options.revolutions, options.duration)
     else:
         end = run_length(machine, None, to)

@@ -20,6 +20,7 @@ from mechanism_sim.cli.options import (
     read_measures,
     read_workers,
     refuse_options,
+    say_turns,
     scene_options,
     several,
     skip_option,
@@ -65,7 +66,8 @@ def add(command: Command) -> None:
     text = "a constraint, as 'largest(reaction.ram_pin) < 12 kN'; several times"
     several(sub, '--subject-to', 'GOAL', text, 'subject_to')
     option(sub, '--values', 'N', 'number of values of the curve, or to try at first', 17)
-    time_option(sub, '--duration', 'length of a cycle; one turn of the drive if not given')
+    text = 'length of a cycle; without it the turns of the drive that bring all again'
+    time_option(sub, '--duration', text)
     option(sub, '--revolutions', 'N', 'length of a cycle in whole turns of a steady drive', int)
     text = 'local: from the best of the values tried; global: by differential evolution'
     sub.add_argument('--search', choices=('local', 'global'), default='local', help=text)
@@ -228,6 +230,7 @@ def _find_value(options: argparse.Namespace) -> int:
         raise InputError('--values must be at least 2, --evaluations at least 1')
     workers = read_workers(options, 1)
     machine = read_machine(options)
+    say_turns(options, machine, of_cycle=True)
     evolves = front or options.search == 'global'
     total = options.evaluations if evolves else options.values
     with progress.count('find', total, options.json) as show:

@@ -66,7 +66,7 @@ class SimulationNode(DescribedNode):
         self.declare_frames()
         self._content = Content.declare(self)
         self.add_on_set_parameters_callback(self._judge_content)
-        about = 'Length of the run [s]; 0: that of the scene, or one revolution'
+        about = 'Length of the run [s]; 0: that of the scene, or the turns that bring all again'
         self.declare('duration', 0.0, about, LONG, read_only=True)
         self._soon: float | None = None
         self._early: list[tuple[Callable[[Any], None], Any]] = []

@@ -57,6 +57,8 @@ def coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, flo
             ExpressionNode(kind='number') as factor,
         ):
             terms = [(factor.value, x)]
+        case '/', (x, ExpressionNode(kind='number', value=divisor)) if divisor:
+            terms = [(1.0 / divisor, x)]
         case _:
             return None
     found: dict[str, float] = {}

@@ -138,6 +138,11 @@ class HigherPair(Connection, ABC):
         return None
 
     @property
+    def alike(self) -> tuple[str, ...]:
+        """The links that it holds alike at any of their angles, as wheels by their centres."""
+        return ()
+
+    @property
     def elastic(self) -> bool:
         """True if it has forces of its own, `elements`, instead of a closure and walls."""
         return False

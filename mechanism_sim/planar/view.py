@@ -65,7 +65,7 @@ class Told:
     @property
     def is_force(self) -> bool:
         """True if it is known only where masses are."""
-        return self.units[-1] == 'N'
+        return self.units[-1] in ('N', 'N m')
 
 
 class ToothLoad(NamedTuple):

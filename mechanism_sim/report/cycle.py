@@ -27,11 +27,12 @@ _NOTHING = 1e-8  # of the other end of a range, which is shown with six digits
 
 
 def where(cycle: Cycle, extreme: Extreme) -> str:
-    """The position of the drive at an extreme, within a turn."""
+    """The position of the drive at an extreme, within the turns that bring all again."""
     if cycle.drive in cycle.machine.mechanism.displacements:
         return f'{1e3 * extreme.drive:.4f} mm'
-    angle = math.degrees(extreme.drive) % 360.0
-    return f'{0.0 if angle > 360.0 - 5e-5 else angle:.4f} deg'
+    again = 360.0 * cycle.machine.drive.repetition.turns
+    angle = math.degrees(extreme.drive) % again
+    return f'{0.0 if angle > again - 5e-5 else angle:.4f} deg'
 
 
 def render(cycle: Cycle) -> str:

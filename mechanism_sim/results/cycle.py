@@ -1,7 +1,7 @@
 """Everything about a machine over one cycle, as arrays by name.
 
-A cycle is a revolution of the drive where it turns at constant speed, and otherwise as long as it
-is asked for.
+A cycle is a revolution of the drive where it turns at constant speed, or as many as bring all
+again, as two of a camshaft at half speed; otherwise it is as long as it is asked for.
 """
 
 from __future__ import annotations
@@ -347,7 +347,7 @@ def cycle(
     scene : all that `load_scene` takes
     samples : intervals between samples in a cycle
     start : position of the drive where the cycle begins [rad]; where the scene begins if not
-    periods : turns of the drive; one if not given
+    periods : turns of the drive; as many as bring all again if not given (`MainDrive.repetition`)
     duration : [s] instead, where the drive has no constant speed; that of the scene if not
     points : whose paths are wanted, ``LINK.POINT``
     local : forces on each link along and across it too
@@ -380,7 +380,8 @@ def cycle(
     machine, begin, end = cycle_window(machine, start, periods, duration)
     steady = is_steady(machine)
     solution = simulate(machine, duration=end)
-    t = np.linspace(begin, end, samples * (periods or 1 if steady else 1) + 1)
+    turns = (periods or machine.drive.repetition.turns) if steady and duration is None else 1
+    t = np.linspace(begin, end, samples * turns + 1)
     repeats = steady and duration is None
     return Cycle(machine, solution, t, repeats, chosen, local, static, machine is not whole)
 
@@ -399,10 +400,12 @@ def cycle_window(
         if not steady:
             raise InputError(f'{machine.name}: only a drive at constant speed has a start angle')
         angle, speed = machine.drive.start
-        begin = math.remainder(start - angle, 2.0 * math.pi) / speed
-        begin += machine.drive.period if begin < 0.0 else 0.0
+        turns = machine.drive.repetition.turns
+        begin = math.remainder(start - angle, 2.0 * math.pi * turns) / speed
+        begin += turns * machine.drive.period if begin < 0.0 else 0.0
     if steady and duration is None:
-        return machine, begin, begin + (periods or 1) * machine.drive.period
+        turns = periods or machine.drive.repetition.turns
+        return machine, begin, begin + turns * machine.drive.period
     return machine, begin, begin + span(machine, periods, duration)
 
 
@@ -494,7 +497,7 @@ def _time_at(cycle: Cycle, value: float) -> float:
 def is_steady(machine: Machine) -> bool:
     """True if the main drive turns at constant speed, so that there is a period.
 
-    Other drives rest, or turn whole turns in each of its turns.
+    Other drives rest, or turn whole turns in the turns after which all is as before.
     """
     speeds = []
     for coordinate, laws in machine.plan.laws.items():
@@ -506,7 +509,7 @@ def is_steady(machine: Machine) -> bool:
             return False
     if not speeds[0]:
         return False
-    ratios = [speed / speeds[0] for speed in speeds]
+    ratios = [machine.drive.repetition.turns * speed / speeds[0] for speed in speeds]
     return all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
 
 

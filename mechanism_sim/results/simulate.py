@@ -209,7 +209,8 @@ def simulate(
     ----------
     scene : all that `load_scene` takes: a machine, a name, a path, YAML, a dictionary
     revolutions : of the crank, or
-    duration : [s], or with its unit as ``'10 s'``; without either the scene's, or one revolution
+    duration : [s], or with its unit as ``'10 s'``; without either the scene's, or the
+        revolutions that bring all again, most often one
     progress : called after every batch of steps
     resume : where an earlier run of the same machine stood; the solution begins there, and
         `revolutions` and `duration` count from the beginning of the earlier run

@@ -154,7 +154,11 @@ def check_formula(
         symbols = {x: hy.expression(x) for x in units}
         _refuse_degrees(root, tables, [x for x in places.links if x not in tree.sliding])
         formula.expression(text, formula.Words(symbols, tables=dict.fromkeys(tables, lambda x: x)))
-        if not all(alike(n.unit or '', '') for n in root.walk()):  # degrees are plain numbers
+        named = {n.name for n in root.walk() if n.kind == 'call'}
+        read = [table.points[0][1].unit for name, table in tables.items() if name in named]
+        given = [n.unit or '' for n in root.walk()]
+        # degrees are plain numbers; of forces in tables all may be in SI units, pressures say more
+        if not all(alike(x, '') for x in given) or not {*read} <= {'N', 'N m', ''}:
             units |= {f'{n}()': table.points[0][1].unit or None for n, table in tables.items()}
             _check_units(root, units, text, unit, _starts(places, [*root.names, where]))
     except InputError as error:

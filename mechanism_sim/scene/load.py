@@ -75,7 +75,7 @@ def load_scene(
 def span(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
     """The duration [s] asked for, as revolutions of the crank or as a time, ``'10 s'``.
 
-    If none is asked for, that of the scene, or else one revolution.
+    If none is asked for, that of the scene, or else as many revolutions as bring all again.
     """
     if revolutions is not None and duration is not None:
         raise InputError('give either revolutions or a duration, not both')
@@ -87,7 +87,8 @@ def span(machine: Machine, revolutions: float | None, duration: float | str | No
     if asked is None:
         duration = machine.scene.duration
     if duration is None:
-        duration = machine.drive.time_of(1.0 if revolutions is None else revolutions)
+        turns = machine.drive.repetition.turns if revolutions is None else revolutions
+        duration = machine.drive.time_of(turns)
     return duration
 
 

@@ -3,7 +3,8 @@
 - `Machine.plan`: links, joints, drives and forces as the scene is read (`ScenePlan`)
 - `Machine.assembly`: the mechanism without clearance at the start (`assemble`)
 - `Machine.level`: how much mechanics the scene needs
-- `Machine.drive`: the drive whose revolutions count (`MainDrive`)
+- `Machine.drive`: the drive whose revolutions count, also of those that bring all again
+  (`MainDrive`)
 - `Machine.nominal`: motion and forces without clearance (`Nominal`)
 - `Machine.equations`: the compiled equations of motion (`EquationsOfMotion`)
 - `Machine.physics`: forces, gaps and energies along a motion, whatever the level
@@ -49,6 +50,7 @@ from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan, announce, ordered_laws
+from mechanism_sim.scene.repetition import Repetition, repetition
 from mechanism_sim.scene.schema import Commands, JointPart, Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.start import Start
@@ -113,7 +115,7 @@ class Machine(Rich):
     @cached_property
     def drive(self) -> MainDrive:
         """Its main drive."""
-        return MainDrive(self.plan)
+        return MainDrive(self.plan, self)
 
     # --- its start, and how much mechanics it needs ---------------------------------------------
 
@@ -330,6 +332,12 @@ class MainDrive:
     """The drive of the coordinate `ScenePlan.main`; lengths and speeds in m if it slides."""
 
     plan: ScenePlan
+    machine: Machine = field(repr=False, compare=False)
+
+    @cached_property
+    def repetition(self) -> Repetition:
+        """After how many of its turns all is as before."""
+        return repetition(self.machine.rigid.nominal, self.period)
 
     @property
     def laws(self) -> tuple[Law, ...]:

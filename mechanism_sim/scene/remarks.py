@@ -17,18 +17,16 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from mechanism_sim.documents import texts_of
-from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.drive_range import drive_range
-from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import ExpressionNode
 from mechanism_sim.planar.drive import DriveLaw, Law, ends
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.formula_keys import table_calls
 from mechanism_sim.scene.gate import TURN
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.repetition import calls_of_angles
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.units import to_si, written
 
@@ -202,15 +200,10 @@ def _tables(machine: Machine) -> Iterator[str]:
     """Tables over the angle of a link that turns on, which do not come again with its turns."""
     if not (tables := machine.scene.tables):
         return
-    content = machine.scene.to_document()
-    links = [x for x in machine.plan.links if x not in machine.plan.ideal.displacements]
-    said = (text for key, part in content.items() if key != 'tables' for _, text in texts_of(part))
-    for text in dict.fromkeys(x for x in said if any(f'{name}(' in x for name in tables)):
-        with suppress(InputError):  # words that are no formula
-            for node, factors in table_calls(formula.read(text, tables), tables, links):
-                turning = [(x, n) for x, n in factors.items() if _turns_on(machine, x)]
-                if len(turning) == 1:  # of two, their difference need not turn
-                    yield from _out_of_turn(node, tables[node.name], *turning[0])
+    for node, factors in calls_of_angles(machine.plan):
+        turning = [(x, n) for x, n in factors.items() if _turns_on(machine, x)]
+        if len(turning) == 1:  # of two, their difference need not turn
+            yield from _out_of_turn(node, tables[node.name], *turning[0])
 
 
 def _out_of_turn(

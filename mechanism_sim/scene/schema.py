@@ -458,7 +458,7 @@ class AnyScene(Part):
     axial_gravity: Acceleration = 0.0
     """Towards the reader, of links that move along their axes."""
     duration: Duration | None = None
-    """Length of a run if none is given; one revolution if this is missing, too."""
+    """Length of a run if none is given; without it the turns that bring all again."""
     start: Literal['seated', 'centred'] = 'seated'
     """Where loose pins start: pressed on their bushings as by an ideal joint, or in the middle."""
     outputs: Outputs = Outputs()

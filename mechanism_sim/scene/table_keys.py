@@ -13,18 +13,29 @@ from pydantic import Field, model_validator
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.quantities import Part, si_of
+from mechanism_sim.keys.quantities import Part, UnitValue, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.drawn_edges import drawn_edges
 from mechanism_sim.scene.motion_keys import PositionPart
-from mechanism_sim.units import QuantityValue, to_si_text
+from mechanism_sim.units import QuantityValue, to_si_of, to_si_text
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''
-_VALUES = 'N', 'N m', ''
+_VALUES = 'N', 'N m', 'Pa', ''
+
+
+def _value(given: object) -> QuantityValue:
+    """A value of a table, in any product of common units."""
+    if isinstance(given, list | tuple) and len(given) == 2 and isinstance(given[1], str):
+        given = f'{given[0]!r} {given[1]}'.strip()  # as JSON has it
+    try:
+        return to_si_of(given, _VALUES)
+    except ValueError:
+        return to_si_text(given)
+
 
 Along = Annotated[QuantityValue, si_of(*_ALONG)]
-Value = Annotated[QuantityValue, si_of(*_VALUES)]
+Value = Annotated[QuantityValue, UnitValue(_value, _VALUES, 'a quantity in any other unit')]
 
 
 class TablePart(Part):
@@ -129,14 +140,17 @@ _KEYS = {
 
 
 def _wanted(key: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """SI units in which the columns of a file may be, by the path of the key that names it."""
+    """SI units in which the columns of a file may be, by the path of the key that names it.
+
+    With an empty one they may be in others, too.
+    """
     head, *path = key.strip('.').split('.')
     if head in ('drive', 'drives') and 'motor' in path:
         return ('rad/s',), ('N m',)
     if head in ('drive', 'drives'):
         return ('s',), ('rad', 'm') if 'position' in path else ('rad/s', 'm/s')
     if head == 'tables':
-        return _ALONG[:-1], _VALUES[:-1]
+        return _ALONG[:-1], _VALUES
     return ('m', 'rad'), ('m', 'rad')  # of cams, which need a whole turn, and say so
 
 
@@ -166,6 +180,10 @@ def _points_of(
                 f"'{asked}': keep one"
             )
         unit = asked or said or named_unit(name, fitting)
+        try:
+            to_si_of(f'1 {unit}', tuple(fitting)) if '' not in fitting else _value(f'1 {unit}')
+        except ValueError as error:
+            raise InputError(f"{table.where}: column '{name}': {error}") from error
         if not unit and fitting[0] in _SAID:
             assume(
                 f"{table.where}: column '{name}' has no unit: it is read in {_SAID[fitting[0]]}"

@@ -91,6 +91,7 @@ def ensemble(
             measures=tuple(m for m in run.measures if wanted is None or measure_name(m) in wanted),
             wanted=wanted,
             keep=keep,
+            refused=run.refused,
         )
         for run in plan.runs
     }

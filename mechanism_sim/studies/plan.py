@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
+from mechanism_sim.documents import texts_of
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
@@ -88,6 +89,7 @@ class Run:
     given : the same as the file has it
     key : a fingerprint of all that its row follows from
     measures : what is measured, as ``NAME = TEXT`` or ``TEXT``
+    refused : why the machine cannot be assembled or moved at these values; empty if it can
     """
 
     index: int
@@ -97,6 +99,7 @@ class Run:
     given: Mapping[str, Any]
     key: str
     measures: tuple[str, ...] = ()
+    refused: str = ''
 
     @property
     def stem(self) -> str:
@@ -244,34 +247,39 @@ def read_plan(
             checked_scene = check_scene(base.file, base.data, overrides, base.folder)
         extent = extent or _extent(path.name, file)  # a key that is not known is named first
         with _in_run(where):
+            for f in factors if not runs else ():
+                f.check_unit(units_at(checked_scene, f.path)[1])
             for repetition in range(file.repeat):
-                machine = build(base.name, checked_scene)
-                if repetition * file.nudge:  # the drive a little further at the start
-                    machine = started_at(machine, machine.drive.start[0] + repetition * file.nudge)
+                names_of: dict[str, float | str] = {SCENE: base.name, REPEAT: repetition}
+                try:
+                    machine = _machine(base.name, checked_scene, repetition * file.nudge, extent)
+                except InputError as error:
+                    if not _is_of_numbers(checked_scene, columns):
+                        raise
+                    values, why = _ordered(checked_scene, columns, names_of), str(error)
+                    key = _hash([checked_scene.to_document(), vars(extent), why])
+                    run = Run(len(runs), base.name, checked_scene, values, given, key, refused=why)
+                    runs.append(run)
+                    continue
                 nudged = machine.scene
-                for f in factors if not runs else ():
-                    f.check_unit(units_at(nudged, f.path)[1])
                 asked = [*taken, *_of_scene(path.name, machine, taken)]
                 read = [] if file.windows else of_sensors(machine, asked)
                 if named not in measured:
                     measured[named] = _texts(asked)
                     for column in own_columns(machine, [*asked, *read]):
                         own.setdefault(column.name, column)
-                admit_turning(machine, span(machine, extent.revolutions, extent.duration))
                 if file.windows:
                     edges, skipped = extent.edges(machine)
                     windows.check(file.windows, machine, edges[skipped], edges[-1])
                     nudged = windows.with_seed(nudged, len(runs), columns)
-                values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
-                values |= {SCENE: base.name} if SCENE in columns else {}
-                values |= {REPEAT: repetition} if REPEAT in columns else {}
-                ordered = {c: values[c] for c in columns}
+                values = _ordered(nudged, columns, names_of)
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
                 texts = (*_texts(asked), *(m.text for m in read))
                 ruling += [list(texts)] if texts else []
                 ruling += [_measurement_keys(nudged)] if read or _read_sensors(asked) else []
                 key = _hash(ruling)
-                runs.append(Run(len(runs), base.name, nudged, ordered, given, key, texts))
+                runs.append(Run(len(runs), base.name, nudged, values, given, key, texts))
+    _refuse_hopeless(path.name, runs)
     names = dict.fromkeys(measure_name(text) for texts in measured.values() for text in texts)
     limits = _limits(path.name, file, own, names)
     units = _units(columns, runs) | {f.path: f.unit for f in factors}
@@ -281,6 +289,30 @@ def read_plan(
         file.windows, units, tuple(own.values()), _of_all(measured.values()), tuple(factors),
         design, limits,
     )  # fmt: skip
+
+
+def _machine(name: str, scene: Scene, nudge: float, extent: Extent) -> Machine:
+    """The machine of a run, with its drive a little further at the start [rad]."""
+    machine = build(name, scene)
+    if nudge:
+        machine = started_at(machine, machine.drive.start[0] + nudge)
+    admit_turning(machine, span(machine, extent.revolutions, extent.duration))
+    return machine
+
+
+def _is_of_numbers(scene: Scene, columns: Iterable[str]) -> bool:
+    """True if all that varies is numbers: what only some of them allow is no slip in a name."""
+    places = (value_at(scene, c)[0] for c in columns if c not in (SCENE, REPEAT))
+    documents = (x.to_document() if isinstance(x, Part) else x for x in places)
+    return not any(True for x in documents for _ in texts_of(x))
+
+
+def _refuse_hopeless(file: str, runs: Iterable[Run]) -> None:
+    """Refuse a sweep of whose runs with one scene none can be made."""
+    able = {run.name for run in runs if not run.refused}
+    for run in runs:
+        if run.name not in able:
+            raise InputError(f'{file}: run {run.index}{_describe(run.given)}: {run.refused}')
 
 
 @contextmanager
@@ -410,7 +442,12 @@ def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
 
 
 def _extent(file: str, sweep: SweepFile) -> Extent:
-    if (sweep.revolutions is None) == (sweep.duration is None):
+    if sweep.revolutions is None and sweep.duration is None:
+        raise InputError(
+            f"{file}: the length of the runs is missing: give 'revolutions' or 'duration', for "
+            "example 'revolutions: 1'"
+        )
+    if sweep.revolutions is not None and sweep.duration is not None:
         raise InputError(f"{file}: give either 'revolutions' or 'duration', and not both")
     limit = sweep.revolutions or sweep.duration or 0.0
     try:
@@ -439,6 +476,13 @@ def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
             f"{file}: 'scene' is missing: the name of a scene of the package, or the path of one"
         )
     return (*swept, REPEAT) if sweep.repeat > 1 else swept
+
+
+def _ordered(
+    scene: Scene, columns: Iterable[str], others: Mapping[str, float | str]
+) -> dict[str, float | str | bool | None]:
+    """Values in the columns of a run, those beside the scene's own among them."""
+    return {c: others[c] if c in others else _value(scene, c) for c in columns}
 
 
 def _value(scene: Scene, path: str) -> float | str | bool | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechanism_sim.engine.digest import MotionDigest
+from mechanism_sim.errors import InputError
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.run import Observer, Piece
@@ -40,6 +41,7 @@ class SweepTask:
     Attributes
     ----------
     wanted : columns of the row; what takes long and is not among them is not computed
+    refused : why there is no run, as `plan.Run` has it
     keep : whether the row has its whole run as `SOLUTION`
     """
 
@@ -52,9 +54,12 @@ class SweepTask:
     measures: tuple[str, ...] = ()
     wanted: frozenset[str] | None = None
     keep: bool = False
+    refused: str = ''
 
     def row(self) -> Row:
         """Make the run: its figures, its steps and its digest."""
+        if self.refused:
+            raise InputError(self.refused)
         machine = Machine(self.name, self.scene)
         figures = _Figures(machine, self)
         run = stream(machine, duration=figures.edges[-1])

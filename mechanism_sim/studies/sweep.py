@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -165,7 +165,8 @@ def _tasks(plan: SweepPlan, bags: Path | None, windows: Path | None) -> list[Swe
     for key, (run, *others) in sharing.items():
         bag = bags / f'{run.stem}.mcap' if bags else None
         files = tuple(cut[r.index] for r in (run, *others)) if cut else ()
-        tasks.append(SweepTask(key, run.name, run.scene, plan.extent, bag, files, run.measures))
+        task = SweepTask(key, run.name, run.scene, plan.extent, bag, files, run.measures)
+        tasks.append(replace(task, refused=run.refused))
     return tasks
 
 

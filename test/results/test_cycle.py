@@ -550,3 +550,14 @@ def test_measures_of_a_static_cycle_are_those_of_its_columns():
     assert rms.value == found.rms('drive_torque')
     moving = ms.cycle('slider_crank')
     assert rms.value < 0.1 * moving.rms('drive_torque')  # it moves by inertia above all
+
+
+@pytest.mark.parametrize('scene', ['geneva', 'linear_intermittent'])
+def test_slots_without_forces_have_a_cycle_of_their_motion(scene):
+    machine = ms.load_scene(scene, {'outputs.forces': False})
+    found = ms.cycle(machine, start='30 deg', samples=36)
+    assert not [name for name in found.names if 'torque' in name or 'force' in name]
+    assert all(np.isfinite(x).all() for x in found.table().values())
+    driven = machine.plan.links[-1]
+    ends = found.extremes()[f'position.{driven}']
+    assert ends.greatest.value - ends.least.value == pytest.approx(found.swings()[driven].size)

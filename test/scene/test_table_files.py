@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import subprocess
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import yaml
 from running import TIMEOUT, command
 
-from mechanism_sim import documents
+from mechanism_sim import documents, simulate
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.cli import main
 from mechanism_sim.csv_tables import LARGEST, MOST
@@ -251,3 +252,34 @@ def test_places_that_are_evidently_degrees_are_no_radians(scene):
         push['loads']['push']['torque'] = right
         file.write_text(yaml.safe_dump(bare | push))
         assert load_scene(str(file))
+
+
+@pytest.mark.parametrize(
+    ('heading', 'value'), [('p [bar]', '55'), ('p [MPa]', '5.5'), ('p [N/cm^2]', '550')]
+)
+def test_pressures_of_an_indicator_diagram_act_by_an_area(scene, heading, value):
+    loads = {'gas': {'at': 'arm.end', 'force': [0, 'load(arm)*2 cm^2 - 100 N']}}
+    path = scene(text=f'angle [deg],{heading}\n0,{value}\n360,{value}\n', periodic=True)
+    run = simulate(load_scene(str(path), {'loads': loads}), revolutions=0.25)
+    torque = run.sample(0.0, 'drive_torque')['drive_torque'][0]
+    assert torque == pytest.approx(-1000.0 * 1.0, rel=1e-9)  # 5.5 MPa on 2 cm^2, less 100 N
+
+
+@pytest.mark.parametrize(
+    ('force', 'words'),
+    [
+        ('load(arm)*2e-4', 'is in Pa, not in N'),
+        ('(load(arm) - 1)*2 cm^2', 'has no unit beside what is in Pa'),
+    ],
+)
+def test_pressures_want_units_beside_them(scene, force, words):
+    path = scene(text='angle [deg],p [bar]\n0,1\n360,1\n')
+    loads = {'gas': {'at': 'arm.end', 'force': [0, force]}}
+    with pytest.raises(InputError, match=re.escape(words)):
+        load_scene(str(path), {'loads': loads}).plan  # noqa: B018
+
+
+def test_a_unit_that_is_none_is_told_by_its_column(scene):
+    said = refusal(scene(text='angle [deg],p [furlong]\n0,1\n360,1\n'))
+    assert "'load.csv': column 'p': 'furlong' is not" in said
+    assert 'points.0' not in said

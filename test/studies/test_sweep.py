@@ -140,7 +140,7 @@ def test_the_sweep_of_the_thesis_is_found_by_name():
         ('grid: {drive.speed: 1}', 'must be a list'),
         ('grid: {drive.speed: []}', 'must not be empty'),
         ('set: {drive.speed: 1}\ngrid: {drive.speed: [1]}', "both 'set' and 'grid'"),
-        ('grid: {links.crank.length: [64 mm, 1 m]}', r'run 1 .*cannot'),
+        ('grid: {links.crank.length: [1 m, 2 m]}', r'run 0 .*cannot'),
         ('runs: [3]', 'must be a list of names'),
         ('skip: 3', 'less than 3'),
         ('skip: 0.5', 'whole number'),
@@ -160,7 +160,7 @@ def test_bad_sweeps_are_refused_before_anything_runs(tmp_path, text, said):
 def test_a_key_that_is_not_known_is_named_before_a_length_that_is_missing(tmp_path):
     for key, said in (
         ('drive.sped', "did you mean 'speed'"),
-        ('drive.speed', r"^\w+.yaml: give either 'revolutions' or 'duration', and not both"),
+        ('drive.speed', r"^\w+.yaml: the length of the runs is missing: give 'revolutions' or"),
     ):
         with pytest.raises(InputError, match=said):
             plan_of(tmp_path, f'scene: four_bar_clearance\ngrid: {{{key}: [1]}}\n')
@@ -538,3 +538,35 @@ def test_windows_without_a_place_are_refused():
     plan = {'revolutions': 1, 'windows': {'samples': 64}, 'grid': {'drive.speed': ['300 rpm']}}
     with pytest.raises(InputError, match='the sweep has windows: give windows='):
         ms.sweep(plan, scene='four_bar_clearance')
+
+
+def test_values_at_which_a_machine_cannot_turn_are_rows_with_their_reason(tmp_path):
+    grid = {'links.rod.length': ['0.2 m', '0.03 m', '0.15 m']}
+    plan = {'scene': 'slider_crank', 'revolutions': 1, 'grid': grid, 'measures': {'top': TOP}}
+    file = tmp_path / 'rods.csv'
+    for _ in range(2):  # made, and from its journal
+        found = ms.sweep(plan, file)
+        assert found['status'][[0, 2]].tolist() == ['done', 'done']
+        assert 'cannot follow its drive' in found['status'][1]
+        assert np.isfinite(found['top']).tolist() == [True, False, True]
+    same = ms.ensemble(
+        'slider_crank', {'links.rod.length': [0.2, 0.03]}, revolutions=1, measures=[f'top = {TOP}']
+    )
+    assert same['status'][1] == found['status'][1]
+
+
+TOP = 'highest(velocity.piston)'
+
+
+@pytest.mark.parametrize(
+    ('grid', 'said'),
+    [
+        ({'links.rod.length': ['0.2 m', '0.2 mn']}, 'run 1'),
+        ({'drive.coordinate': ['crank', 'crunk']}, 'run 1'),
+        ({'links.rod.length': ['0.02 m', '0.03 m']}, 'run 0'),  # none can turn
+        ({'scene': ['slider_crank', 'four_bar_nominal'], 'links.crank.length': ['0.9 m']}, 'run'),
+    ],
+)
+def test_slips_are_no_rows_and_a_sweep_that_cannot_be_is_refused(grid, said):
+    with pytest.raises(InputError, match=said):
+        ms.sweep({'revolutions': 1, 'scene': 'slider_crank'} | {'grid': grid})

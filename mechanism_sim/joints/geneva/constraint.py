@@ -107,6 +107,11 @@ class Geneva(IndexingPair):
     distance: float  #: [m] of the two centres
     entry: float  #: [m] from the wheel's centre to the mouth of a slot
 
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """The wheel: it is left with another slot at the same place."""
+        return (self.second,)
+
     def reading(self, view: PairView) -> GenevaReading:
         """The pin is in a slot while nearer to the centre than the slots' mouths."""
         centre = view.place(self.second, self.on_second)

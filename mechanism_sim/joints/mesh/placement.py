@@ -10,6 +10,8 @@ from mechanism_sim.joints.mesh.compliance import Elasticity
 from mechanism_sim.joints.mesh.involute import Gear
 from mechanism_sim.planar.mechanism import HigherPair, Prismatic
 
+_WHOLE = 1e-9  # of a wave of an error: what rounding leaves of a whole number in a tooth
+
 
 class Teeth(NamedTuple):
     """A gear as it stands on its link, or a rack that it could mesh with."""
@@ -68,6 +70,18 @@ class PlacedMesh(HigherPair):
     def per_phase(self) -> float:
         """Way along the line of action by phase of the teeth [m/rad]."""
         return self.base_pitch / (2.0 * math.pi)
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Gears, unless teeth have errors of their own: with the next tooth all is as before."""
+        own = {
+            x.member
+            for x in self.errors
+            for whole in [x.order / self.waves[x.member]]
+            if abs(whole - round(whole)) > _WHOLE
+        }
+        pair = self.first, self.second
+        return tuple(link for k, link in enumerate(pair) if k not in own)
 
     @property
     def sign(self) -> float:

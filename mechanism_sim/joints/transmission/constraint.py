@@ -83,6 +83,11 @@ class Transmission(HigherPair):
         first, second = self.guides or (None, None)
         return first, second
 
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Both."""
+        return self.first, self.second
+
     def bears(self, link: str) -> bool:
         """A link that turns does so with the cross-section at its point."""
         return link in (self.first, self.second) and not self.guides

@@ -166,6 +166,11 @@ class SpringPart(ElementKeys):
                     f'{where}.{key}: the table {named} must be over {along[0]} or {along[1]}, and '
                     'not cyclic'
                 )
+            if y not in ('', 'N', 'N m'):
+                raise InputError(
+                    f'{where}.{key}: the values of the table {named} must be in N or N m, not in '
+                    f'{y}'
+                )
             kinds |= {x == along[1]} if x else set()
             kinds |= {y == 'N m'} if y else set()
         kinds |= {True} if self.torque else set()

@@ -1,0 +1,193 @@
+"""After how many turns of its drive a machine is as before: gears, belts, cams, tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from mechanism_sim.documents import texts_of
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.numerics import formula
+from mechanism_sim.numerics.expressions import ExpressionNode
+from mechanism_sim.numerics.polynomials import TWO_PI
+from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.mechanism import HigherPair, Weld
+from mechanism_sim.planar.points import Vector2
+from mechanism_sim.scene.formula_keys import table_calls
+from mechanism_sim.scene.nominal import Nominal
+from mechanism_sim.scene.plan import ScenePlan
+
+MOST = 12
+"""Turns of the drive up to which it is looked whether a machine repeats itself."""
+_WHOLE = 1e-6
+"""Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
+_CENTRED = 1e-9
+"""Of the size of the machine: what is so near to the centre of a wheel is there."""
+_PROSE = 'title', 'description', 'tables'
+_GEOMETRY = 'links', 'joints', 'gears'
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """How often the main drive turns until all of a machine is as before.
+
+    Attributes
+    ----------
+    turns : a whole number; 1 too if there is none up to `MOST`, or nothing is known of it
+    last : what comes again last, or not at all; empty if one turn brings all again
+    found : whether all comes again
+    """
+
+    turns: int = 1
+    last: str = ''
+    found: bool = True
+
+    def note(self, main: str) -> str:
+        """Return what is computed by default, if it is not plainly one turn."""
+        if not self.last:
+            return ''
+        if self.found:
+            return (
+                f'{self.last} comes again after {self.turns} turns of {main}: '
+                f'{self.turns} turns are computed'
+            )
+        return (
+            f'{self.last} does not come again within {MOST} turns of {main}: one turn is '
+            'computed, and others differ'
+        )
+
+
+class _Phase(NamedTuple):
+    """A sum of angles [rad] of links that does something again after a span."""
+
+    text: str
+    factors: dict[str, float]
+    span: float
+
+
+def calls_of_angles(
+    plan: ScenePlan, functions: Collection[str] = ()
+) -> Iterator[tuple[ExpressionNode, dict[str, float]]]:
+    """Calls of tables, and of other functions, at sums of angles in all formulas of a scene."""
+    straight, known = plan.ideal.displacements, {*plan.scene.tables, *functions}
+    links = [link for link in plan.links if link not in straight]
+    content = plan.scene.to_document()
+    said = dict.fromkeys(text for _, text in texts_of(content, _PROSE))
+    for text in (x for x in said if any(f'{name}(' in x for name in known)):
+        with suppress(InputError):  # words that are no formula
+            yield from table_calls(formula.read(text, plan.scene.tables), known, links)
+
+
+def repetition(nominal: Nominal, period: float) -> Repetition:
+    """After how many turns of the main drive a machine without clearance is as before.
+
+    Where links are follows from the angle of the main drive alone, or from drives at constant
+    speeds. A link that looks alike at any angle, as a wheel, need not come back; a wheel with an
+    eccentric mass has to, and so has a cam.
+
+    Parameters
+    ----------
+    nominal : of the machine with rigid links
+    period : of a turn of the main drive [s], at its constant speed
+    """
+    plan = nominal.plan
+    first = [laws[0] for laws in plan.laws.values()]
+    steady = all(
+        isinstance(law, DriveLaw) and law.degree <= 1 and len(laws) == 1
+        for law, laws in zip(first, plan.laws.values(), strict=True)
+    )
+    known = len(first) == 1 or (steady and math.isfinite(period))
+    if not known or plan.powered or plan.main in plan.ideal.displacements:
+        return Repetition()
+    phases = [
+        *(_Phase(link, {link: 1.0}, TWO_PI) for link in _seen(plan)),
+        *(
+            _Phase(node.text, factors, _span(plan, node.name))
+            for node, factors in calls_of_angles(plan, formula.PERIODIC)
+            if node.name in formula.PERIODIC or plan.scene.tables[node.name].curve.cyclic
+        ),
+    ]
+    if len(first) == 1:
+        pace = math.copysign(TWO_PI, plan.held[plan.main][1])
+        first, period = [DriveLaw(plan.main, (plan.held[plan.main][0], pace))], 1.0
+    if nominal.assembly.freedom:  # where other links go is not known beforehand
+        phases = [phase for phase in phases if {*phase.factors} <= {plan.main}]
+    alone = all({*phase.factors} <= {plan.main} for phase in phases)
+    last, never = '', [phase.text for phase in phases]
+    try:
+        for turns, angles in enumerate(_turned(nominal, first, period, alone), 1):
+            off = [phase.text for phase in phases if not _again(phase, angles)]
+            if not off:
+                return Repetition(turns, last)
+            never = [text for text in never if text in off]
+            last = (never or off)[0]
+    except (InputError, RunError):  # no full turn
+        return Repetition()
+    return Repetition(1, last, found=False)
+
+
+def _turned(
+    nominal: Nominal, laws: Sequence[Law], period: float, main_alone: bool
+) -> Iterator[dict[str, float]]:
+    """How far links have turned [rad] after one turn of the main drive, two, and so on."""
+    if main_alone:
+        yield from ({nominal.plan.main: TWO_PI * n} for n in range(1, MOST + 1))
+        return
+    run, start, names = nominal.run(laws), None, nominal.plan.ideal.coordinates
+    for n in range(1, MOST + 1):
+        curve = run.motion(n * period).curve
+        start = curve(np.zeros(1))[0] if start is None else start
+        there = curve(np.array([n * period]))[0]
+        yield dict(zip(names, (there - start).tolist(), strict=True))
+
+
+def _again(phase: _Phase, turned: Mapping[str, float]) -> bool:
+    """True if a sum of angles has gone on by whole spans."""
+    spans = math.fsum(factor * turned[x] for x, factor in phase.factors.items()) / phase.span
+    return abs(spans - round(spans)) < _WHOLE
+
+
+def _span(plan: ScenePlan, function: str) -> float:
+    """After which a function of an angle repeats itself [rad]."""
+    if function in formula.PERIODIC:
+        return TWO_PI
+    points = plan.scene.tables[function].points
+    return points[-1][0].value - points[0][0].value
+
+
+def _seen(plan: ScenePlan) -> list[str]:
+    """Links that turn, and of which it is seen how far: others are alike at any angle.
+
+    Those are wheels on which all is at one point, their axle.
+    """
+    pairs = [joint for joint in plan.joints if isinstance(joint, HigherPair)]
+    if not pairs:  # links alone are as before after a turn
+        return []
+    ideal, at = plan.ideal, dict[str, list[Vector2]]()
+    for link, point in (point for joint in plan.joints for point in joint.points):
+        at.setdefault(link, []).append(point)
+    for body in ideal.bodies:
+        at.setdefault(body.name, []).extend([body.cog] if body.mass else [])
+    for _, text in texts_of(plan.scene.to_document(), (*_PROSE, *_GEOMETRY)):
+        link, _, point = text.partition('.')
+        if place := plan.points.get(link, {}).get(point or 'start'):
+            at.setdefault(link, []).append(place)
+    sensors = plan.scene.sensors.values()
+    # the axes of what stands at a place of a link turn with it
+    seen = {sensor.link for sensor in sensors if getattr(sensor, 'at', None) is not None}
+    seen |= {link for pair in pairs for link in pair.links if link not in pair.alike}
+    seen |= {
+        link
+        for link, points in at.items()
+        if max(math.dist(points[0], x) for x in points) > _CENTRED * ideal.size
+    }
+    welds = [joint for joint in plan.joints if isinstance(joint, Weld)]
+    for _ in welds:  # as far as they reach one after another
+        seen |= {x for j in welds if seen & {j.first, j.second} for x in (j.first, j.second)}
+    names = {*ideal.coordinates} - {*ideal.displacements}
+    return [body.name for body in ideal.bodies if body.name in seen & names]

@@ -1,0 +1,120 @@
+"""After how many turns of the drive all of a machine is as before, and what is computed then."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from builders import made
+from running import run
+
+import mechanism_sim as ms
+
+CAMSHAFT = """
+mechanism: linkage
+links:
+  ground: {points: {c: [0 mm, 90 mm], g: [0 mm, 130 mm]}}
+  crank: {mass: 1 kg, inertia: 100 kg mm^2}
+  cam: {mass: 1 kg, inertia: 100 kg mm^2}
+  follower: {mass: 0.2 kg}
+gears:
+  a: {at: crank, teeth: 20, module: 3 mm}
+  b: {at: cam, teeth: 40, module: 3 mm}
+joints:
+  m: {revolute: [ground, crank]}
+  c: {revolute: [ground.c, cam]}
+  z: {mesh: [a, b]}
+  g: {prismatic: [ground.g, follower], axis: 90 deg}
+  k:
+    cam: [cam, follower]
+    follower: roller
+    roller: 8 mm
+    base_radius: 30 mm
+    law:
+      segments:
+        - {from: 0 deg, to: 60 deg, rise: 8 mm, curve: cycloidal}
+        - {from: 60 deg, to: 120 deg, rise: -8 mm, curve: cycloidal}
+drive: {coordinate: crank, speed: 3000 rpm}
+"""
+#: of the law: 2 pi h (w/b)^2, w the speed of the cam and b the angle of a rise
+RISE = 2.0 * np.pi * 8e-3 * (50.0 * np.pi / (np.pi / 3.0)) ** 2
+
+GAS = {'points': [['0 deg', '1 N'], ['300 deg', '5 N'], ['720 deg', '1 N']], 'periodic': True}
+
+
+def engine(span: str = '720 deg', force: str = 'gas(crank)') -> ms.Machine:
+    points = [*GAS['points'][:2], [span, '1 N']]
+    loads = {'gas': {'at': 'piston', 'force': [f'-{force}', 0]}}
+    return ms.load_scene('slider_crank', {'tables.gas': GAS | {'points': points}, 'loads': loads})
+
+
+def test_a_cam_at_half_speed_lifts_in_a_cycle_of_two_turns():
+    machine = made(CAMSHAFT)
+    assert machine.drive.repetition.turns == 2
+    found = ms.cycle(machine)
+    assert found.duration == pytest.approx(2.0 * machine.drive.period, rel=1e-12)
+    assert found.extremes()['lift.k'].greatest.value == pytest.approx(8e-3, rel=1e-9)
+    assert found.extremes()['acceleration.follower'].greatest.value == pytest.approx(RISE)
+    assert len(found.t) == 721
+    beside = ms.cycle(machine, start='400 deg')  # in the second turn
+    assert beside['position.crank'][0] == pytest.approx(np.radians(400.0))
+    found = ms.find(
+        machine, 'drive.speed=500 rpm:3000 rpm', 'largest(acceleration.follower) = 500'
+    )
+    assert found.values['drive.speed'] == pytest.approx(100.0 * np.pi * np.sqrt(500.0 / RISE))
+
+
+def test_a_table_of_two_turns_makes_runs_of_two():
+    machine = engine()
+    whole = ms.simulate(machine, revolutions=2.0)
+    assert ms.simulate(machine).duration == whole.duration
+    mean = ms.measure(machine, whole, 'mean(drive_torque)')[0].value
+    assert ms.cycle(machine).mean('drive_torque') == pytest.approx(mean, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('machine', 'turns', 'last'),
+    [
+        (lambda: engine('360 deg'), 1, ''),
+        (lambda: engine('1080 deg'), 3, 'gas(crank)'),
+        (lambda: engine(force='gas(2*crank)'), 1, ''),
+        (lambda: engine(force='gas(rod)'), 1, ''),  # a rod swings
+        (lambda: engine(force='gas(t)'), 1, ''),
+        (lambda: engine(force='3 N*sin(0.25*crank)'), 4, 'sin(0.25*crank)'),
+        (lambda: engine(force='gas(crank/2)'), 4, 'gas(crank/2)'),
+        (lambda: made(CAMSHAFT.replace('teeth: 40', 'teeth: 20'), **CLOSER), 1, ''),
+        (lambda: ms.load_scene('gear_pair'), 1, ''),  # wheels are round
+        (lambda: ms.load_scene('gear_pair', {'links.wheel.cog': '1 mm'}), 2, 'wheel'),
+        (lambda: ms.load_scene('gear_pair', {'sensors': RIM}), 2, 'wheel'),
+        (lambda: ms.load_scene('geneva'), 1, ''),  # the next slot is like the last
+        (lambda: ms.load_scene('planetary'), 4, 'carrier'),
+        (lambda: ms.load_scene('gear_four_bar'), 2, 'crank'),
+        (lambda: ms.load_scene('pendulum'), 1, ''),
+        (lambda: ms.load_scene('rack_and_pinion'), 1, ''),
+    ],
+)  # fmt: skip
+def test_turns_after_which_all_is_as_before(machine, turns, last):
+    found = machine().drive.repetition
+    assert (found.turns, found.last, found.found) == (turns, last, True)
+
+
+CLOSER = {'links.ground.points.c': ['0 mm', '60 mm'], 'links.ground.points.g': ['0 mm', '100 mm']}
+RIM = {'rim': {'kind': 'accelerometer', 'link': 'wheel', 'at': '20 mm', 'sample_rate': '1 kHz'}}
+
+
+def test_a_table_that_never_comes_again_leaves_one_turn_and_a_note():
+    machine = engine('718 deg')
+    assert ms.cycle(machine).duration == pytest.approx(machine.drive.period, rel=1e-12)
+    assert 'gas(crank) does not come again within 12 turns' in machine.drive.repetition.note(
+        'crank'
+    )
+
+
+def test_commands_say_how_many_turns_they_take(tmp_path):
+    scene = tmp_path / 'camshaft.yaml'
+    scene.write_text(CAMSHAFT, encoding='utf-8')
+    said = 'cam comes again after 2 turns of crank: 2 turns are computed'
+    for command in ('cycle', 'solve'):
+        done = run(command, str(scene))
+        assert said in done.stderr, command
+        assert done.stderr.count('turns') == 2
+    assert said not in run('cycle', str(scene), '--revolutions', '1').stderr
