@@ -113,7 +113,8 @@ def _swings(cycle: Cycle) -> Iterator[str]:
         if swing.turns:
             line = f'{name} makes {counted(swing.turns, "full turn")}'
             back = sum(abs(x.way) for x in swing.strokes if x.way * swing.turns < 0.0)
-            yield line + (f' and goes back {scale * back:.6g} {shown} on the way' if back else '')
+            line += f' and goes back {scale * back:.6g} {shown} on the way' if back else ''
+            yield line + _dwells(swing, shown, scale)
             continue
         line = f'{name} goes over {scale * swing.size:.6g} {shown}'
         if swing.period is None:
@@ -129,12 +130,18 @@ def _swings(cycle: Cycle) -> Iterator[str]:
                 f'{"up" if x.way > 0.0 else "down"} {scale * abs(x.way):.6g} in {x.duration:.6g} s'
                 for x in swing.strokes
             )
-        if swing.dwells and swing.size:
-            within = f' within {scale * swing.ripple:.3g} {shown}' if swing.ripple else ''
-            line += f'; stands{within} ' + ', '.join(
-                f'at {scale * x.position:.6g} {shown} for {x.duration:.6g} s' for x in swing.dwells
-            )
-        yield line
+        elif not swing.comes_back:
+            line += f' in {swing.period - (swing.standing or 0.0):.6g} s'
+        yield line + _dwells(swing, shown, scale)
+
+
+def _dwells(swing: Swing, unit: str, scale: float) -> str:
+    if not swing.dwells or not swing.size:
+        return ''
+    within = f' within {scale * swing.ripple:.3g} {unit}' if swing.ripple else ''
+    return f'; stands{within} ' + ', '.join(
+        f'at {scale * x.position:.6g} {unit} for {x.duration:.6g} s' for x in swing.dwells
+    )
 
 
 def _drive(cycle: Cycle) -> Iterator[str]:
@@ -151,6 +158,8 @@ def _drive(cycle: Cycle) -> Iterator[str]:
     yield f'mean power of the drive {power:.6g} W'
     if (efficiency := cycle.efficiency) is not None:
         yield f'efficiency {efficiency:.6g}: the rest is friction in ideal joints'
+    elif power > 0.0 and any(name.startswith('friction_loss.') for name in cycle.names):
+        yield 'efficiency: none, for loads drive the machine, too: friction takes more'
 
 
 def to_json(cycle: Cycle) -> dict[str, object]:

@@ -44,6 +44,8 @@ from mechanism_sim.units import argument
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6
 """[s] that is run where only the start is wanted."""
+_ROUNDED = 1e-9
+"""An efficiency so near to zero is zero: works are sums of quadratures."""
 _NEAR = 1e-4  # of the way between limits of a drive: what is so near to one is told by its growth
 
 # eight instants, in steps, and the weights with which a polynomial through them gives what is
@@ -305,15 +307,27 @@ class Cycle(plotting.Rich):
 
     @property
     def efficiency(self) -> float | None:
-        """Part of the drives' work that friction in ideal joints leaves, 0 to 1.
+        """Part of what the drives and stored energy give that friction in ideal joints leaves.
 
-        None where nothing rubs, or the drives do no work on the whole.
+        It is 0 to 1; None where nothing rubs, where they give nothing on the whole, or less than
+        friction takes, for loads drive the machine, too.
         """
         losses = [name for name in self.names if name.startswith('friction_loss.')]
         power = self.mean_power if losses else 0.0
         if power <= 0.0:
             return None
-        return 1.0 - sum(self.mean(name) for name in losses) / power
+        if not self.static:
+            power += max(self._less_stored / self.duration, 0.0)
+        left = 1.0 - sum(self.mean(name) for name in losses) / power
+        if left < -_ROUNDED:
+            return None
+        return left if left > _ROUNDED else 0.0
+
+    @property
+    def _less_stored(self) -> float:
+        """Kinetic and potential energy at the begin, less those at the end [J]."""
+        ends = self.at(self.t[[0, -1]], ['energy.kinetic', 'energy.potential'])
+        return -float(sum(np.diff(ends[f'energy.{kind}'])[0] for kind in ('kinetic', 'potential')))
 
     @property
     def mean_power(self) -> float:

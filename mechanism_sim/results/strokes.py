@@ -71,8 +71,8 @@ class Swing:
     size : greatest less least value [rad or m]
     turns : whole turns that an angle is farther after the cycle; 0 if they are not whole
     gained : by how much it is farther after the cycle [rad or m]
-    period : after which the motion repeats itself [s], but for whole turns; None if it does not,
-        and then nothing is known of strokes
+    period : after which the motion repeats itself [s], but for what it gained; None if it does
+        not, and then nothing is known of strokes
     strokes, dwells : in a period, in the order of time
     ripple : how far it moves while it is said to stand [rad or m], 0 for a true standstill
     """
@@ -158,9 +158,9 @@ def find_swings(
     for i, (name, size) in enumerate(zip(coordinates, sizes, strict=True)):
         gained = float(positions[1, i] - positions[0, i])
         turns = round(gained / TWO_PI) if angles[i] else 0
-        off = abs(gained - TWO_PI * turns)
+        turns = turns if abs(gained - TWO_PI * turns) <= _REPEATS * size else 0
         faster = abs(rates[1, i] - rates[0, i])
-        if period is None or off > _REPEATS * size or faster > _REPEATS * speeds[i]:
+        if period is None or faster > _REPEATS * speeds[i]:
             found[name] = Swing(size, 0, gained)
             continue
         own = _period(curve, i, span, _REPEATS * size, period)
@@ -168,6 +168,9 @@ def find_swings(
         each = float(curve(np.array([span[0] + own]))[0, i]) - runs[0].start
         runs, ripple = _without_ripples(runs, _RIPPLE * size, own, each)
         strokes, dwells = _strokes(runs, own, each)
+        if strokes and not turns and abs(gained) > _REPEATS * size:  # it goes to and fro elsewhere
+            found[name] = Swing(size, 0, gained)
+            continue
         found[name] = Swing(size, turns, gained, own, strokes, dwells, ripple)
     return found
 

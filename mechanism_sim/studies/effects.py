@@ -43,8 +43,8 @@ class Effect:
     effect : greatest less least of these means
     share : of the variance that the factor explains by itself: epsilon squared, the correlation
         ratio without what classes of so few runs explain by chance (Kelley 1935)
-    chance : an effect that drawn runs show by chance in 5 % of designs where there is none (Tukey's
-        range of means); None where the other factors have the same values in all classes
+    chance : an effect that drawn runs exceed by chance in 5 % of designs where there is none
+        (Tukey's range of means); None where the others have the same values in all classes
     first, total : indices of Sobol and their 95 % intervals, of a design for them only
     """
 

@@ -12,6 +12,7 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.joints.mesh.pair import Pair
 from mechanism_sim.planar.switches import HOLDS
+from mechanism_sim.report import cycle as report
 from test.grid.case import variant
 
 G = 9.81
@@ -498,6 +499,40 @@ def test_what_cannot_rub_is_refused(name, joint, friction, sentence):
     keys = {**keys[joint], 'friction': {'coefficient': 0.1, **friction}}
     with pytest.raises(InputError, match=sentence):
         made(variant(name, {f'joints.{joint}': keys}), name)
+
+
+def test_there_is_no_efficiency_where_loads_drive_the_machine_too():
+    """Of a chain with 0.15 +- 4 N m on its wheel, which gives more than the drive; or none at all.
+
+    A load that takes nothing leaves all to friction, but for rounding.
+    """
+    scene = {
+        'mechanism': 'linkage',
+        'links': {
+            'ground': {'points': {'f': [0.4, 0.1]}},
+            'a': {'mass': 2.0, 'inertia': 0.003},
+            'b': {'mass': 6.0, 'inertia': 0.08},
+        },
+        'joints': {
+            'sa': {'revolute': ['ground', 'a']},
+            'sb': {'revolute': ['ground.f', 'b']},
+            'belt': {
+                'belt': ['a', 'b'], 'radii': [0.04, 0.1], 'friction': {'efficiency': 0.9},
+            },
+        },
+        'drive': {'coordinate': 'a', 'speed': 30.0},
+    }  # fmt: skip
+    torque = {'l': {'at': 'b', 'torque': '0.15 + 4*sin(b*2.5)'}}
+    driven = ms.cycle(scene | {'loads': torque})
+    assert driven.efficiency is None
+    assert 'loads drive the machine, too' in report.render(driven)
+    assert ms.cycle(scene | {'loads': {'l': {'at': 'b', 'torque': -5.0}}}).efficiency == (
+        pytest.approx(0.9, rel=1e-9)
+    )
+    alone = ms.cycle(
+        ms.load_scene('slider_crank', {'joints.ground_piston.friction.coefficient': 0.2})
+    )
+    assert alone.efficiency == 0.0
 
 
 def test_the_efficiency_is_said():

@@ -123,6 +123,25 @@ def test_what_turns_one_way_stands_in_its_dwells_only():
     assert wheel.standing == pytest.approx(0.75 * 2.0, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ('scene', 'name', 'size', 'moves', 'stands'),
+    [
+        ('geneva', 'wheel', TURN / 4.0, 0.125, 0.375),
+        ('linear_intermittent', 'rack', 0.08, 0.5, 0.5),
+    ],
+)
+def test_what_is_indexed_moves_in_a_part_of_the_turn(scene, name, size, moves, stands):
+    """A pin is in one of four slots during 90 degrees, on a rack during 180 degrees."""
+    found = ms.cycle(scene)
+    swing = found.swings()[name]
+    assert swing.turns == 0
+    assert swing.strokes == ()
+    assert abs(swing.gained) == pytest.approx(size, rel=1e-9)
+    assert swing.standing == pytest.approx(stands, rel=1e-6)
+    assert swing.period - swing.standing == pytest.approx(moves, rel=1e-6)
+    assert f'in {moves:g} s; stands at' in report.render(found)
+
+
 def test_a_rotation_with_a_way_back_shows_it():
     """An angle that gains 8 rad in 1 s, loses what is more than a turn in the next, and rests."""
     back = 8.0 - TURN

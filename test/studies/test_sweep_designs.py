@@ -227,7 +227,7 @@ def test_what_chance_shows_of_a_value_without_effect_is_said():
     shown = []
     for seed in range(300):
         random = np.random.default_rng(seed)
-        plan, rows = study({name: [0.0, 1.0] for name in 'ab'}, 'random', 60, lambda a, b: b)
+        plan, rows = study({name: [0.0, 1.0] for name in 'ab'}, 'random', 60, lambda *x: x[1])
         for row, noise in zip(rows, random.normal(size=60), strict=True):
             row['y'] = noise
         effect = effects(plan, rows)[0]
