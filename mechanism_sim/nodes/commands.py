@@ -12,7 +12,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Float64
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Parameter
-from mechanism_sim.nodes.partners import SETTLE
+from mechanism_sim.nodes.partners import SAY_AGAIN, SETTLE
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.planar.drive import DriveLaw
 
@@ -33,7 +33,8 @@ class DriveCommands:
     begins when there is a controller: a publisher of commands, or a command, as of a program that
     the graph does not show. What is commanded before holds from 0 on, and is none of the n: a
     program that nobody sees can but repeat it until it is heard. A controller is no partner: when
-    one leaves, time waits for the command of another, and the log says so.
+    one leaves, time waits for the command of another, and the log says so. A command that comes
+    before its period waits for it: which one holds is a matter of numbers, not of who was faster.
     """
 
     def __init__(self, drive: Drive) -> None:
@@ -100,6 +101,24 @@ class DriveCommands:
             self._drive.set_parameters([Parameter(self._name, value=self._launched)])
         if self._name and self._launched != self._commanded:
             self._hold(self._launched)
+        if self._period and (unequal := self._unequal):
+            rates = self._drive.machine.scene.outputs.joint_states, 1.0 / self._period
+            ends = 'gets ever later' if rates[0] > rates[1] else 'is waited for without end'
+            self._drive.get_logger().warning(
+                f'{unequal}: a controller that answers each state {ends}; make them equal, as by '
+                f"--set 'outputs.joint_states={rates[1]:.12g} Hz'"
+            )
+
+    @property
+    def _unequal(self) -> str:
+        """How often joint states and commands come; empty if they come as often."""
+        rate = self._drive.machine.scene.outputs.joint_states
+        if math.isclose(rate * self._period, 1.0):
+            return ''
+        return (
+            f'joint_states come every {1.0 / rate:.9g} s, but one command is for '
+            f'{self._period:.9g} s (command_period)'
+        )
 
     def look(self) -> None:
         """Give the commands that came before their time, if it has come."""
@@ -119,7 +138,8 @@ class DriveCommands:
         else:
             nobody = '' if self._published else ', which nobody in the graph publishes'
             said = f'a command on {self._topic} since t = {at:.9g} s{nobody}'
-            drive.partners.say_waiting(said, since, 'command')
+            why = f'; {unequal}' if (unequal := self._unequal) else ''
+            drive.partners.say_waiting(f'{said}{why}', since, 'command')
 
     def _follow(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:
@@ -143,6 +163,12 @@ class DriveCommands:
         if self._period and self._begun:
             self._early.append(value)
             self.look()
+            if len(self._early) > 1:
+                self._drive.get_logger().warning(
+                    f'{len(self._early)} commands on {self._topic} wait for their periods of '
+                    f'{self._period:.9g} s (command_period): they come faster than one for each',
+                    throttle_duration_sec=SAY_AGAIN,
+                )
         else:
             self._since = self._since or time.monotonic()
             self._hold(value)

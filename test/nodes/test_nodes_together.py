@@ -387,6 +387,55 @@ def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(monk
     assert not there[0].left
 
 
+@pytest.mark.parametrize(
+    ('rate', 'said'),
+    [('100', '0.01 s, but one command is for 0.005 s'), ('200', ''),
+     ('400', '0.0025 s, but one command is for 0.005 s')],
+)  # fmt: skip
+def test_a_rate_of_joint_states_that_is_not_that_of_commands_is_said(rate, said, capsys):
+    with nodes_of(
+        'four_bar_governed', 0.05, drive=LOCKED, overrides=(f'outputs.joint_states={rate} Hz',)
+    ) as nodes:
+        spin([*nodes.values()], lambda: all(n.ready for n in nodes.values()))
+    told = capsys.readouterr().err
+    assert ('joint_states come every' in told) == bool(said)
+    assert said in told
+    assert ("as by --set 'outputs.joint_states=200 Hz'" in told) == bool(said)
+
+
+def test_who_waits_for_a_command_on_a_state_that_does_not_come_says_why(monkeypatch, capsys):
+    monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
+    controller, told = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
+    rare = ('outputs.joint_states=100 Hz',)
+
+    def says() -> bool:
+        told.extend(capsys.readouterr().err.splitlines())
+        held = 'waiting for a command on /command/effort since t = 0.01 s; joint_states come every'
+        return any(held in line for line in told)
+
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED, overrides=rare) as nodes:
+            spin([*nodes.values(), controller], says)
+    finally:
+        controller.destroy_node()
+
+
+def test_commands_that_come_faster_than_periods_are_said_once(capsys):
+    controller = Commander('hasty', 0)
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED, paused=True) as nodes:
+            drive, every = nodes['crank_drive'], [*nodes.values(), controller]
+            spin(every, lambda: drive.ready and drive._commands.horizon > 0.0)
+            for _ in range(4):
+                controller.command.publish(Float64(data=0.1))
+            spin(every, lambda: len(drive._commands._early) == 4)
+    finally:
+        controller.destroy_node()
+    told = [x for x in capsys.readouterr().err.splitlines() if 'wait for their periods' in x]
+    assert len(told) == 1
+    assert '2 commands on /command/effort wait for their periods of 0.005 s' in told[0]
+
+
 class Component(Node):
     """A hardware component of ros2_control with its manager, and the speed controller's law.
 
