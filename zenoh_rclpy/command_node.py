@@ -123,7 +123,7 @@ class CommandNode:
 
     def allow(self, patience: float) -> None:
         """Wait from now on at most so long [s] for all that is asked for."""
-        self._end = time.monotonic() + patience
+        self._patience, self._end = patience, time.monotonic() + patience
 
     # the graph
 
@@ -199,10 +199,17 @@ class CommandNode:
         heard: Callable[[Any], bool],
         kind: str | None = None,
         end: float | None = None,
+        wanted: int = 0,
     ) -> None:
         """Hand on messages of a topic until `heard` gives true, or the time `end` has come [s].
 
-        The profile is that of the publishers: reliable and latched if all of them are.
+        The profile is that of the publishers: reliable and latched if all of them are. So many
+        as are `wanted` must come while there is patience; for others there is no limit.
+
+        Raises
+        ------
+        UsageError, MiddlewareError
+            If there is no such topic, or fewer messages come.
         """
         full, types = (topic, [kind]) if kind else self.endpoints(topic)[:2]
         given = self.node.get_publishers_info_by_topic(full)
@@ -211,10 +218,11 @@ class CommandNode:
         latched = profiles and all(
             p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles
         )
-        over = False
+        over, count = False, 0
 
         def take(message: Any) -> None:
-            nonlocal over
+            nonlocal over, count
+            count += 1
             over = over or heard(message)
 
         subscription = self.node.create_subscription(
@@ -235,13 +243,28 @@ class CommandNode:
         try:
             while not over and (end is None or time.monotonic() < end):
                 spin_once(self.node, timeout_sec=_BEAT)
+                self._check_patience(full, count, wanted)
         finally:
             self.node.destroy_subscription(subscription)
 
-    def rates(self, topic: str, times: list[float], over: Callable[[], bool]) -> None:
+    def _check_patience(self, topic: str, count: int, wanted: int) -> None:
+        """Raise MiddlewareError if fewer messages than are wanted have come in time."""
+        if count >= wanted or time.monotonic() < self._end:
+            return
+        said = f'{count} of {wanted} messages' if count else 'no message'
+        said += f' came on {topic} in {self._patience:g} s'
+        if self.node.count_publishers(topic):
+            raise MiddlewareError(said)
+        known = [n for n, _ in self.topics() if self.node.count_publishers(n)]
+        raise missing(f'{said}: nobody publishes there', topic, known, MiddlewareError)
+
+    def rates(
+        self, topic: str, times: list[float], over: Callable[[], bool], wanted: int = 0
+    ) -> None:
         """Add when messages of a topic come [s], until `over` gives true.
 
-        It is asked at every message, and now and then without any.
+        It is asked at every message, and now and then without any. Those that are `wanted` are
+        waited for as by `listen`.
         """
         full, types, *_ = self.endpoints(topic)
         subscription = self.node.create_subscription(
@@ -254,6 +277,7 @@ class CommandNode:
         try:
             while not over():
                 spin_once(self.node, timeout_sec=_BEAT)
+                self._check_patience(full, len(times), wanted)
         finally:
             self.node.destroy_subscription(subscription)
 

@@ -49,9 +49,9 @@ def make_parser() -> argparse.ArgumentParser:
     common = Parser(add_help=False)
     common.add_argument('--json', action='store_true', help='JSON to standard output')
     common.add_argument(
-        '--timeout', metavar='S', type=_positive, default=10.0,
+        '--timeout', metavar='S', type=_positive,
         help='wait at most so long until what is asked for is there, and for answers '
-        '(default: %(default)s)',
+        '(default: 10.0); for messages, without end unless it is given',
     )  # fmt: skip
 
     def group(name: str, text: str) -> Callable[..., argparse.ArgumentParser]:
@@ -155,9 +155,10 @@ def _run(given: list[str]) -> tuple[int, str]:
     """Exit code of a command, and in one sentence what is wrong."""
     try:
         options = make_parser().parse_args(given)
-        from zenoh_rclpy.command_node import command_node  # noqa: PLC0415 - not for --help
+        # not for --help
+        from zenoh_rclpy.command_node import PATIENCE, command_node  # noqa: PLC0415
 
-        with command_node(options.timeout) as node:
+        with command_node(options.timeout or PATIENCE) as node:
             return int(options.act(node, options) or 0), ''
     except SystemExit as ended:  # after --help
         return int(ended.code or 0), ''
@@ -212,7 +213,8 @@ def _echo(node: CommandNode, options: argparse.Namespace) -> None:
         _print(options, field(message, options.field) if options.field else message, '---')
         return bool(count == options.count)
 
-    node.listen(options.topic, heard, options.type, end=end)
+    wanted = (options.count or 1) if options.timeout else 0
+    node.listen(options.topic, heard, options.type, end, wanted)
 
 
 def _hz(node: CommandNode, options: argparse.Namespace) -> None:
@@ -234,7 +236,7 @@ def _hz(node: CommandNode, options: argparse.Namespace) -> None:
         return ended
 
     try:
-        node.rates(options.topic, times, over)
+        node.rates(options.topic, times, over, 2 if options.timeout else 0)
     finally:  # a signal does not lose what was measured
         if len(times) > 1:
             _print_rate(options, times)

@@ -12,11 +12,14 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Float64
 from mechanism_sim.nodes.drive import Drive
 from mechanism_sim.nodes.middleware import Parameter
-from mechanism_sim.nodes.partners import SETTLE
+from mechanism_sim.nodes.partners import SAY_AGAIN, SETTLE
 from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.planar.drive import DriveLaw
 
-_LOOK = 0.5  # [s] between looks whether time waits for a command
+PATIENCE = 1.0
+"""[s] of wall time after which a state that no command answers is shown again."""
+
+_LOOK = 0.5  # [s] between looks whether time waits for a command, long enough for a node to join
 
 
 class DriveCommands:
@@ -33,7 +36,9 @@ class DriveCommands:
     begins when there is a controller: a publisher of commands, or a command, as of a program that
     the graph does not show. What is commanded before holds from 0 on, and is none of the n: a
     program that nobody sees can but repeat it until it is heard. A controller is no partner: when
-    one leaves, time waits for the command of another, and the log says so.
+    one leaves, time waits for the command of another, and the log says so. One that comes while
+    time waits is shown the last joint states, see `Newcomers`. A command that comes before its
+    period waits for it: which one holds is a matter of numbers, not of who was faster.
     """
 
     def __init__(self, drive: Drive) -> None:
@@ -69,6 +74,7 @@ class DriveCommands:
         heard = drive.create_subscription(Float64, f'command/{name}', receive, RESULTS)
         self._topic = heard.topic_name
         if self._period:
+            self._newcomers = Newcomers(drive, self._topic)
             drive.create_timer(_LOOK, self._watch)
 
     @property
@@ -80,6 +86,8 @@ class DriveCommands:
             if self._since is None and self._published:
                 self._since = time.monotonic()
             self._begun = self._since is not None and time.monotonic() > self._since + SETTLE
+            if self._begun:
+                self._newcomers.show()
         return (self._taken + 1) * self._period if self._begun else 0.0
 
     @property
@@ -100,6 +108,24 @@ class DriveCommands:
             self._drive.set_parameters([Parameter(self._name, value=self._launched)])
         if self._name and self._launched != self._commanded:
             self._hold(self._launched)
+        if self._period and (unequal := self._unequal):
+            rates = self._drive.machine.scene.outputs.joint_states, 1.0 / self._period
+            ends = 'gets ever later' if rates[0] > rates[1] else 'is waited for without end'
+            self._drive.get_logger().warning(
+                f'{unequal}: a controller that answers each state {ends}; make them equal, as by '
+                f"--set 'outputs.joint_states={rates[1]:.12g} Hz'"
+            )
+
+    @property
+    def _unequal(self) -> str:
+        """How often joint states and commands come; empty if they come as often."""
+        rate = self._drive.machine.scene.outputs.joint_states
+        if math.isclose(rate * self._period, 1.0):
+            return ''
+        return (
+            f'joint_states come every {1.0 / rate:.9g} s, but one command is for '
+            f'{self._period:.9g} s (command_period)'
+        )
 
     def look(self) -> None:
         """Give the commands that came before their time, if it has come."""
@@ -108,8 +134,9 @@ class DriveCommands:
             self._hold(self._early.popleft())
 
     def _watch(self) -> None:
-        """Say that time waits for a command, if it does for long."""
+        """Say that time waits for a command, if it does for long; show newcomers the state."""
         drive, (since, at) = self._drive, self._held
+        new = self._newcomers.look()
         if not drive.due or drive.announced < self.horizon:
             self._held = 0.0, -1.0
         elif at != drive.announced:
@@ -119,7 +146,14 @@ class DriveCommands:
         else:
             nobody = '' if self._published else ', which nobody in the graph publishes'
             said = f'a command on {self._topic} since t = {at:.9g} s{nobody}'
-            drive.partners.say_waiting(said, since, 'command')
+            why = f'; {unequal}' if (unequal := self._unequal) else ''
+            drive.partners.say_waiting(f'{said}{why}', since, 'command')
+            if new and time.monotonic() > since + PATIENCE:
+                self._newcomers.show()
+                drive.promise(drive.announced)
+                drive.get_logger().info(
+                    f'a new controller: the last joint_states before t = {at:.9g} s are sent again'
+                )
 
     def _follow(self, parameters: list[Parameter]) -> None:
         for parameter in parameters:
@@ -143,6 +177,12 @@ class DriveCommands:
         if self._period and self._begun:
             self._early.append(value)
             self.look()
+            if len(self._early) > 1:
+                self._drive.get_logger().warning(
+                    f'{len(self._early)} commands on {self._topic} wait for their periods of '
+                    f'{self._period:.9g} s (command_period): they come faster than one for each',
+                    throttle_duration_sec=SAY_AGAIN,
+                )
         else:
             self._since = self._since or time.monotonic()
             self._hold(value)
@@ -156,6 +196,45 @@ class DriveCommands:
         else:
             _, *slopes = law.coefficients
             drive.take_over([replace(law, coefficients=(value, *slopes), valid_from=at)])
+
+
+class Newcomers:
+    """Controllers that have come after the last joint states, and wait for some.
+
+    Who was there when time last went on has seen them, and is busy with its command: shown them
+    again it would command twice, and from then on be ahead of its states.
+
+    Parameters
+    ----------
+    topic : of the commands
+    """
+
+    def __init__(self, drive: Drive, topic: str) -> None:
+        self._drive, self._topic = drive, topic
+        self._shown: set[Any] = set()  # who has seen the last joint states
+        self._present: set[Any] = set()  # at the last look
+        self._at = drive.run, drive.announced  # at the last look
+
+    def look(self) -> bool:
+        """True if there are some, and nobody is just about to join."""
+        at, before = (self._drive.run, self._drive.announced), self._present
+        self._present = self._endpoints()
+        if at != self._at:
+            self._at, self._shown = at, before
+        return self._present == before and not self._present <= self._shown
+
+    def show(self) -> None:
+        """All that are there see the joint states."""
+        self._shown = self._present = self._endpoints()
+
+    def _endpoints(self) -> set[Any]:
+        """Publishers of commands, and by which subscriptions they hear joint states."""
+        drive = self._drive
+        commands = drive.get_publishers_info_by_topic(self._topic)
+        nodes = {(info.node_namespace, info.node_name) for info in commands}
+        states = drive.get_subscriptions_info_by_topic('joint_states')
+        hearing = [s for s in states if (s.node_namespace, s.node_name) in nodes]
+        return {tuple(info.endpoint_gid) for info in [*commands, *hearing]}
 
 
 def commanded_part(law: Any) -> tuple[str, float]:

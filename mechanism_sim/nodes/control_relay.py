@@ -17,7 +17,7 @@ from mechanism_sim.messages import (
     String,
     service_class,
 )
-from mechanism_sim.nodes.commands import commanded_part
+from mechanism_sim.nodes.commands import PATIENCE, commanded_part
 from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.middleware import Future, Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
@@ -26,9 +26,6 @@ from ros_interfaces.stamps import NANOSECONDS, nanoseconds
 
 COMMANDS = 'hardware/joint_commands'
 """Topic of the commands of the hardware component."""
-
-PATIENCE = 1.0
-"""[s] of wall time after which a state that no command answers is shown again."""
 
 
 class ControlRelay(DescribedNode):

@@ -139,7 +139,7 @@ class CrankDrive(Drive):
             if playing:
                 self.play()
             return reason
-        self._announce(self.announced, final=True, again=True)
+        self.promise(self.announced, final=True, again=True)
         self._ending = Future()
         self.report(self.announced, finished=True, again=True)
         self._look_who_waits()
@@ -149,7 +149,7 @@ class CrankDrive(Drive):
         self.announced = self._goal = 0.0
         self._take_laws()
         self._commands.begin()
-        self._announce(0.0, final=False)
+        self.promise(0.0)
         self.report(0.0)
         await self._all_at(0.0)
         self._publish_clock()
@@ -258,7 +258,7 @@ class CrankDrive(Drive):
             change = later[0].valid_from if later else math.inf
             last = final and horizon <= change
             if last or min(horizon, change) > max(self.announced, self.law.valid_from):
-                self._announce(min(horizon, change), last)
+                self.promise(min(horizon, change), last)
             if horizon <= change:
                 break
             self._law += 1
@@ -272,8 +272,8 @@ class CrankDrive(Drive):
         # With a pace, partners are not let fall far behind: they would rush to make up for it.
         return min(lead, AHEAD * factor) if factor > 0.0 else lead, factor
 
-    def _announce(self, until: float, final: bool, again: bool = False) -> None:
-        """The present law holds until then."""
+    def promise(self, until: float, final: bool = False, again: bool = False) -> None:
+        """Announce that the present law holds until then [s]; `final`, and that the run ends."""
         number = self._law + 1
         message = drive_law(self.law, number, until, final, self.announced, self.run, again)
         self.send(self._drive, message)

@@ -40,6 +40,13 @@ class Drive(SimulationNode):
         """Let other laws take over, the first at `announced`."""
 
     @abstractmethod
+    def promise(self, until: float, final: bool = False, again: bool = False) -> None:
+        """Announce that the present law holds until then [s]; `final`, and that the run ends.
+
+        If it was promised for that long before, the last joint states are published once more.
+        """
+
+    @abstractmethod
     def play(self) -> None:
         """Let time go on by itself."""
 

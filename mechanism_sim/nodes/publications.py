@@ -7,6 +7,7 @@ instants N serialised messages.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -324,8 +325,14 @@ class SampleTopics:
             )
             for topic, rate, write in writers
         ]
+        self._last: Callable[[], list[bytes]] | None = None  # makes the last joint states
         self._frames_due = Schedule(outputs.transforms)
         self._write_frames = transforms(machine.mechanism, frame)
+
+    def show_again(self) -> None:
+        """Publish the last joint states once more, for a controller that came after them."""
+        if self._last:
+            self._node.send_all(self._topics[0].publisher, 1, self._last)
 
     def publish(self, motion: Motion, balance: Callable[[], EnergyTerms]) -> None:
         """Publish the samples that are due before the end of a motion that follows the last."""
@@ -343,6 +350,8 @@ class SampleTopics:
 
         for topic in self._topics:
             t = topic.schedule.due(curve.end)
+            if topic is self._topics[0] and len(t):
+                self._last = partial(write, topic, t[-1:])
             self._node.send_all(topic.publisher, len(t) * topic.each, write, topic, t)
         t = self._frames_due.due(curve.end)
 

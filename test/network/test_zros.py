@@ -28,7 +28,7 @@ from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
 from zenoh_rclpy.commands import _values, main
 from zenoh_rclpy.errors import MiddlewareError
 
-PACKAGE = 'simulation_interfaces'
+PACKAGE, FLOAT = 'simulation_interfaces', 'std_msgs/msg/Float64'
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
             with pytest.raises(MessageError, match="no field 'stat'; it has state"):
                 node.call('set_simulation_state', None, {'state': {'stat': 1}})
             with pytest.raises(InvalidNameError):
-                node.publish('bad name', 'std_msgs/msg/Float64', None, 1, 1.0, lambda: None)
+                node.publish('bad name', FLOAT, None, 1, 1.0, lambda: None)
             node.call('set_simulation_state', None, {'state': {'state': 3}})
         assert running.wait(TIMEOUT) == 0
         assert read_bag(bag).complete
@@ -229,11 +229,35 @@ def test_what_is_not_there_is_said_in_one_sentence(network):
 @pytest.mark.parametrize('more', [[], ['--json']])
 @pytest.mark.usefixtures('network')
 def test_what_nobody_hears_is_not_published(more, capsys):
-    words = ['topic', 'pub', '--once', '/x', 'std_msgs/msg/Float64', '--timeout', '0.2', *more]
+    words = ['topic', 'pub', '--once', '/x', FLOAT, '--timeout', '0.2', *more]
     assert main(words) == 1
     out, err = capsys.readouterr()
     assert err == 'zros: nobody subscribes to /x\n'
     assert bool(out) == bool(more)
+
+
+@pytest.mark.parametrize('more', [[], ['--once'], ['--count', '3']])
+@pytest.mark.usefixtures('network')
+def test_messages_of_nobody_are_waited_for_as_long_as_is_said(more, capsys):
+    assert main(['topic', 'echo', '/x', FLOAT, '--timeout', '0.2', *more]) == 1
+    said = 'zros: no message came on /x in 0.2 s: nobody publishes there\n'
+    assert capsys.readouterr() == ('', said)
+
+
+@pytest.mark.parametrize('words', [['echo', '/x'], ['echo', '/x', '--once'], ['hz', '/x']])
+def test_messages_have_an_end_only_if_one_is_given(words, monkeypatch):
+    """As in ``ros2``: who listens to a machine that stands still may sit and wait."""
+    asked = []
+
+    def hear(*given):
+        asked.append(given[-1])
+        raise KeyboardInterrupt
+
+    node = nullcontext(SimpleNamespace(listen=hear, rates=hear))
+    monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
+    for more in ([], ['--timeout', '3']):
+        assert main(['topic', *words, *more]) == 130
+    assert asked == [0, 2 if words[0] == 'hz' else 1]
 
 
 @pytest.mark.parametrize(
@@ -242,7 +266,7 @@ def test_what_nobody_hears_is_not_published(more, capsys):
 def test_what_is_published_is_said(more, said, monkeypatch, capsys):
     node = nullcontext(SimpleNamespace(publish=lambda *given: given[-1]()))
     monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
-    assert main(['topic', 'pub', '--once', '/x', 'std_msgs/msg/Float64', *more]) == 0
+    assert main(['topic', 'pub', '--once', '/x', FLOAT, *more]) == 0
     assert capsys.readouterr() == (said, '')
 
 
@@ -267,7 +291,9 @@ def test_umlauts_are_written_out_where_there_are_none(network):
         lambda node: node.call('/nothing', 'std_srvs/srv/Trigger', {}),
         lambda node: node.send_goal('/nothing', f'{PACKAGE}/action/SimulateSteps', {}, None),
         lambda node: node.endpoints('/nothing'),
-        lambda node: node.publish('/comand', 'std_msgs/msg/Float64', None, 1, 1.0, lambda: None),
+        lambda node: node.publish('/comand', FLOAT, None, 1, 1.0, lambda: None),
+        lambda node: node.listen('/comand', lambda _: True, FLOAT, wanted=1),
+        lambda node: node.rates('/comand', [], lambda: False, wanted=2),
     ],
 )
 def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
@@ -280,12 +306,15 @@ def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
 
     clock.sleep = wait
     nothing = SimpleNamespace(
-        get_topic_names_and_types=lambda: [('/comand', []), ('/command', [])],
+        get_topic_names_and_types=lambda: [('/comand', [FLOAT]), ('/command', [FLOAT])],
         get_service_names_and_types=list, get_node_names=list,
         get_node_names_and_namespaces=list,
         create_client=lambda *_: SimpleNamespace(service_is_ready=lambda: False),
         create_publisher=lambda *_: SimpleNamespace(get_subscription_count=lambda: 0),
         count_subscribers=lambda name: name == '/command',
+        count_publishers=lambda name: name == '/command',
+        get_publishers_info_by_topic=lambda _: [], get_subscriptions_info_by_topic=lambda _: [],
+        create_subscription=lambda *_, **__: None, destroy_subscription=lambda _: None,
     )  # fmt: skip
     monkeypatch.setattr(commanding, 'time', clock)
     monkeypatch.setattr(commanding, 'Node', lambda *_, **__: nothing)
@@ -293,10 +322,30 @@ def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
     monkeypatch.setattr(
         commanding, 'ActionClient', lambda *_: SimpleNamespace(wait_for_server=wait)
     )
-    said = "there is no|^nobody subscribes to /comand; did you mean '/command'"
+    said = "there is no|^(nobody subscribes|no message came) .*; did you mean '/command'"
     with pytest.raises((UsageError, MiddlewareError), match=said):
         ask(CommandNode(10.0))
     assert 10.0 <= clock.now < 10.1
+
+
+def test_messages_that_come_in_part_are_counted(monkeypatch):
+    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
+    there = SimpleNamespace(
+        get_publishers_info_by_topic=lambda _: [], count_publishers=lambda _: 1,
+        create_subscription=lambda *given: setattr(there, 'take', given[2]),
+        destroy_subscription=lambda _: None,
+    )  # fmt: skip
+
+    def spin_once(node, **_):
+        clock.now += 4.0
+        if clock.now < 5.0:
+            node.take('message')
+
+    monkeypatch.setattr(commanding, 'time', clock)
+    monkeypatch.setattr(commanding, 'Node', lambda *_, **__: there)
+    monkeypatch.setattr(commanding, 'spin_once', spin_once)
+    with pytest.raises(MiddlewareError, match=r'^1 of 3 messages came on /x in 10 s$'):
+        CommandNode(10.0).listen('/x', lambda _: False, FLOAT, wanted=3)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
@@ -325,7 +374,7 @@ def test_a_rate_is_printed_each_second_and_kept_at_a_signal(
 ):
     clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
 
-    def rates(_topic, times, over):
+    def rates(_topic, times, over, _wanted):
         for k in range(26):  # ten a second
             clock.now = 0.1 * k + 0.05
             times.append(clock.now)
@@ -395,6 +444,6 @@ def test_values_are_yaml():
 
 
 def test_json_has_no_numbers_that_are_none():
-    message = message_class('std_msgs/msg/Float64')(data=math.nan)
+    message = message_class(FLOAT)(data=math.nan)
     assert to_plain(message, finite=True) == {'data': None}
     assert math.isnan(to_plain(message)['data'])

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -341,24 +342,21 @@ class Commander(Node):
 
     def __init__(self, name: str, count: int) -> None:
         super().__init__(name)
-        self.left = count
+        self.left, self.seen = count, []
         self.create_subscription(JointState, 'joint_states', self.answer, RESULTS)
         self.command = self.create_publisher(Float64, 'command/effort', RESULTS)
 
-    def answer(self, _: object = None) -> None:
+    def answer(self, state: JointState) -> None:
+        self.seen.append(nanoseconds(state.header.stamp) // 1_000_000)
         if self.left:
             self.left -= 1
             self.command.publish(Float64(data=0.1))
 
 
-def hearing(node: Node, topic: str) -> list[str]:
-    """Names of the nodes that hear a topic, as a node sees it."""
-    return [s.node_name for s in node.get_subscriptions_info_by_topic(topic)]
-
-
 def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(monkeypatch, capsys):
     monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
     monkeypatch.setattr(partners, 'SAY_AGAIN', 0.0)
+    monkeypatch.setattr(commands, 'PATIENCE', 0.0)
     told, there = [], []
 
     def says(said: str) -> Callable[[], bool]:
@@ -375,16 +373,96 @@ def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(monk
             there.append(Commander('first', 3))
             held = 'a command on /command/effort since t = 0.02 s'
             spin([*run, *there], says(held))
-            there.pop().destroy_node()
+            first = there.pop()
+            first.destroy_node()
             spin(run, says(f'{held}, which nobody in the graph publishes'))
-            there.append(Commander('second', 6))
-            spin([*run, *there], lambda: 'second' in hearing(nodes['linkage'], 'joint_states'))
-            there[0].answer()  # the state at which the first has left
+            there.append(Commander('second', 6))  # is shown the state at which the first has left
             finish(nodes, *there)
+            spin(there, lambda: len(there[0].seen) >= 7)
         finally:
             for node in there:
                 node.destroy_node()
-    assert not there[0].left
+    assert first.seen == [0, 5, 10, 15]
+    assert there[0].seen == [15, 20, 25, 30, 35, 40, 45]
+
+
+def test_only_a_controller_that_has_not_seen_the_last_state_is_a_newcomer():
+    """One that is slow with its command would command twice."""
+    drive, hears, speaks = SimpleNamespace(run=0, announced=0.0), [], []
+    drive.get_publishers_info_by_topic = lambda _: list(speaks)
+    drive.get_subscriptions_info_by_topic = lambda _: list(hears)
+
+    def comes(name: str, number: int, to: list[object]) -> None:
+        info = {'node_namespace': '/', 'node_name': name, 'endpoint_gid': [number]}
+        to.append(SimpleNamespace(**info))
+
+    comes('slow', 1, speaks)
+    comes('slow', 2, hears)
+    found = commands.Newcomers(drive, 'command/effort')
+    found.show()
+    comes('echo', 3, hears)
+    assert [found.look() for _ in range(3)] == [False] * 3
+    comes('second', 4, speaks)
+    assert [found.look() for _ in range(3)] == [False, True, True]  # first it may join
+    comes('second', 5, hears)
+    assert [found.look() for _ in range(2)] == [False, True]
+    found.show()
+    assert not found.look()
+    drive.announced = 0.5
+    speaks[-1:] = hears[-1:] = []
+    comes('second', 6, speaks)  # the same again, which may have come after the last state
+    assert [found.look() for _ in range(2)] == [False, True]
+    drive.announced = 1.0
+    assert [found.look() for _ in range(2)] == [False] * 2
+
+
+@pytest.mark.parametrize(
+    ('rate', 'said'),
+    [('100', '0.01 s, but one command is for 0.005 s'), ('200', ''),
+     ('400', '0.0025 s, but one command is for 0.005 s')],
+)  # fmt: skip
+def test_a_rate_of_joint_states_that_is_not_that_of_commands_is_said(rate, said, capsys):
+    with nodes_of(
+        'four_bar_governed', 0.05, drive=LOCKED, overrides=(f'outputs.joint_states={rate} Hz',)
+    ) as nodes:
+        spin([*nodes.values()], lambda: all(n.ready for n in nodes.values()))
+    told = capsys.readouterr().err
+    assert ('joint_states come every' in told) == bool(said)
+    assert said in told
+    assert ("as by --set 'outputs.joint_states=200 Hz'" in told) == bool(said)
+
+
+def test_who_waits_for_a_command_on_a_state_that_does_not_come_says_why(monkeypatch, capsys):
+    monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
+    controller, told = runpy.run_path(str(CONTROLLER))['SpeedController'](), []
+    rare = ('outputs.joint_states=100 Hz',)
+
+    def says() -> bool:
+        told.extend(capsys.readouterr().err.splitlines())
+        held = 'waiting for a command on /command/effort since t = 0.01 s; joint_states come every'
+        return any(held in line for line in told)
+
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED, overrides=rare) as nodes:
+            spin([*nodes.values(), controller], says)
+    finally:
+        controller.destroy_node()
+
+
+def test_commands_that_come_faster_than_periods_are_said_once(capsys):
+    controller = Commander('hasty', 0)
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED, paused=True) as nodes:
+            drive, every = nodes['crank_drive'], [*nodes.values(), controller]
+            spin(every, lambda: drive.ready and drive._commands.horizon > 0.0)
+            for _ in range(4):
+                controller.command.publish(Float64(data=0.1))
+            spin(every, lambda: len(drive._commands._early) == 4)
+    finally:
+        controller.destroy_node()
+    told = [x for x in capsys.readouterr().err.splitlines() if 'wait for their periods' in x]
+    assert len(told) == 1
+    assert '2 commands on /command/effort wait for their periods of 0.005 s' in told[0]
 
 
 class Component(Node):
