@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import re
+import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
-from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
 from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
@@ -39,11 +40,19 @@ from mechanism_sim.scene.gate import admit_turning
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
-from mechanism_sim.studies.columns import FIGURES, RESERVED, ResultColumn, of_sensors, own_columns
+from mechanism_sim.studies.columns import (
+    FIGURES,
+    RESERVED,
+    ResultColumn,
+    of_converters,
+    of_sensors,
+    overloads_of,
+    own_columns,
+)
 from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
 from mechanism_sim.tables import Column
-from mechanism_sim.units import QuantityValue, to_si, to_si_like, to_si_text
+from mechanism_sim.units import QuantityValue, counted, to_si, to_si_like, to_si_text
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.design import Factor
@@ -192,6 +201,21 @@ class SweepPlan:
         ]
         return [*self.labels(), *figures]
 
+    def warn(self, rows: Sequence[Row]) -> None:
+        """Say of sensors whose samples were cut in how many runs, and where most of them."""
+        for sensor in dict.fromkeys(name for run in self.runs for name in run.scene.sensors):
+            column = overloads_of(sensor)
+            cut = {index: n for index, row in enumerate(rows) if (n := row.get(column))}
+            if cut:
+                most = max(cut, key=lambda index: cut[index])
+                warnings.warn(
+                    f'sensor {sensor}: samples were CUT at the end of its range in {len(cut)} of '
+                    f'{counted(len(rows), "run")}, {cut[most]:g} of them in run {most}: see the '
+                    f'column {column}',
+                    RunWarning,
+                    stacklevel=3,
+                )
+
     def write(self, file: Path, rows: Sequence[Row]) -> None:
         """Write the table, all at once."""
         tables.write(file, self.table(rows), {'sweep': self.name, 'title': self.title})
@@ -262,6 +286,8 @@ def read_plan(
                     edges, skipped = extent.edges(machine)
                     windows.check(file.windows, machine, edges[skipped], edges[-1])
                     nudged = windows.with_seed(nudged, len(runs), columns)
+                for column in of_converters(machine, file.windows):  # ranges may be swept
+                    own.setdefault(column.name, column)
                 values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
                 values |= {SCENE: base.name} if SCENE in columns else {}
                 values |= {REPEAT: repetition} if REPEAT in columns else {}

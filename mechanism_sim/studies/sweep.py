@@ -13,6 +13,7 @@ from mechanism_sim import output, tables
 from mechanism_sim.engine import plotting
 from mechanism_sim.errors import InputError, check_options
 from mechanism_sim.scene import Source
+from mechanism_sim.studies.columns import overloads_of
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
 from mechanism_sim.studies.row import SweepTask
@@ -127,8 +128,13 @@ def run_plan(
             journal.rows.pop(task.key, None)
         with workers:
             workers.do(tasks, journal, show)
-        rows = [journal.rows[run.key] for run in plan.runs]
+        cut = {shard.file.stem: shard.overloads() for task in every for shard in task.shards}
+        rows = [
+            {overloads_of(s): n for s, n in cut.get(run.stem, {}).items()} | journal.rows[run.key]
+            for run in plan.runs
+        ]
         plan.write(table, rows)
+    plan.warn(rows)
     summary = SweepSummary(
         plan.name,
         str(table),
