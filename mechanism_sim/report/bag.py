@@ -17,7 +17,7 @@ from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
-from mechanism_sim.signal_files import ChannelSamples
+from mechanism_sim.signal_files import ChannelSamples, rate_text
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
 
@@ -40,6 +40,7 @@ def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[st
     return {
         name: {
             'unit': c.unit, 'samples': len(c.times), 'rate': c.rate,
+            'rate_error': c.rate_error,
             'start': float(c.times[0]), 'end': float(c.times[-1]),
             'smallest': float(c.values.min()), 'largest': float(c.values.max()),
             'mean': float(c.values.mean()), 'rms': float(np.sqrt((c.values**2).mean())),
@@ -50,9 +51,15 @@ def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[st
 
 def render_channels(figures: Mapping[str, Mapping[str, Any]]) -> str:
     """Table of the figures of channels."""
-    head = next(iter(figures.values()))
+    head = [key for key in next(iter(figures.values())) if key != 'rate_error']
     rows = [
-        [name, *('uneven' if x is None else x for x in own.values())]
+        [
+            name,
+            *(
+                rate_text(own['rate'], own['rate_error']) if key == 'rate' else own[key]
+                for key in head
+            ),
+        ]
         for name, own in figures.items()
     ]
     units = {'rate': 'rate [Hz]', 'start': 'start [s]', 'end': 'end [s]'}
