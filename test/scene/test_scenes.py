@@ -72,7 +72,7 @@ def refusal(overrides, scene=LOOSE):
         (RESTITUTION, 1.5, ['1.5 is out of bounds', 'at most 1']),
         (RESTITUTION, -0.1, ['out of bounds', 'at least 0']),
         (RESTITUTION, float('nan'), ['out of bounds']),
-        (RADIAL, '0 mm', ['out of bounds', 'more than 0']),
+        (RADIAL, '0 mm', ['out of bounds', 'more than 0', "'clearance: null'"]),
         ('links.crank.mass', '-1 kg', ["'-1 kg' is out of bounds", 'at least 0']),
         ('links.rocker.inertia', -1, ['links.rocker.inertia = -1 is out of bounds']),
         ('solver.rtol', 0.5, ['out of bounds', 'at most 0.0001']),

@@ -538,3 +538,22 @@ def test_windows_without_a_place_are_refused():
     plan = {'revolutions': 1, 'windows': {'samples': 64}, 'grid': {'drive.speed': ['300 rpm']}}
     with pytest.raises(InputError, match='the sweep has windows: give windows='):
         ms.sweep(plan, scene='four_bar_clearance')
+
+
+def test_a_clearance_of_zero_is_an_ideal_joint_in_the_same_table(tmp_path):
+    """Its label is a number, and columns of those that are loose are there, whichever is first."""
+    restitution = RADIAL.replace('radial', 'restitution')
+    grid = {RADIAL: ['0 mm', '0.2 mm'], restitution: [0.4, 0.6]}
+    found = ms.sweep({'grid': grid, 'revolutions': 1}, tmp_path / 'a.csv', scene=loose(0.5))
+    assert found[RADIAL].tolist() == [0.0, 0.0, 2e-4, 2e-4]
+    assert found.units[RADIAL] == 'm'
+    assert found[restitution].tolist() == [0.4, 0.6, 0.4, 0.6]
+    ideal = ms.ensemble(ms.load_scene(loose(0.5), {'joints.coupler_rocker.clearance': None}),
+                        {'drive.start_angle': [0.0]}, revolutions=1)  # fmt: skip
+    for name in ('largest_force', 'digest'):
+        first, second, third, _ = found[name]
+        assert first == second == ideal[name][0] != third
+    assert np.isnan(found['impacts.coupler_rocker']).tolist() == [True, True, False, False]
+    bare = ms.ensemble(loose(0.5), {RADIAL: [0, 2e-4]}, revolutions=1, columns=['digest'])
+    assert bare.units[RADIAL] == 'm'
+    assert bare['digest'][0] == found['digest'][0] != bare['digest'][1]
