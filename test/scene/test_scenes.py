@@ -320,6 +320,22 @@ def test_check_says_what_the_model_contains_and_what_it_leaves_out():
     assert any('0.17 m less' in x for x in ideal.notes)  # 309 + 312 - 64 - 387 mm
 
 
+@pytest.mark.parametrize(
+    ('keys', 'said'),
+    [
+        ({'instrument': 'iepe'}, ['passes 5000 Hz to 20000 Hz', 'iepe samples at 51.2 kHz']),
+        ({'instrument': 'iepe', 'sample_rate': '51.2 kHz'}, []),
+        ({'anti_alias': {'frequency': '8 kHz'}}, ['10000 Hz folds below 5000 Hz']),
+        ({'anti_alias': {'frequency': '4 kHz'}}, []),
+    ],
+)
+def test_check_notes_a_filter_that_lets_through_what_the_sample_rate_folds(keys, said):
+    given = {f'sensors.rocker_accelerometer.{key}': value for key, value in keys.items()}
+    notes = [x for x in check(ms.load_scene(LOOSE, given)).notes if 'folds' in x]
+    assert len(notes) == bool(said)
+    assert all(words in notes[0] for words in said)
+
+
 def four_bar(ground, crank, coupler, rocker, start):
     lengths = {'ground': ground, 'crank': crank, 'coupler': coupler, 'rocker': rocker}
     overrides = {f'links.{link}.length': f'{x} mm' for link, x in lengths.items()}
