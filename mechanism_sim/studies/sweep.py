@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 _LOST = 'the same command goes on from the finished runs, --workers 1 takes the least memory'
 
+_NO_FOLDERS = {*tables.ENDINGS} - {'.parquet'}
+"""Endings of files; folders of Parquet files are often called NAME.parquet."""
+
 
 @dataclass(frozen=True)
 class SweepSummary:
@@ -192,6 +195,11 @@ def _window_folder(
             raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
         return None
     folder = Path(windows) if windows else table.with_suffix('.windows')
+    if folder.suffix in _NO_FOLDERS:
+        raise InputError(
+            f'--windows {windows}: windows are Parquet files in a folder: give its name, without '
+            f"'{folder.suffix}'"
+        )
     folder = output.make_folder(folder.resolve(), "the windows' folder ")
     own = {f'{run.stem}.parquet' for run in plan.runs}
     begun = restart or journal_of(table).exists()

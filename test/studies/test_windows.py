@@ -419,6 +419,15 @@ def test_windows_that_cannot_be_are_refused_before_anything_runs(tmp_path, text,
         read_plan(sweep_file(tmp_path, SCENE + text + '\n'))
 
 
+@pytest.mark.parametrize('ending', ['.npz', '.csv'])
+def test_windows_are_not_put_into_a_folder_that_is_called_a_table(tmp_path, ending):
+    plan = read_plan(sweep_file(tmp_path, SCENE + 'windows: {samples: 100}\n'))
+    folder = tmp_path / f'a{ending}'
+    with pytest.raises(InputError, match=f"Parquet files in a folder: .* without '{ending}'"):
+        run_plan(plan, tmp_path / 't.csv', Workers(1), windows=str(folder))
+    assert not folder.exists()
+
+
 @pytest.mark.slow
 def test_folders_that_would_mix_data_sets_are_refused(reference, tmp_path):
     file, table = sweep_file(tmp_path, SCENE + 'windows: {samples: 100}\n'), tmp_path / 't.parquet'
