@@ -39,6 +39,10 @@ def test_a_tone_has_its_size_and_its_line(rig):
     assert (acc['unit'], acc['samples']) == ('m/s^2', COUNT)
     assert acc['rate'] == pytest.approx(RATE)
     assert acc['rms'] == pytest.approx(SIZE / math.sqrt(2.0), rel=1e-12)
+    assert (acc['peak'], acc['crest']) == (SIZE, pytest.approx(math.sqrt(2.0)))
+    assert acc['kurtosis'] == pytest.approx(1.5)
+    head = run('analyze', str(rig)).stdout.splitlines()[0]
+    assert head.split()[-4:] == ['rms', 'peak', 'crest', 'kurtosis']
     spectrum = found['details']['spectra']['acc']['spectrum']
     values = np.array(spectrum['values'])
     assert spectrum['frequency'][int(values.argmax())] == pytest.approx(TONE)
