@@ -32,7 +32,7 @@ from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
-from mechanism_sim.units import to_si
+from mechanism_sim.units import QuantityValue, to_si
 
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
@@ -42,7 +42,9 @@ _COARSEST = 0.2
 """Of that interval, to which times may be rounded: else one is not told from the next."""
 _DIGITS = re.compile(r'[-+]?\d*(?:\.(\d*))?(?:[eE]([-+]?\d+))?')
 _LOOKS = 1000  # cells in which digits are counted
-_STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
+GRAVITY = QuantityValue(9.80665, 'm/s^2')
+GRAVITIES = 'g', 'gn', 'g_0'
+"""Of accelerometers; 'g' is a gram otherwise."""
 _PURPOSE = 'this kind of signal'
 _QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
@@ -128,10 +130,9 @@ class ChannelSamples:
 
     def in_unit(self, unit: str) -> Array:
         """Values (N,) in an SI unit; those without a unit are in it already."""
-        # 'g' is a gram, but not of an accelerometer
         known = self.unit
-        if known in _GRAVITIES and unit == 'm/s^2':
-            return _STANDARD_GRAVITY * self.values
+        if known in GRAVITIES and unit == GRAVITY.unit:
+            return GRAVITY.value * self.values
         if not known:
             return self.values
         try:

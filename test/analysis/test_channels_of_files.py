@@ -152,6 +152,21 @@ def test_recordings_of_one_quantity_in_other_units_share_their_axes(tmp_path, mo
     assert panel.y.unit == 'deg'
 
 
+@pytest.mark.parametrize(
+    ('units', 'panels', 'unit', 'size'),
+    [(['m/s^2', 'g'], 1, 'm/s^2', 9.80665), (['mm/s^2', 'g'], 1, 'm/s^2', 9.80665),
+     (['g', 'g'], 1, 'g', 1.0), (['kg', 'g'], 1, 'kg', 1e-3),
+     (['kg', 'm/s^2', 'g'], 2, 'kg', 1e-3)],
+)  # fmt: skip
+def test_g_is_of_gravity_beside_accelerations_and_a_gram_beside_masses(units, panels, unit, size):
+    t = np.arange(3.0)
+    series = [Series(f'a{k}', u, t, np.ones(3)) for k, u in enumerate(units)]
+    found = chart(series, '').panels
+    assert len(found) == panels
+    assert found[0].y.unit == unit
+    assert found[0].curves[-1].y == pytest.approx(size)
+
+
 def test_channels_of_a_wav_are_listed_without_its_scale(tmp_path):
     file = tmp_path / 'rig.wav'
     wavfile.write(file, int(RATE), np.zeros((100, 2), np.int16))
