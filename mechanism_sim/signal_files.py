@@ -3,6 +3,7 @@
 =========  ==================================================================================
 ``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets,
            after a slash or at the ends of names; cells that are empty are samples that are missing
+``.txt``   the same
 ``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
@@ -372,6 +373,6 @@ def _tdms_group(group: Any) -> list[ChannelSamples]:
 
 
 READERS: dict[str, Callable[..., list[ChannelSamples]]] = {
-    '.csv': _csv, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
+    '.csv': _csv, '.txt': _csv, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
 }  # fmt: skip
 """By the ending of a file."""

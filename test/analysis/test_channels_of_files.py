@@ -180,7 +180,7 @@ def test_tables_that_are_not_read_say_which_are(tmp_path):
         file.write_bytes(b'PK')
         done = run(name, str(file))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'read .csv, .wav, .uff, .unv, .tdms: write it as .csv' in done.stderr
+        assert 'read .csv, .txt, .wav, .uff, .unv, .tdms: write it as .csv' in done.stderr
 
 
 def test_a_spectrum_has_units_and_uneven_samples_a_way(tmp_path):

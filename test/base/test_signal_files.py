@@ -42,6 +42,13 @@ def test_csv_has_units_and_leaves_out_what_is_missing(tmp_path):
         rod.in_unit('N')
 
 
+def test_a_text_file_of_an_instrument_is_a_signal(tmp_path):
+    rows = ''.join(f'{t:.9f}\t{y:.6f}\n' for t, y in zip(T, Y, strict=True))
+    text = f'LabVIEW Measurement\nWriter_Version\t2\n***End***\nTime [s]\tacc (g)\n{rows}'
+    found = read_signal(table(tmp_path, text, 'lv.txt'))
+    assert (found.name, found.unit, len(found.values)) == ('acc', 'g', 200)
+
+
 def test_units_may_be_below_names_and_spaces_between(tmp_path):
     text = 't acc\n(ms) (m/s²)\n' + ''.join(f'{k} {k * k}\n' for k in range(5))
     found = read_signal(table(tmp_path, text))
@@ -164,8 +171,8 @@ def test_csv_that_is_no_signal_is_refused(tmp_path, text, channel, words):
 def test_other_endings_are_refused(tmp_path):
     assert is_signal_file('a.WAV')
     assert not is_signal_file('a.mcap')
-    with pytest.raises(InputError, match=r'expected .csv, .wav, .uff, .unv, .tdms'):
-        read_signals(tmp_path / 'a.txt')
+    with pytest.raises(InputError, match=r'expected .csv, .txt, .wav, .uff, .unv, .tdms'):
+        read_signals(tmp_path / 'a.dat')
     with pytest.raises(InputError, match='does not exist'):
         read_signals(tmp_path / 'a.wav')
 
