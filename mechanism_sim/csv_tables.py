@@ -5,9 +5,11 @@ every line has some and the first none of these, or what a first line ``sep=;`` 
 begin with ``#`` are comments; a heading may have its unit in brackets, as ``angle [deg]``, after a
 slash, as ``angle / deg``, or below it, in a line without numbers that stands above numbers; else
 its name may end with it, as ``angle_deg``. A file without headings has the columns ``1``, ``2``
-and so on. Where cells have commas and no number has a point, they are decimal ones, unless all of
-them might stand before thousands. That these do not is assumed, and said, of semicolons between
-cells where every number has one comma and most are not round.
+and so on. Lines of a program or an instrument may stand above the headings, if these are right
+above numbers, or their units, in as many cells: it is said which line was taken. Where cells have
+commas and no number has a point, they are decimal ones, unless all of them might stand before
+thousands. That these do not is assumed, and said, of semicolons between cells where every number
+has one comma and most are not round.
 """
 
 from __future__ import annotations
@@ -46,6 +48,8 @@ _AMBIGUOUS = 't', 'in', 'min', 'bar'
 _LONGER = 'ns', 'degree', 'degrees'  # units of names beside the common ones
 _PER_SECOND = re.compile(r's([23]|\^[23]|[²³])?')
 _MOVED, _FORCES, _ARMS = ('m', 'mm', 'cm', 'rad', 'mrad', 'deg'), ('N', 'kN'), ('m', 'cm', 'mm')
+_MOST_AHEAD, _BODY = 200, 3
+"""Lines that may stand above headings, and by how many of numbers a table is known."""
 _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be decimal ones
 
 
@@ -264,6 +268,10 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
         told = _EXCEL.fullmatch(lines[kept[0]])
         kept = kept[1:] if told else kept
+        if ahead := 0 if told else _headings_at([lines[n] for n in kept[:_MOST_AHEAD]]):
+            kept = kept[ahead:]
+            shown = quoted(lines[kept[0]].strip())
+            assume(f'{where}: line {kept[0] + 1} is taken for its headings: {shown}')
         first, texts = lines[kept[0]], [lines[n] for n in kept]
         known = told[1] if told else _SEPARATORS
         mark = next(s for s in known if s in first or s == known[-1])
@@ -294,6 +302,42 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
     if guess or (maybe and _commas_are_decimal(cells)):
         rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
     return first.strip(), rows
+
+
+def _headings_at(lines: Sequence[str]) -> int:
+    """Where headings stand below lines of a program or an instrument.
+
+    Right above numbers, or above their units, in as many cells as these have. 0 if they are the
+    first line, or if several might be them.
+    """
+    for mark in _SEPARATORS:
+        rows = [*csv.reader(lines, delimiter=mark, skipinitialspace=True, quoting=csv.QUOTE_NONE)]
+        k = next((k for k in range(len(rows)) if _are_numbers(rows[k : k + _BODY])), 0)
+        if not k:
+            continue
+        alike = [len(row) == len(rows[k]) for row in rows[:k]]
+        first = k - next((n for n, same in enumerate(reversed(alike)) if not same), k)
+        above = rows[first:k]  # of as many cells
+        if not first and k <= 2:  # headings and units, whatever these look like
+            return 0
+        if len(above) == 1 or (len(above) == 2 and _are_all_units(above[1])):
+            return first
+        named = above and any(name and unit for name, unit in _names_and_units(above[-1]))
+        return k - 1 if named else 0
+    return 0
+
+
+def _are_numbers(rows: Sequence[Sequence[str]]) -> bool:
+    """True if rows are of equal length, two at least, and of numbers."""
+    known = all(_is_number(x) or x.strip().lower() in MISSING for row in rows for x in row)
+    numbers = all(any(map(_is_number, row)) for row in rows)
+    return known and numbers and len({len(row) for row in rows}) == 1 and len(rows[0]) > 1
+
+
+def _are_all_units(row: Sequence[str]) -> bool:
+    """True if cells are units or empty."""
+    found = [x.strip(' "') for x in row if x.strip()]
+    return bool(found) and all(_within(x) or _is_unit(x) for x in found)
 
 
 def _text(data: bytes) -> str:

@@ -3,6 +3,7 @@
 =========  ==================================================================================
 ``.csv``   a column of time (``t``, ``time``, ``stamp_ns``) and channels, with units in brackets,
            after a slash or at the ends of names; cells that are empty are samples that are missing
+``.txt``   the same
 ``.wav``   channels ``1``, ``2``, parts of the full scale, which must be given of whole numbers
 ``.uff``   data sets 58 that are functions of time (also ``.unv``), by ``pyuff``
 ``.tdms``  channels ``GROUP/CHANNEL``, scaled as the file says, by ``npTDMS``
@@ -13,12 +14,14 @@ Instants are those of the file: they may be uneven.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from datetime import time as clock
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, filterwarnings, simplefilter
@@ -30,13 +33,19 @@ from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
-from mechanism_sim.units import to_si
+from mechanism_sim.units import QuantityValue, to_si
 
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
 _JITTER = 1e-3
 """Of the interval between samples, by which evenly taken ones are off in a file."""
-_STANDARD_GRAVITY, _GRAVITIES = 9.80665, ('g', 'gn', 'g_0')
+_COARSEST = 0.2
+"""Of that interval, to which times may be rounded: else one is not told from the next."""
+_DIGITS = re.compile(r'[-+]?\d*(?:\.(\d*))?(?:[eE]([-+]?\d+))?')
+_LOOKS = 1000  # cells in which digits are counted
+GRAVITY = QuantityValue(9.80665, 'm/s^2')
+GRAVITIES = 'g', 'gn', 'g_0'
+"""Of accelerometers; 'g' is a gram otherwise."""
 _PURPOSE = 'this kind of signal'
 _QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
@@ -51,20 +60,39 @@ class ChannelSamples:
     times : (N,) [s], rising
     values : (N,) in `unit`
     unit : as the file has it; empty if it has none
+    digit : of the last place to which times are printed [s]; 0 where they are not
     """
 
     name: str
     times: Array
     values: Array
     unit: str = ''
+    digit: float = 0.0
 
     @property
     def rate(self) -> float | None:
         """Of sampling [Hz], some of which may be missing; None if it is uneven."""
+        return self._sampling[0]
+
+    @property
+    def rate_error(self) -> float | None:
+        """How far the rate may be off [Hz], if times are rounded by more than their jitter."""
+        return self._sampling[1]
+
+    @cached_property
+    def _sampling(self) -> tuple[float | None, float | None]:
         gaps, count = np.diff(self.times), self._intervals
         mean = float(gaps.sum() / count.sum()) if count.sum() else 0.0
-        even = mean and np.abs(gaps - count * mean).max() <= _JITTER * mean
-        return 1.0 / mean if even else None
+        if not mean:
+            return None, None
+        if np.abs(gaps - count * mean).max() <= _JITTER * mean:
+            return 1.0 / mean, None
+        # all may be off by half a digit, the first and the last, between which the grid lies, too
+        rounded = self.digit + 2.0 * float(np.spacing(np.abs(self.times).max()))
+        grid = self.times[0] + mean * np.append(0.0, np.cumsum(count))
+        if rounded > _COARSEST * mean or np.abs(self.times - grid).max() > rounded:
+            return None, None
+        return 1.0 / mean, rounded / (mean * (self.times[-1] - self.times[0]))
 
     @property
     def missing(self) -> int:
@@ -89,7 +117,12 @@ class ChannelSamples:
     def _intervals(self) -> Array:
         """How many intervals of sampling lie between samples (N - 1,): 1 where none is missing."""
         gaps = np.diff(self.times)
-        return np.rint(gaps / np.median(gaps)) if len(gaps) else gaps
+        if not len(gaps):
+            return gaps
+        # the median of rounded gaps is one of them, their mean is not
+        median = np.median(gaps)
+        single = gaps[np.rint(gaps / median) == 1.0]
+        return np.rint(gaps / (single.mean() if len(single) else median))
 
     def since(self, t: float) -> ChannelSamples:
         """The samples from a time [s] on."""
@@ -98,10 +131,9 @@ class ChannelSamples:
 
     def in_unit(self, unit: str) -> Array:
         """Values (N,) in an SI unit; those without a unit are in it already."""
-        # 'g' is a gram, but not of an accelerometer
         known = self.unit
-        if known in _GRAVITIES and unit == 'm/s^2':
-            return _STANDARD_GRAVITY * self.values
+        if known in GRAVITIES and unit == GRAVITY.unit:
+            return GRAVITY.value * self.values
         if not known:
             return self.values
         try:
@@ -109,6 +141,15 @@ class ChannelSamples:
         except (ValueError, KeyError) as error:
             raise InputError(f"channel '{self.name}' is in '{known}', but '{unit}' is measured: "
                              'write its unit in the file') from error  # fmt: skip
+
+
+def rate_text(rate: float | None, error: float | None) -> str:
+    """A rate of sampling [Hz] to the digits that are known, of which an error tells."""
+    if rate is None:
+        return 'uneven'
+    if not error:
+        return f'{rate:.6g}'
+    return f'{rate:.{max(0, math.ceil(-math.log10(error)))}f} +- {error:.1g}'
 
 
 def choose(
@@ -210,12 +251,21 @@ def _csv(path: Path) -> list[ChannelSamples]:
         seconds = to_si(f'1 {unit or "s"}', 's')
     except ValueError as error:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
-    t = seconds * table.numbers(time)[:, 0]
+    t, digit = seconds * table.numbers(time)[:, 0], seconds * _last_digit(table.column(time))
     return [
-        ChannelSamples(name, t, table.numbers(name, gaps=True)[:, 0], unit or _unit_of(name))
+        ChannelSamples(
+            name, t, table.numbers(name, gaps=True)[:, 0], unit or _unit_of(name), digit
+        )
         for name, unit in table.units.items()
         if name != time and not table.is_text(name)  # but labels
     ]
+
+
+def _last_digit(cells: Sequence[str]) -> float:
+    """One of the last place of numbers as they are printed; zeros there may be left out."""
+    some = cells[:: max(1, len(cells) // _LOOKS)]
+    found = [x for x in map(_DIGITS.fullmatch, map(str.strip, some)) if x]
+    return min((10.0 ** (int(x[2] or 0) - len(x[1] or '')) for x in found), default=0.0)
 
 
 def _unit_of(name: str) -> str:
@@ -323,6 +373,6 @@ def _tdms_group(group: Any) -> list[ChannelSamples]:
 
 
 READERS: dict[str, Callable[..., list[ChannelSamples]]] = {
-    '.csv': _csv, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
+    '.csv': _csv, '.txt': _csv, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
 }  # fmt: skip
 """By the ending of a file."""

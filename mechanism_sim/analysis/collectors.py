@@ -394,6 +394,7 @@ def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
     for block in channel.blocks(final=True):
         about = sensor, scene.carrier(machine), scene.measures, scene.sample_rate
         collector.add_samples(about, block.time, block.samples, block.triggered)
+    channel.warn()
     signal = collector.signal()
     if signal is None:
         raise InputError(f'sensor {sensor} takes no sample in this run')

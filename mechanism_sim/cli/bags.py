@@ -55,8 +55,8 @@ def add(command: Command) -> None:
         'bags',
         nargs='+',
         metavar='BAG',
-        help='a .mcap or .db3 file, or a folder of ros2 bag; or a .csv, .wav, .uff or .tdms file '
-        'of measured signals',
+        help='a .mcap or .db3 file, or a folder of ros2 bag; or a .csv, .txt, .wav, .uff or .tdms '
+        'file of measured signals',
     )
     namespace_option(sub)
     _detail_options(sub)
@@ -290,8 +290,8 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
     option(
         more, '--fit', 'NAME,...',
         'instead of the summary: find these so that runs reproduce the signal of a bag, or of a '
-        '.csv, .wav, .uff or .tdms file: some of restitution, friction, radial, noise, or dotted '
-        'paths',
+        '.csv, .txt, .wav, .uff or .tdms file: some of restitution, friction, radial, noise, or '
+        'dotted paths',
     )  # fmt: skip
     text = 'scene with machine and sensor, for each bag or all; that in the bag if not given'
     several(more, '--scene', 'SCENE', text, 'scenes')

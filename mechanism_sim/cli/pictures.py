@@ -77,8 +77,8 @@ def add(command: Command) -> None:
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
         help='TOPIC.FIELD of a bag, a quantity such as normal_force.JOINT, or a channel of a '
-        '.csv, .wav, .uff or .tdms file; without any, all there are; before them further recorded '
-        'runs',
+        '.csv, .txt, .wav, .uff or .tdms file; without any, all there are; before them further '
+        'recorded runs',
     )  # fmt: skip
     several(
         sub, '-o --output', 'FILE',

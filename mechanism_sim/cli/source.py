@@ -85,8 +85,19 @@ def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
 
 
 def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -> None:
-    """Warn on standard error of samples that are missing in signals, and what becomes of them."""
+    """Warn on standard error of samples that are missing in signals, and what becomes of them.
+
+    Of those whose times are rounded how well their rate is known.
+    """
+    from mechanism_sim.signal_files import rate_text  # noqa: PLC0415
+
     for name, channel in channels.items():
+        if spectra and channel.rate_error:
+            rate = rate_text(channel.rate, channel.rate_error)
+            print(
+                f'mechanism-sim: {name}: times are rounded: taken as even, at {rate} Hz',
+                file=sys.stderr,
+            )
         if channel.missing:
             longest = max(len(x) for x in channel.runs)
             said = (

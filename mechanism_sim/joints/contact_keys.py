@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.compliant import (
@@ -373,6 +373,24 @@ class Clearance(Play):
     """Of a pin and a bushing that are worn, or not round."""
     wear: WearPart | None = None
     """How fast they wear."""
+
+    @field_validator('radial', mode='before')
+    @classmethod
+    def _loose(cls, value: Any) -> Any:
+        if is_zero(value):
+            raise ValueError(
+                "is out of bounds: it must be more than 0; a joint without play has 'clearance: "
+                "null'"
+            )
+        return value
+
+
+def is_zero(radial: Any) -> bool:
+    """True of a radial clearance as it is written that is none."""
+    try:
+        return to_si(radial, 'm') == 0.0
+    except ValueError:
+        return False
 
 
 OF_PINS = 'misalignment', 'along', 'axial', 'profile', 'wear'

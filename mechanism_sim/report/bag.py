@@ -7,8 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-import numpy as np
-
 from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary, PublishedRange
@@ -17,7 +15,8 @@ from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
-from mechanism_sim.signal_files import ChannelSamples
+from mechanism_sim.sensing.indicators import indicators
+from mechanism_sim.signal_files import ChannelSamples, rate_text
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
 
@@ -37,26 +36,32 @@ def render(summary: Summary) -> str:
 
 def channel_figures(channels: Mapping[str, ChannelSamples]) -> dict[str, dict[str, Any]]:
     """Figures of the channels of a file of signals, by name, in their units."""
+    return {name: _figures_of(channel) for name, channel in channels.items()}
+
+
+def _figures_of(c: ChannelSamples) -> dict[str, Any]:
+    found = indicators(c.values)
     return {
-        name: {
-            'unit': c.unit, 'samples': len(c.times), 'rate': c.rate,
-            'start': float(c.times[0]), 'end': float(c.times[-1]),
-            'smallest': float(c.values.min()), 'largest': float(c.values.max()),
-            'mean': float(c.values.mean()), 'rms': float(np.sqrt((c.values**2).mean())),
-        }
-        for name, c in channels.items()
+        'unit': c.unit, 'samples': found.samples, 'rate': c.rate, 'rate_error': c.rate_error,
+        'start': float(c.times[0]), 'end': float(c.times[-1]),
+        'smallest': float(c.values.min()), 'largest': float(c.values.max()), 'mean': found.mean,
+        'rms': found.rms, 'peak': found.peak, 'crest': found.crest, 'kurtosis': found.kurtosis,
     }  # fmt: skip
 
 
 def render_channels(figures: Mapping[str, Mapping[str, Any]]) -> str:
     """Table of the figures of channels."""
-    head = next(iter(figures.values()))
-    rows = [
-        [name, *('uneven' if x is None else x for x in own.values())]
-        for name, own in figures.items()
-    ]
+    head = [key for key in next(iter(figures.values())) if key != 'rate_error']
+    rows = [[name, *(_cell(own, key) for key in head)] for name, own in figures.items()]
     units = {'rate': 'rate [Hz]', 'start': 'start [s]', 'end': 'end [s]'}
     return '\n'.join(lines([['channel', *(units.get(key, key) for key in head)], *rows], 2))
+
+
+def _cell(own: Mapping[str, Any], key: str) -> Cell:
+    """A figure of a channel; empty if it has none."""
+    if key == 'rate':
+        return rate_text(own['rate'], own['rate_error'])
+    return '' if own[key] is None else own[key]
 
 
 def render_details(details: Details) -> str:

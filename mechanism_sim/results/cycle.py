@@ -424,13 +424,15 @@ def cycle_window(
 
 
 def measures_of(
-    found: Cycle, measures: dict[str, str] | Sequence[str] | Sequence[Measure]
+    found: Cycle,
+    measures: dict[str, str] | Sequence[str] | Sequence[Measure],
+    silent: bool = False,
 ) -> list[Measured]:
-    """Measures of a cycle: of the run before it nothing counts."""
+    """Measures of a cycle: of the run before it nothing counts; see `Measurement.found`."""
     begin, end = float(found.t[0]), float(found.t[-1])
     taken = Measurement(found.machine, measures, begin, end, static=found.static, begin=begin)
     taken.add(found.solution)
-    return taken.found()
+    return taken.found(silent)
 
 
 def at_position(machine: Machine, value: float, found: Cycle) -> dict[str, float]:

@@ -142,7 +142,7 @@ class RunDerivative:
         def taken(piece: Piece) -> Array:
             measurement = Measurement(piece.machine, asked, *window)
             measurement.add(piece)
-            found = measurement.found()
+            found = measurement.found(silent=True)
             names[:] = [m.name for m in found]
             return np.array([m.value for m in found])
 

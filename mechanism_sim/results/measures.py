@@ -42,6 +42,8 @@ from mechanism_sim.sensing.channel import Channel
 from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.units import argument, product
 
+OVERLOADS = 'overloads'
+"""Behind the name of a sensor: 1 of a sample that was cut at the end of the range, else 0."""
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
 
 
@@ -148,9 +150,12 @@ class Measurement:
         for window in self._windows.values():
             window.add(piece)
 
-    def found(self) -> list[Measured]:
-        """The measures of what was entered; to be called once, at the end."""
-        self._series.finish()
+    def found(self, silent: bool = False) -> list[Measured]:
+        """The measures of what was entered; to be called once, at the end.
+
+        Signals that were cut at the end of a range are warned of unless this is one of many runs.
+        """
+        self._series.finish(silent)
         for window in self._windows.values():
             window.finish(self._turns.end)
         results = {f: window.result(f) for f, window in self._figures.items()}
@@ -377,8 +382,8 @@ class Window:
         return [tally.result(f) for tally in self._tallies]
 
     def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[float, str]:
-        _, x = self._series.values(f, since, until, last)
-        note = self._series.note(f, len(x))
+        x, cut = self._series.values(f, since, until, last)
+        note = self._series.note(f, len(x), cut)
         if f.function == 'count':
             return float(np.count_nonzero(x) if f.compared else len(x)), note
         if f.function == 'sum':
@@ -413,16 +418,17 @@ class EventSeries:
             for kind, joint, _ in self._parts.values()
             if kind == 'sensors' and joint
         }
-        self._samples: dict[str, list[tuple[Array, Array]]] = {n: [] for n in self._channels}
+        self._samples: dict[str, list[tuple[Array, ...]]] = {n: [] for n in self._channels}
 
     def _resolve(self, name: str) -> tuple[str, str | None, str]:
         """Kind, joint or sensor (None for all joints), and key of a name."""
         machine, (kind, *rest) = self._machine, name.split('.')
         if kind == 'sensors':
             sensors = list(machine.scene.sensors)
+            key = rest.pop() if rest[1:] == [OVERLOADS] else ''
             named = '.'.join(rest)
             check_known(named, sensors, f"{machine.name} has no sensor '{named}'", 'sensors:')
-            return kind, rest[0], 'samples'
+            return kind, named, key
         joints = machine.physics.clearances
         joint = rest.pop(0) if rest and rest[0] in joints else None
         key = rest.pop(0) if rest else ''
@@ -441,7 +447,7 @@ class EventSeries:
 
     def _unit_of(self, name: str) -> str:
         kind, joint, key = self._parts[name]
-        if kind == 'sensors':
+        if kind == 'sensors' and not key:
             return str(self._machine.scene.sensors[str(joint)].unit)
         return IMPACT_UNITS.get(key, '')
 
@@ -457,22 +463,26 @@ class EventSeries:
             channel.take(piece.motion if history is None else history)
             self._take(name)
 
-    def finish(self) -> None:
-        """Let the channels give what they have left."""
-        for name in self._channels:
+    def finish(self, silent: bool = False) -> None:
+        """Let the channels give what they have left, and warn of what they cut."""
+        for name, channel in self._channels.items():
             self._take(name, final=True)
+            if not silent:
+                channel.warn()
 
     def _take(self, name: str, final: bool = False) -> None:
         self._samples[name] += self._channels[name].samples(final)
 
-    def values(self, f: Figure, since: float, until: float, last: bool) -> tuple[Array, Array]:
-        """Instants (n,) and what the figure's expression is at each, within a window [s]."""
+    def values(self, f: Figure, since: float, until: float, last: bool) -> tuple[Array, int]:
+        """Values (n,) of a figure's expression in a window [s], and how many samples were cut."""
         kind, joint, _ = self._parts[f.names[0]]
+        cut = np.zeros(0)
         keys = {name: self._parts[name][2] for name in f.names}
         if kind == 'sensors':
             parts = self._samples[str(joint)]
-            t, read = (np.concatenate([np.zeros(0), *(x[i] for x in parts)]) for i in (0, 1))
-            known = dict.fromkeys(keys, read)
+            t, read, cut = (np.concatenate([np.zeros(0), *(x[i] for x in parts)])
+                            for i in range(3))  # fmt: skip
+            known = {name: cut if key else read for name, key in keys.items()}
         elif kind == 'impacts':
             impacts = [i for i in self._impacts if joint in (None, i.joint)]
             t = np.array([i.t for i in impacts], float)
@@ -488,12 +498,13 @@ class EventSeries:
             known = {name: t if key else np.ones(len(t)) for name, key in keys.items()}
         x = as_row(numbers(f.tree, known), len(t))
         inside = (t >= since) & ((t <= until) if last else (t < until))
-        return t[inside], x[inside]
+        return x[inside], int(cut[inside[: len(cut)]].sum())
 
-    def note(self, f: Figure, count: int) -> str:
+    def note(self, f: Figure, count: int, cut: int) -> str:
         """Of how many samples a figure is, or events if it weighs each of them alike."""
         kind, name, _ = self._parts[f.names[0]]
         if kind != 'sensors':
             return f'of {count} {kind}' if f.function in _OF_EACH else EXACT
         rate = self._machine.scene.sensors[str(name)].sample_rate
-        return f'of {count} samples at {rate:g} Hz'
+        lost = f', {cut} of them CUT at the end of the range' if cut else ''
+        return f'of {count} samples at {rate:g} Hz{lost}'

@@ -180,9 +180,10 @@ class Piece(Rich):
         channel = self.machine.channel(sensor)
         channel.take(self.motion)
         parts = list(channel.samples(final=True))
+        channel.warn()
         if not parts:
             raise InputError(f'sensor {sensor} takes no sample in this run')
-        t, samples = (np.concatenate(x) for x in zip(*parts, strict=True))
+        t, samples, _ = (np.concatenate(x) for x in zip(*parts, strict=True))
         return signal_table(t, sensor, samples, known[sensor].unit)
 
     def to_frame(

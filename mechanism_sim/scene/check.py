@@ -30,6 +30,7 @@ from mechanism_sim.scene.remarks import doubts, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.start import Start
 from mechanism_sim.scene.tilted_links import tilt_notes
+from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, counted, for_people
 
 _AHEAD = 10.0
@@ -383,6 +384,14 @@ def _sensor_notes(machine: Machine) -> Iterator[str]:
     for name, sensor in machine.scene.sensors.items():
         said = [f'{sensor.kind} {sensor.place(machine)}', f'{sensor.sample_rate:g} Hz']
         yield f'sensor {name}: {", ".join([*said, *_chain(sensor)])}'
+        half, corner = 0.5 * sensor.sample_rate, sensor.anti_alias and sensor.anti_alias.frequency
+        if corner and corner > half:
+            preset = PRESETS.get(sensor.instrument or '', {}).get('sample_rate')
+            meant = f'; {sensor.instrument} samples at {preset}' if preset else ''
+            yield (
+                f'sensor {name}: its anti-alias filter passes {half:g} Hz to {corner:g} Hz, which '
+                f'a sample_rate of {sensor.sample_rate:g} Hz folds below {half:g} Hz{meant}'
+            )
 
 
 def _chain(sensor: SensorPart) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple, Protocol
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.errors import RunWarning
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, exact_sum
 from mechanism_sim.numerics.rational import Modes, Rational
@@ -70,8 +72,13 @@ class Block(NamedTuple):
 
     time: float
     samples: Array  #: (N,) in units of what the chain ends in
-    overloads: int  #: how many of them were cut at the end of the range
+    cut: NDArray[np.bool_]  #: (N,) which of them were cut at the end of the range
     triggered: bool  #: the first is due at a trigger
+
+    @property
+    def overloads(self) -> int:
+        """How many samples were cut."""
+        return int(self.cut.sum())
 
 
 class Analogue:
@@ -167,8 +174,9 @@ class Channel:
         self._blocks: list[Block] = []
         self._record = 0.0
         self._taken = 0
+        self._count = self._overloads = 0  # of all samples
         self._samples = np.zeros(0)
-        self._overloads = np.zeros(0, bool)
+        self._over = np.zeros(0, bool)
 
     def take(self, motion: Motion) -> None:
         """Measure a piece of motion, which follows that of the last call."""
@@ -179,7 +187,9 @@ class Channel:
             if len(span.times):
                 shown = self._digitizer.convert(span.times, response(span.times))
                 self._samples = np.append(self._samples, shown.samples)
-                self._overloads = np.append(self._overloads, shown.overloads)
+                self._over = np.append(self._over, shown.overloads)
+                self._count += len(shown.samples)
+                self._overloads += int(shown.overloads.sum())
             self._record = span.start
             self._cut(span.complete)
 
@@ -190,21 +200,32 @@ class Channel:
         blocks, self._blocks = self._blocks, []
         return blocks
 
-    def samples(self, final: bool = False) -> Iterator[tuple[Array, Array]]:
-        """When the samples of `blocks` are due [s], and they: (N,) each, block by block."""
+    def samples(self, final: bool = False) -> Iterator[tuple[Array, Array, Array]]:
+        """When the samples of `blocks` are due [s], they, and 1 where one was cut: (N,) each."""
         for block in self.blocks(final):
             since = np.arange(len(block.samples)) / self.instrument.sample_rate
-            yield block.time + since, block.samples
+            yield block.time + since, block.samples, block.cut.astype(float)
+
+    def warn(self) -> None:
+        """Warn if samples so far were cut: figures of a signal are those of what is left."""
+        if self._overloads and (limit := self.instrument.adc.range):
+            end = f'{limit.value:g} {limit.unit}'.rstrip()
+            warnings.warn(
+                f'sensor {self.name}: {self._overloads} of {self._count} samples were CUT at the '
+                f'end of its range, {end}',
+                RunWarning,
+                stacklevel=3,
+            )
 
     def _cut(self, complete: bool) -> None:
         """Make blocks of the samples of the present record."""
         most = None if self._triggered else BLOCK
         while len(self._samples) and (complete or (most and len(self._samples) >= most)):
-            block, cut = self._samples[:most], int(self._overloads[:most].sum())
+            block, cut = self._samples[:most], self._over[:most]
             start = self._record + self._taken / self.instrument.sample_rate
-            self._blocks.append(Block(start, block.copy(), cut, self._triggered))
+            self._blocks.append(Block(start, block.copy(), cut.copy(), self._triggered))
             self._samples = self._samples[len(block) :]
-            self._overloads = self._overloads[len(block) :]
+            self._over = self._over[len(block) :]
             self._taken += len(block)
         if complete:
             self._taken = 0

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from mechanism_sim.results.measure_text import Measure, read_all
-from mechanism_sim.results.measures import Measurement
+from mechanism_sim.results.measures import OVERLOADS, Measurement
 from mechanism_sim.scene import Machine
+from mechanism_sim.studies.schema import WindowsPart
 
 
 class ResultColumn(NamedTuple):
@@ -59,9 +60,25 @@ FIGURES = (
 RESERVED = {*(c.name for c in FIGURES), 'run', 'steps', 'digest', 'status'}
 
 
+def overloads_of(sensor: str) -> str:
+    """The column of how many samples of a sensor were cut at the end of its range."""
+    return f'sum(sensors.{sensor}.{OVERLOADS})'
+
+
+def of_converters(machine: Machine, windows: WindowsPart | None) -> list[ResultColumn]:
+    """How many samples are cut, of each sensor that has a range; of those in windows, if any."""
+    sensors, what = machine.scene.sensors, ' of its windows' if windows else ''
+    return [
+        ResultColumn(overloads_of(name), '', f'samples{what} cut at the end of the range')
+        for name in (windows.sensors_of(machine.scene) if windows else sensors)
+        if sensors[name].adc.range
+    ]
+
+
 def of_sensors(machine: Machine, given: Sequence[Measure] = ()) -> list[Measure]:
-    """Root mean square and extreme of what every sensor reads, but for what is `given`."""
+    """Root mean square and extreme of what every sensor reads, and what cuts, but for `given`."""
     texts = [f'{f}(sensors.{name})' for name in machine.scene.sensors for f in ('rms', 'largest')]
+    texts += [column.name for column in of_converters(machine, None)]
     known = {m.text for m in given}
     return read_all([text for text in texts if text not in known], machine.name)
 

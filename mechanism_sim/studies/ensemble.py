@@ -97,6 +97,7 @@ def ensemble(
     }
     rows = _done([*tasks.values()], **how)
     ordered = [rows[run.key] for run in plan.runs]
+    plan.warn(ordered)
     known = plan.table(ordered)
     if wanted is not None:
         labels = {*_ALWAYS, *plan.columns}

@@ -150,7 +150,7 @@ class CycleTrial:
             Also if a measure has no finite value.
         """
         machine = build(self.name, check_scene(self.name, self.content, values))
-        found = measures_of(cycle(machine, **self.how), list(self.measures))
+        found = measures_of(cycle(machine, **self.how), list(self.measures), silent=True)
         for measured in found:
             if not math.isfinite(measured.value):
                 why = f': {measured.resolution}' if measured.resolution != EXACT else ''

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import re
+import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -18,8 +19,13 @@ from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
+<<<<<<< HEAD
 from mechanism_sim.documents import texts_of
 from mechanism_sim.errors import InputError, check_known, quoted
+=======
+from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
+from mechanism_sim.joints.contact_keys import is_zero
+>>>>>>> f4
 from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
@@ -27,7 +33,7 @@ from mechanism_sim.results.measure_text import Measure as OwnMeasure
 from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.scene import Machine, Source, span
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.facts import unit_at, units_at, value_at
+from mechanism_sim.scene.facts import units_at, value_at
 from mechanism_sim.scene.files import (
     SceneContent,
     check_scene,
@@ -40,17 +46,26 @@ from mechanism_sim.scene.gate import admit_turning
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.studies import windows
-from mechanism_sim.studies.columns import FIGURES, RESERVED, ResultColumn, of_sensors, own_columns
+from mechanism_sim.studies.columns import (
+    FIGURES,
+    RESERVED,
+    ResultColumn,
+    of_converters,
+    of_sensors,
+    overloads_of,
+    own_columns,
+)
 from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
 from mechanism_sim.tables import Column
-from mechanism_sim.units import QuantityValue, to_si, to_si_like, to_si_text
+from mechanism_sim.units import QuantityValue, counted, to_si, to_si_like, to_si_text
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.design import Factor
 
 SCENE, REPEAT = 'scene', 'repeat'
 """Columns that are no values of a scene."""
+_RADIAL = '.clearance.radial'
 
 
 @dataclass(frozen=True)
@@ -195,6 +210,21 @@ class SweepPlan:
         ]
         return [*self.labels(), *figures]
 
+    def warn(self, rows: Sequence[Row]) -> None:
+        """Say of sensors whose samples were cut in how many runs, and where most of them."""
+        for sensor in dict.fromkeys(name for run in self.runs for name in run.scene.sensors):
+            column = overloads_of(sensor)
+            cut = {index: n for index, row in enumerate(rows) if (n := row.get(column))}
+            if cut:
+                most = max(cut, key=lambda index: cut[index])
+                warnings.warn(
+                    f'sensor {sensor}: samples were CUT at the end of its range in {len(cut)} of '
+                    f'{counted(len(rows), "run")}, {cut[most]:g} of them in run {most}: see the '
+                    f'column {column}',
+                    RunWarning,
+                    stacklevel=3,
+                )
+
     def write(self, file: Path, rows: Sequence[Row]) -> None:
         """Write the table, all at once."""
         tables.write(file, self.table(rows), {'sweep': self.name, 'title': self.title})
@@ -231,7 +261,7 @@ def read_plan(
     taken = _measures(path.name, file, measures)
     factors, drawn = _drawn(path.name, file)
     own: dict[str, ResultColumn] = {}
-    measured: dict[str, tuple[str, ...]] = {}
+    measured: dict[tuple[str, ...], tuple[str, ...]] = {}
     listed, total = file.runs or [{}], math.prod(map(len, grid)) * len(drawn) * file.repeat
     for one, point, values_drawn in product(listed, product(*grid), drawn):
         if show:
@@ -244,6 +274,7 @@ def read_plan(
                 bases[named] = content_of(str(path.parent / named) if _is_path(named) else named)
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
+            overrides, left_out = _without_play(overrides)
             checked_scene = check_scene(base.file, base.data, overrides, base.folder)
         extent = extent or _extent(path.name, file)  # a key that is not known is named first
         with _in_run(where):
@@ -264,15 +295,26 @@ def read_plan(
                 nudged = machine.scene
                 asked = [*taken, *_of_scene(path.name, machine, taken)]
                 read = [] if file.windows else of_sensors(machine, asked)
-                if named not in measured:
-                    measured[named] = _texts(asked)
+                kind = named, *machine.plan.clearances  # a joint may be loose in some runs only
+                if kind not in measured:
+                    measured[kind] = _texts(asked)
                     for column in own_columns(machine, [*asked, *read]):
                         own.setdefault(column.name, column)
                 if file.windows:
                     edges, skipped = extent.edges(machine)
                     windows.check(file.windows, machine, edges[skipped], edges[-1])
                     nudged = windows.with_seed(nudged, len(runs), columns)
+<<<<<<< HEAD
                 values = _ordered(nudged, columns, names_of)
+=======
+                for column in of_converters(machine, file.windows):  # ranges may be swept
+                    own.setdefault(column.name, column)
+                values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
+                values |= {c: _number(left_out[c]) for c in columns if c in left_out}
+                values |= {SCENE: base.name} if SCENE in columns else {}
+                values |= {REPEAT: repetition} if REPEAT in columns else {}
+                ordered = {c: values[c] for c in columns}
+>>>>>>> f4
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
                 texts = (*_texts(asked), *(m.text for m in read))
                 ruling += [list(texts)] if texts else []
@@ -425,6 +467,26 @@ def _read_limits(given: str | float | list[str | float | None], unit: str) -> Me
     return found
 
 
+def _without_play(overrides: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Overrides with joints ideal whose radial clearance is 0, and those which that leaves out."""
+    found, left_out = dict(overrides), dict[str, Any]()
+    for path, value in overrides.items():
+        if path.startswith('joints.') and path.endswith(_RADIAL) and is_zero(value):
+            play = path.removesuffix('.radial')
+            left_out |= {k: v for k, v in overrides.items() if k.startswith(f'{play}.')}
+            found = {k: v for k, v in found.items() if k not in left_out and k != play}
+            found[play] = None
+    return found, left_out
+
+
+def _number(given: Any) -> float | str | None:
+    """A value as it is given, in SI units."""
+    try:
+        return to_si_text(given).value
+    except ValueError:
+        return None if given is None else str(given)
+
+
 def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
     """SI units of swept values as they are written, else of their keys, if all runs agree."""
     found: dict[str, str] = {}
@@ -435,7 +497,9 @@ def _units(columns: Sequence[str], runs: Sequence[Run]) -> dict[str, str]:
                 unit = to_si_text(run.given.get(column)).unit
             except ValueError:
                 unit = ''
-            units.add(unit or unit_at(run.scene, column))
+            place, own = value_at(run.scene, column)
+            if unit or place is not None:  # of a joint without play nothing is known
+                units.add(unit or own)
         if len(units) == 1 and (unit := units.pop()):
             found[column] = unit
     return found

@@ -157,7 +157,9 @@ class _Figures:
         figures['energy_residual'] = run.energy.residual if run.energy else math.nan
         figures |= {f'impacts.{joint}': len(x) for joint, x in self._struck.items()}
         figures |= {f'largest_impulse.{joint}': x for joint, x in largest.items()}
-        figures |= {m.name: m.value for m in (self._taken.found() if self._taken else ())}
+        figures |= {
+            m.name: m.value for m in (self._taken.found(silent=True) if self._taken else ())
+        }
         row: Row = {k: float(x) if math.isfinite(x) else None for k, x in figures.items()}
         digest = {'digest': self._digest.hexdigest()} if self._digest else {}
         return row | {'steps': run.stats.steps} | digest

@@ -16,14 +16,15 @@ import pyarrow.parquet as pq
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
+from mechanism_sim.results.measures import OVERLOADS
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.studies.plan import SweepPlan
+from mechanism_sim.studies.plan import Run, SweepPlan
 from mechanism_sim.studies.runs import file_errors
 from mechanism_sim.studies.schema import WindowsPart
-from mechanism_sim.studies.windows import Cutter
+from mechanism_sim.studies.windows import Cutter, SampleWindow
 from mechanism_sim.tables import field_type
 
 SIGNAL = 'signal'
@@ -57,6 +58,17 @@ class Shard:
         """How many windows there are by now."""
         return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
 
+    def overloads(self) -> dict[str, int]:
+        """How many samples of its windows were cut, by sensors that have a range."""
+        if OVERLOADS not in self.schema.names or not self.file.exists():
+            return {}
+        table = pq.read_table(self.file, columns=['sensor', OVERLOADS])
+        found: dict[str, int] = {}
+        for sensor, cut in zip(*(column.to_pylist() for column in table.columns), strict=True):
+            if cut is not None:
+                found[sensor] = found.get(sensor, 0) + cut
+        return found
+
     def writer(self, name: str, since: float, channels: Channels) -> ShardWriter:
         """Writer of its windows."""
         return ShardWriter(self, name, since, channels)
@@ -77,6 +89,15 @@ def shards(plan: SweepPlan, folder: Path) -> dict[int, Shard]:
         _field('sample_rate', pa.float64(), 'Hz'),
         _field('quantity', pa.string(), '', 'acceleration [m/s^2] or what it was integrated to'),
         _field('seed', pa.uint32(), '', 'of the noise of this run'),
+        *(
+            [
+                _field(
+                    OVERLOADS, pa.int32(), '', 'samples cut at the end of the range, if it has one'
+                )
+            ]
+            if any(_may_cut(run, plan.windows) for run in plan.runs)
+            else []
+        ),
         _field(SIGNAL, kind, 'SI', f'{size} consecutive samples'),
     ]
     schema = pa.schema(fields, {'sweep': plan.name, 'title': plan.title})
@@ -86,6 +107,11 @@ def shards(plan: SweepPlan, folder: Path) -> dict[int, Shard]:
         labels, file = {c.name: c.values[run.index] for c in columns}, f'{run.stem}.parquet'
         found[run.index] = Shard(folder / file, run.scene, plan.windows, labels, schema)
     return found
+
+
+def _may_cut(run: Run, windows: WindowsPart) -> bool:
+    """True if a sensor of a run has a range."""
+    return any(run.scene.sensors[name].adc.range for name in windows.sensors_of(run.scene))
 
 
 def _field(name: str, kind: Any, unit: str = '', meaning: str = '') -> Any:
@@ -142,9 +168,9 @@ class ShardWriter:
 
     def _gather(self, final: bool) -> None:
         for sensor in self._sensors:
-            for start, samples in sensor.windows(final):
-                self._rows.append(sensor.row(start) | self._crank(start))
-                self._signals.append(samples)
+            for window in sensor.windows(final):
+                self._rows.append(sensor.row(window) | self._crank(window.start))
+                self._signals.append(window.samples)
                 if len(self._rows) == _ROWS:
                     self._flush()
 
@@ -233,13 +259,14 @@ class _ShardSensor:
         """True if there are as many windows as are wanted."""
         return self.count >= self._most
 
-    def windows(self, final: bool) -> Iterator[tuple[float, np.ndarray[Any, Any]]]:
+    def windows(self, final: bool) -> Iterator[SampleWindow]:
         """Those that are complete by now, as far as they are wanted."""
         for window in self.cutter.cut(self.channel.blocks(final)):
             if not self.done:
                 yield window
                 self.count += 1
 
-    def row(self, start: float) -> dict[str, Any]:
+    def row(self, window: SampleWindow) -> dict[str, Any]:
         """All of a row but its signal and the crank."""
-        return {**self._labels, 'window': self.count, 'start': start}
+        cut = window.overloads if self.channel.instrument.adc.range else None
+        return {**self._labels, 'window': self.count, 'start': window.start, OVERLOADS: cut}

@@ -13,6 +13,7 @@ from mechanism_sim import output, tables
 from mechanism_sim.engine import plotting
 from mechanism_sim.errors import InputError, check_options
 from mechanism_sim.scene import Source
+from mechanism_sim.studies.columns import overloads_of
 from mechanism_sim.studies.journal import Journal, journal_of
 from mechanism_sim.studies.plan import Run, SweepPlan, read_plan
 from mechanism_sim.studies.row import SweepTask
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Shard
 
 _LOST = 'the same command goes on from the finished runs, --workers 1 takes the least memory'
+
+_NO_FOLDERS = {*tables.ENDINGS} - {'.parquet'}
+"""Endings of files; folders of Parquet files are often called NAME.parquet."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +131,13 @@ def run_plan(
             journal.rows.pop(task.key, None)
         with workers:
             workers.do(tasks, journal, show)
-        rows = [journal.rows[run.key] for run in plan.runs]
+        cut = {shard.file.stem: shard.overloads() for task in every for shard in task.shards}
+        rows = [
+            {overloads_of(s): n for s, n in cut.get(run.stem, {}).items()} | journal.rows[run.key]
+            for run in plan.runs
+        ]
         plan.write(table, rows)
+    plan.warn(rows)
     summary = SweepSummary(
         plan.name,
         str(table),
@@ -187,6 +196,11 @@ def _window_folder(
             raise InputError(f"--windows {windows}: the sweep has no key 'windows'")
         return None
     folder = Path(windows) if windows else table.with_suffix('.windows')
+    if folder.suffix in _NO_FOLDERS:
+        raise InputError(
+            f'--windows {windows}: windows are Parquet files in a folder: give its name, without '
+            f"'{folder.suffix}'"
+        )
     folder = output.make_folder(folder.resolve(), "the windows' folder ")
     own = {f'{run.stem}.parquet' for run in plan.runs}
     begun = restart or journal_of(table).exists()

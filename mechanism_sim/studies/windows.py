@@ -69,6 +69,7 @@ class SampleWindow(NamedTuple):
 
     start: float
     samples: Array
+    overloads: int  #: how many of them were cut at the end of the range
 
 
 class Cutter:
@@ -87,6 +88,7 @@ class Cutter:
         self._start = 0.0  # of the record
         self._index = 0  # of the first sample that is kept
         self._samples: Array = np.zeros(0)
+        self._cut = np.zeros(0, bool)  # which of them
 
     @property
     def next_start(self) -> float:
@@ -98,12 +100,14 @@ class Cutter:
         size, hop = self._windows.samples, self._windows.hop
         for block in blocks:
             if block.triggered:
-                self._start, self._index, self._samples = block.time, 0, block.samples
+                self._start, self._index = block.time, 0
+                self._samples, self._cut = block.samples, block.cut
             else:
                 self._samples = np.append(self._samples, block.samples)
+                self._cut = np.append(self._cut, block.cut)
             while len(self._samples) >= size:
                 start = self._start + self._index / self._rate
                 if start >= self._since:
-                    yield SampleWindow(start, self._samples[:size])
-                self._samples = self._samples[hop:]
+                    yield SampleWindow(start, self._samples[:size], int(self._cut[:size].sum()))
+                self._samples, self._cut = self._samples[hop:], self._cut[hop:]
                 self._index += hop

@@ -39,6 +39,10 @@ def test_a_tone_has_its_size_and_its_line(rig):
     assert (acc['unit'], acc['samples']) == ('m/s^2', COUNT)
     assert acc['rate'] == pytest.approx(RATE)
     assert acc['rms'] == pytest.approx(SIZE / math.sqrt(2.0), rel=1e-12)
+    assert (acc['peak'], acc['crest']) == (SIZE, pytest.approx(math.sqrt(2.0)))
+    assert acc['kurtosis'] == pytest.approx(1.5)
+    head = run('analyze', str(rig)).stdout.splitlines()[0]
+    assert head.split()[-4:] == ['rms', 'peak', 'crest', 'kurtosis']
     spectrum = found['details']['spectra']['acc']['spectrum']
     values = np.array(spectrum['values'])
     assert spectrum['frequency'][int(values.argmax())] == pytest.approx(TONE)
@@ -148,6 +152,21 @@ def test_recordings_of_one_quantity_in_other_units_share_their_axes(tmp_path, mo
     assert panel.y.unit == 'deg'
 
 
+@pytest.mark.parametrize(
+    ('units', 'panels', 'unit', 'size'),
+    [(['m/s^2', 'g'], 1, 'm/s^2', 9.80665), (['mm/s^2', 'g'], 1, 'm/s^2', 9.80665),
+     (['g', 'g'], 1, 'g', 1.0), (['kg', 'g'], 1, 'kg', 1e-3),
+     (['kg', 'm/s^2', 'g'], 2, 'kg', 1e-3)],
+)  # fmt: skip
+def test_g_is_of_gravity_beside_accelerations_and_a_gram_beside_masses(units, panels, unit, size):
+    t = np.arange(3.0)
+    series = [Series(f'a{k}', u, t, np.ones(3)) for k, u in enumerate(units)]
+    found = chart(series, '').panels
+    assert len(found) == panels
+    assert found[0].y.unit == unit
+    assert found[0].curves[-1].y == pytest.approx(size)
+
+
 def test_channels_of_a_wav_are_listed_without_its_scale(tmp_path):
     file = tmp_path / 'rig.wav'
     wavfile.write(file, int(RATE), np.zeros((100, 2), np.int16))
@@ -161,7 +180,7 @@ def test_tables_that_are_not_read_say_which_are(tmp_path):
         file.write_bytes(b'PK')
         done = run(name, str(file))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'read .csv, .wav, .uff, .unv, .tdms: write it as .csv' in done.stderr
+        assert 'read .csv, .txt, .wav, .uff, .unv, .tdms: write it as .csv' in done.stderr
 
 
 def test_a_spectrum_has_units_and_uneven_samples_a_way(tmp_path):

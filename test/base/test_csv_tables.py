@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanism_sim.csv_tables import named_unit, read_csv
+from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError
 
 
@@ -50,6 +50,47 @@ def test_columns_have_names_units_and_numbers(table, text):
     found = table(text)
     assert found.units == {'t': 's', 'x': 'mm'}
     assert np.array_equal(found.numbers('x', 't'), [[1.0, 0.0], [2.25, 0.5]])
+
+
+PREAMBLES = {
+    'LabVIEW': 'LabVIEW Measurement\nWriter_Version\t2\n***End***\n{}\n0\t1\n0.5\t2.25\n',
+    'of as many cells': 'Logger\nRate\t2\nDate\t3 May\n{}\n0\t1\n0.5\t2.25\n',
+    'longer lines': 'Model\tA\tB\tC\n\n{}\n0\t1\n0.5\t2.25\n',
+    'decimal commas': 'Messung\n# 1\n{}\n0\t1\n0,5\t2,25\n',
+}
+
+
+@pytest.mark.parametrize('headings', ['t [s]\tx [mm]', 't\tx\ns\tmm', 't\tx\n(s)\t(mm)'])
+@pytest.mark.parametrize('name', PREAMBLES)
+def test_headings_may_stand_below_lines_of_an_instrument(table, capsys, name, headings):
+    if name == 'of as many cells' and '\n' in headings:
+        return  # which are the headings cannot be told: below
+    assume.cache_clear()  # it is said once
+    text = PREAMBLES[name].format(headings)
+    found = table(text)
+    assert found.units == {'t': 's', 'x': 'mm'}
+    assert np.array_equal(found.numbers('t', 'x'), [[0.0, 1.0], [0.5, 2.25]])
+    first = headings.partition('\n')[0]
+    number = text.splitlines().index(first) + 1
+    said = f"'t.csv': line {number} is taken for its headings: {first!r}"
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        'Model,TDS\nRecord Length,1000\nTIME,CH1\n0,1\n0.5,2\n',
+        'Logger\nRate,2\nt,x\n(s),(mm)\n0,1\n0.5,2\n',
+        'Logger\n0,1\n0.5,2\n',
+        't,x\n0,1\n1,err\n2,3\n3,4\n',
+    ],
+    ids=['key and value', 'three lines', 'no headings', 'a word among numbers'],
+)
+def test_headings_that_cannot_be_told_are_not_guessed(table, capsys, text):
+    assume.cache_clear()
+    with pytest.raises(InputError):
+        table(text).numbers('t', 'x')
+    assert 'is taken for' not in capsys.readouterr().err
 
 
 def test_three_decimals_of_every_number_are_no_thousands(table, capsys):

@@ -42,6 +42,13 @@ def test_csv_has_units_and_leaves_out_what_is_missing(tmp_path):
         rod.in_unit('N')
 
 
+def test_a_text_file_of_an_instrument_is_a_signal(tmp_path):
+    rows = ''.join(f'{t:.9f}\t{y:.6f}\n' for t, y in zip(T, Y, strict=True))
+    text = f'LabVIEW Measurement\nWriter_Version\t2\n***End***\nTime [s]\tacc (g)\n{rows}'
+    found = read_signal(table(tmp_path, text, 'lv.txt'))
+    assert (found.name, found.unit, len(found.values)) == ('acc', 'g', 200)
+
+
 def test_units_may_be_below_names_and_spaces_between(tmp_path):
     text = 't acc\n(ms) (m/s²)\n' + ''.join(f'{k} {k * k}\n' for k in range(5))
     found = read_signal(table(tmp_path, text))
@@ -95,6 +102,38 @@ def test_labels_with_points_are_no_thousands(tmp_path):
     assert read_signal(table(tmp_path, text)).name == 'x'
 
 
+@pytest.mark.parametrize(
+    ('rate', 'start', 'form'),
+    [(12800, 0, '.6f'), (25600, 0, '.6f'), (25600, 0, '.7f'), (25600, 1714550400, '.6f'),
+     (1500, 0, '.4f'), (51200, 2.0, '.7f')],
+)  # fmt: skip
+def test_times_that_are_rounded_to_their_last_digit_are_even(tmp_path, rate, start, form):
+    t = start + np.arange(2000) / rate
+    rows = [f'{a:{form}},{k}\n' for k, a in enumerate(t.tolist())]
+    found = read_signal(table(tmp_path, f't [s],x [m]\n{"".join(rows)}'))
+    assert found.rate == pytest.approx(rate, abs=found.rate_error)
+    assert found.rate_error < 1e-3 * rate
+    assert found.missing == 0
+    del rows[700:710]
+    found = read_signal(table(tmp_path, f't [s],x [m]\n{"".join(rows)}'))
+    assert (found.missing, len(found.runs)) == (10, 2)
+    assert found.rate == pytest.approx(rate, abs=found.rate_error)
+
+
+@pytest.mark.parametrize('off', [2e-6, 3e-5])
+def test_times_that_are_off_by_more_than_their_last_digit_are_uneven(tmp_path, off):
+    t = np.arange(2000) / 12800.0
+    t[1000] += off
+    rows = ''.join(f'{a:.6f},1\n' for a in t.tolist())
+    found = read_signal(table(tmp_path, f't [s],x [m]\n{rows}'))
+    assert (found.rate, found.rate_error) == (None, None)
+
+
+def test_times_whose_digits_are_as_long_as_a_sample_are_uneven(tmp_path):
+    rows = ''.join(f'{k / 12800.0:.4f},1\n' for k in range(0, 2000, 2))
+    assert read_signal(table(tmp_path, f't [s],x [m]\n{rows}')).rate is None
+
+
 def test_uneven_instants_are_kept(tmp_path):
     t = np.cumsum(np.random.default_rng(1).uniform(0.5e-3, 1.5e-3, 50))
     rows = '\n'.join(f'{a!r},{a * a!r}' for a in t.tolist())
@@ -132,8 +171,8 @@ def test_csv_that_is_no_signal_is_refused(tmp_path, text, channel, words):
 def test_other_endings_are_refused(tmp_path):
     assert is_signal_file('a.WAV')
     assert not is_signal_file('a.mcap')
-    with pytest.raises(InputError, match=r'expected .csv, .wav, .uff, .unv, .tdms'):
-        read_signals(tmp_path / 'a.txt')
+    with pytest.raises(InputError, match=r'expected .csv, .txt, .wav, .uff, .unv, .tdms'):
+        read_signals(tmp_path / 'a.dat')
     with pytest.raises(InputError, match='does not exist'):
         read_signals(tmp_path / 'a.wav')
 

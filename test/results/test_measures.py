@@ -14,7 +14,7 @@ import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.energy_terms import EnergyTerms
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
 from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
@@ -200,6 +200,22 @@ def test_sensors_are_measured_by_their_samples():
         found = one((machine, solution), f'{text}(sensors.{name})')
         assert found.value == pytest.approx(value, rel=1e-12)
         assert found.unit == ''
+
+
+def test_what_is_made_of_samples_that_were_cut_says_so():
+    machine = ms.load_scene(
+        'four_bar_clearance', {'sensors.rocker_accelerometer.adc.range': '20 m/s^2'}
+    )
+    name, solution = 'sensors.rocker_accelerometer', ms.simulate(machine, revolutions=1)
+    warned = pytest.warns(RunWarning, match=r'samples were CUT at the end of its range, 20 m/s\^2')
+    with warned:
+        read = solution.to_frame(name)['rocker_accelerometer']
+    cut = int((np.abs(read) == 20.0).sum())
+    assert cut > 100
+    with warned:
+        signal, count = measure(machine, solution, f'kurtosis({name})', f'sum({name}.overloads)')
+    assert signal.resolution.endswith(f', {cut} of them CUT at the end of the range')
+    assert (count.value, count.unit) == (cut, '')
 
 
 def test_a_frame_has_the_samples_of_sensors_beside_quantities_at_their_instants():

@@ -72,7 +72,7 @@ def refusal(overrides, scene=LOOSE):
         (RESTITUTION, 1.5, ['1.5 is out of bounds', 'at most 1']),
         (RESTITUTION, -0.1, ['out of bounds', 'at least 0']),
         (RESTITUTION, float('nan'), ['out of bounds']),
-        (RADIAL, '0 mm', ['out of bounds', 'more than 0']),
+        (RADIAL, '0 mm', ['out of bounds', 'more than 0', "'clearance: null'"]),
         ('links.crank.mass', '-1 kg', ["'-1 kg' is out of bounds", 'at least 0']),
         ('links.rocker.inertia', -1, ['links.rocker.inertia = -1 is out of bounds']),
         ('solver.rtol', 0.5, ['out of bounds', 'at most 0.0001']),
@@ -318,6 +318,22 @@ def test_check_says_what_the_model_contains_and_what_it_leaves_out():
     assert 'closes a loop' in ideal.relations[0]
     assert any('gravity: it is zero' in x for x in ideal.left_out)
     assert any('0.17 m less' in x for x in ideal.notes)  # 309 + 312 - 64 - 387 mm
+
+
+@pytest.mark.parametrize(
+    ('keys', 'said'),
+    [
+        ({'instrument': 'iepe'}, ['passes 5000 Hz to 20000 Hz', 'iepe samples at 51.2 kHz']),
+        ({'instrument': 'iepe', 'sample_rate': '51.2 kHz'}, []),
+        ({'anti_alias': {'frequency': '8 kHz'}}, ['10000 Hz folds below 5000 Hz']),
+        ({'anti_alias': {'frequency': '4 kHz'}}, []),
+    ],
+)
+def test_check_notes_a_filter_that_lets_through_what_the_sample_rate_folds(keys, said):
+    given = {f'sensors.rocker_accelerometer.{key}': value for key, value in keys.items()}
+    notes = [x for x in check(ms.load_scene(LOOSE, given)).notes if 'folds' in x]
+    assert len(notes) == bool(said)
+    assert all(words in notes[0] for words in said)
 
 
 def four_bar(ground, crank, coupler, rocker, start):

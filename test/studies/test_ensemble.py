@@ -8,7 +8,7 @@ import pytest
 from four_bars import RADIAL
 
 import mechanism_sim as ms
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.scene.facts import unit_at
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.row import SweepTask
@@ -242,3 +242,12 @@ def test_cells_of_a_data_frame_that_are_none_are_refused(given, said):
     frame = pytest.importorskip('pandas').DataFrame(given[1], columns=given[0])
     with pytest.raises(InputError, match=said):
         ms.ensemble(SCENE, frame, **EXTENT)
+
+
+def test_samples_that_were_cut_are_counted_for_each_run():
+    name = 'sensors.rocker_accelerometer'
+    with pytest.warns(RunWarning, match='were CUT at the end of its range in 1 of 2 runs'):
+        found = ms.ensemble(SCENE, {f'{name}.adc': [{}, {'range': '20 m/s^2'}]}, revolutions=1)
+    free, cut = found[f'sum({name}.overloads)']
+    assert np.isnan(free)
+    assert cut > 100

@@ -540,6 +540,7 @@ def test_windows_without_a_place_are_refused():
         ms.sweep(plan, scene='four_bar_clearance')
 
 
+<<<<<<< HEAD
 def test_values_at_which_a_machine_cannot_turn_are_rows_with_their_reason(tmp_path):
     grid = {'links.rod.length': ['0.2 m', '0.03 m', '0.15 m']}
     plan = {'scene': 'slider_crank', 'revolutions': 1, 'grid': grid, 'measures': {'top': TOP}}
@@ -570,3 +571,22 @@ TOP = 'highest(velocity.piston)'
 def test_slips_are_no_rows_and_a_sweep_that_cannot_be_is_refused(grid, said):
     with pytest.raises(InputError, match=said):
         ms.sweep({'revolutions': 1, 'scene': 'slider_crank'} | {'grid': grid})
+=======
+def test_a_clearance_of_zero_is_an_ideal_joint_in_the_same_table(tmp_path):
+    """Its label is a number, and columns of those that are loose are there, whichever is first."""
+    restitution = RADIAL.replace('radial', 'restitution')
+    grid = {RADIAL: ['0 mm', '0.2 mm'], restitution: [0.4, 0.6]}
+    found = ms.sweep({'grid': grid, 'revolutions': 1}, tmp_path / 'a.csv', scene=loose(0.5))
+    assert found[RADIAL].tolist() == [0.0, 0.0, 2e-4, 2e-4]
+    assert found.units[RADIAL] == 'm'
+    assert found[restitution].tolist() == [0.4, 0.6, 0.4, 0.6]
+    ideal = ms.ensemble(ms.load_scene(loose(0.5), {'joints.coupler_rocker.clearance': None}),
+                        {'drive.start_angle': [0.0]}, revolutions=1)  # fmt: skip
+    for name in ('largest_force', 'digest'):
+        first, second, third, _ = found[name]
+        assert first == second == ideal[name][0] != third
+    assert np.isnan(found['impacts.coupler_rocker']).tolist() == [True, True, False, False]
+    bare = ms.ensemble(loose(0.5), {RADIAL: [0, 2e-4]}, revolutions=1, columns=['digest'])
+    assert bare.units[RADIAL] == 'm'
+    assert bare['digest'][0] == found['digest'][0] != bare['digest'][1]
+>>>>>>> f4

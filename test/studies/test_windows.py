@@ -20,11 +20,12 @@ from running import ROOT, command, environment, run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim import ending
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.channel import Block
 from mechanism_sim.studies.journal import StudyInterrupted
 from mechanism_sim.studies.plan import read_plan
+from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.schema import WindowsPart
 from mechanism_sim.studies.sweep import run_plan
 from mechanism_sim.studies.windows import Cutter
@@ -358,13 +359,42 @@ def test_a_cutter_gives_the_same_windows_however_the_signal_comes():
     x = rng.standard_normal(1000)
     windows = WindowsPart(samples=64, overlap=0.375, type='float64')
     edges = [0, *np.sort(rng.choice(np.arange(1, 1000), 20, replace=False)), 1000]
-    blocks = [Block(a / 100.0, x[a:b], 0, False) for a, b in itertools.pairwise(edges)]
+    over = np.abs(x) > 1.5
+    blocks = [Block(a / 100.0, x[a:b], over[a:b], False) for a, b in itertools.pairwise(edges)]
     found = list(Cutter(windows, 100.0, 1.0).cut(blocks))
     firsts = [k for k in range(0, 1000 - 63, 40) if k / 100.0 >= 1.0]
     assert [w.start for w in found] == [k / 100.0 for k in firsts]
     assert all(
         np.array_equal(w.samples, x[k : k + 64]) for w, k in zip(found, firsts, strict=True)
     )
+    assert [w.overloads for w in found] == [int(over[k : k + 64].sum()) for k in firsts]
+
+
+PROBED = """
+scene: four_bar_clearance
+set:
+  sensors.open: {link: rocker, at: 100 mm}
+grid: {sensors.rocker_accelerometer.adc: [{}, {range: 20 m/s^2}]}
+windows: {samples: 256, per_run: 2, type: float64}
+revolutions: 1
+"""
+CUT = f'sum({SENSOR}.overloads)'
+
+
+def test_samples_cut_at_the_range_are_counted_in_windows_and_table_and_warned_of(tmp_path):
+    table = tmp_path / 'cut.parquet'
+    plan = read_plan(sweep_file(tmp_path, PROBED))
+    with pytest.warns(RunWarning, match='were CUT .* in 1 of 2 runs, .* of them in run 1'):
+        _, rows = run_plan(plan, table, Workers(1))
+    seen = [[], []]
+    for row in rows_of(table):
+        probed = row['run'] == 1 and row['sensor'] == 'rocker_accelerometer'
+        cut = int((np.abs(row['signal']) == 20.0).sum()) if probed else None
+        assert row['overloads'] == cut
+        seen[row['run']].append(cut or 0)
+    assert [row.get(CUT) for row in rows] == [None, sum(seen[1])]
+    assert sum(seen[1]) > 100
+    assert pq.read_table(table)[CUT].to_pylist() == [None, sum(seen[1])]
 
 
 SCENE = 'scene: four_bar_clearance\nrevolutions: 2\n'
@@ -387,6 +417,15 @@ SCENE = 'scene: four_bar_clearance\nrevolutions: 2\n'
 def test_windows_that_cannot_be_are_refused_before_anything_runs(tmp_path, text, said):
     with pytest.raises(InputError, match=said):
         read_plan(sweep_file(tmp_path, SCENE + text + '\n'))
+
+
+@pytest.mark.parametrize('ending', ['.npz', '.csv'])
+def test_windows_are_not_put_into_a_folder_that_is_called_a_table(tmp_path, ending):
+    plan = read_plan(sweep_file(tmp_path, SCENE + 'windows: {samples: 100}\n'))
+    folder = tmp_path / f'a{ending}'
+    with pytest.raises(InputError, match=f"Parquet files in a folder: .* without '{ending}'"):
+        run_plan(plan, tmp_path / 't.csv', Workers(1), windows=str(folder))
+    assert not folder.exists()
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ Words, units, colours and dashes follow from the names of the quantities and fro
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from types import MappingProxyType
@@ -38,6 +38,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.cycle import Cycle
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
+from mechanism_sim.signal_files import GRAVITIES, GRAVITY
 from mechanism_sim.units import QuantityValue, for_people, to_si_text
 
 TOGETHER = 4
@@ -368,14 +369,14 @@ def chart(
     impacts : (N,) times that are marked [s]
     """
     bands = [] if over.kind != 'time' else [s for s in series if s.name.startswith('mode.')]
-    units: dict[str, list[Series]] = {}
+    si, units = _si_of({s.unit for s in series}), dict[str, list[Series]]()
     for s in series:
         if s not in bands:
-            units.setdefault(_si(s.unit).unit, []).append(s)
+            units.setdefault(si[s.unit].unit, []).append(s)
     found: list[Panel] = []
     struck = np.asarray(impacts, np.float64)
     for lines in units.values():
-        found += panels(_in_one_unit(lines), over, numbers, NOTHING if found else struck)
+        found += panels(_in_one_unit(lines, si), over, numbers, NOTHING if found else struck)
     if bands:
         found.append(modes({replace(s, name=_parts(s)[1]).line: Spells.of(s) for s in bands}))
     if over.kind == 'time':
@@ -394,15 +395,20 @@ def _si(unit: str) -> QuantityValue:
         return QuantityValue(1.0, unit)
 
 
-def _in_one_unit(lines: Sequence[Series]) -> Sequence[Series]:
+def _si_of(units: Collection[str]) -> dict[str, QuantityValue]:
+    """One of each unit in SI units; beside accelerations, and no masses, g is one of gravity."""
+    found = {unit: _si(unit) for unit in units}
+    others = {x.unit for unit, x in found.items() if unit not in GRAVITIES}
+    if GRAVITY.unit in others and 'kg' not in others:
+        found |= dict.fromkeys(found.keys() & GRAVITIES, GRAVITY)
+    return found
+
+
+def _in_one_unit(lines: Sequence[Series], si: Mapping[str, QuantityValue]) -> Sequence[Series]:
     """Lines of one kind: as they are where all have one unit, else in SI units."""
     if len({s.unit for s in lines}) == 1:
         return lines
-    sizes = [_si(s.unit) for s in lines]
-    return [
-        replace(s, unit=si.unit, values=si.value * s.values)
-        for s, si in zip(lines, sizes, strict=True)
-    ]
+    return [replace(s, unit=si[s.unit].unit, values=si[s.unit].value * s.values) for s in lines]
 
 
 def _item(s: Series, numbers: Mapping[str, int]) -> str:
