@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import inspect
 import math
+import re
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -148,6 +149,16 @@ def _describe(schema: dict[str, Any], model: Any) -> None:
         schema['properties'][key]['description'] = text
 
 
+FROM_FILE = 'file', 'columns', 'units'
+"""Keys by which a file gives points."""
+
+
+def named_file(value: object) -> str:
+    """How a file is named, as a clause, of a value that is the name of one; else nothing."""
+    named = isinstance(value, str) and re.search(r'\.(csv|txt|tsv|dat|dxf)$', value, re.IGNORECASE)
+    return f': write {{file: {value}}}' if named else ''
+
+
 class Part(BaseModel):
     """Base of all parts of a scene: unknown keys are refused.
 
@@ -158,6 +169,8 @@ class Part(BaseModel):
     other_words: ClassVar[Mapping[str, str]] = {}
     #: its name with nothing behind it is one of its kind, as of a link, and not left out
     by_name_alone: ClassVar[bool] = False
+    #: keys by which a file gives its points, or edges, see `scene.table_keys.with_files`
+    of_files: ClassVar[tuple[str, ...]] = ()
 
     # only that of a whole scene is built, when first asked for: a fifth of the start of a process
     model_config = ConfigDict(

@@ -6,14 +6,23 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
-from mechanism_sim.keys.quantities import AnyPosition, Duration, Part, Time, UnitValue, si_of
+from mechanism_sim.keys.quantities import (
+    FROM_FILE,
+    AnyPosition,
+    Duration,
+    Part,
+    Time,
+    UnitValue,
+    named_file,
+    si_of,
+)
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Interpolation, spline
 from mechanism_sim.numerics.expressions import (
@@ -44,6 +53,8 @@ POSITIVE_VALUE = AfterValidator(_positive)
 
 class CoursePart(Part):
     """A quantity over time: a formula, or points in the scene or in a file."""
+
+    of_files: ClassVar[tuple[str, ...]] = FROM_FILE
 
     formula: str | None = None
     """Of the time t, as "90 deg + 60 deg*sin(pi*t)"; it may stand by itself instead of these keys.
@@ -162,7 +173,11 @@ class CoursePart(Part):
             root = formula.read(text)
             for name in root.names:
                 if name != 't':
-                    hint = unit_hint(name) or nearest(name, ['t', 'pi', *FUNCTIONS])
+                    hint = (
+                        named_file(text)
+                        or unit_hint(name)
+                        or nearest(name, ['t', 'pi', *FUNCTIONS])
+                    )
                     raise InputError(f"names '{name}'{hint}; it may name the time t, and pi")
             _unit_of_formula(root, text, self.units())
         except InputError as error:

@@ -11,7 +11,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from mechanism_sim.errors import InputError, nearest, other_word, quoted
-from mechanism_sim.keys.quantities import Part
+from mechanism_sim.keys.quantities import Part, named_file
 from mechanism_sim.scene.facts import facts_of
 from mechanism_sim.units import EXAMPLES
 
@@ -72,7 +72,8 @@ class PartMaker(ModelMetaclass):
 
 def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any) -> str:
     """The first of some problems with `data` as a `model`; unknown keys come before others."""
-    problem = next((p for p in problems if p['type'] == 'extra_forbidden'), problems[0])
+    unknown = [p for p in problems if p['type'] == 'extra_forbidden']
+    problem = next((p for p in unknown if not _names_file(p, model)), [*unknown, *problems][0])
     path, kind, value = _place(problem, data), problem['type'], problem['input']
     where, context = '.'.join(path), problem.get('ctx', {})
     if kind == 'extra_forbidden':
@@ -106,12 +107,25 @@ def sentence(problems: Sequence[ErrorDetails], model: type[BaseModel], data: Any
     if kind == 'model_type' and len(own) == 1:
         models = _at(model, path)
         known = _keys(models, {})
-        must = f'{shown}: it must be {_TYPES[kind]}{_instead(models, value)}'
+        alone = _of_file(models, value) or _instead(models, value)
+        must = f'{shown}: it must be {_TYPES[kind]}{alone}'
         return f'{must}; allowed here: {", ".join(known)}'
     if kind == 'dict_type' and isinstance(value, list | tuple):
         return f'{shown}: it must be names with values, not a list: {_named_entry(value)}'
     ways = [_must_be(p, model, path) for p in own]
     return f'{shown}: it must be {", or ".join(dict.fromkeys(filter(None, ways)))}'
+
+
+def _names_file(problem: ErrorDetails, model: type[BaseModel]) -> bool:
+    """True of a key by which a file would be read if there were no others that are unknown."""
+    *path, key = map(str, problem['loc'])
+    return any(key in m.of_files for m in _at(model, path) if issubclass(m, Part))
+
+
+def _of_file(models: Iterable[type[BaseModel]], value: Any) -> str:
+    """How a file is named, if a value is the name of one."""
+    reads = any(m.of_files for m in models if issubclass(m, Part))
+    return named_file(value) if reads else ''
 
 
 def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
@@ -185,7 +199,10 @@ def _value(data: Any, path: Iterable[str]) -> Any:
 
 def _keys(models: Iterable[type[BaseModel]], data: Any) -> list[str]:
     """Keys allowed in one of some models, beside those that stand there."""
-    known = [m.keys_for(data) if issubclass(m, Part) else [*m.model_fields] for m in models]
+    known = [
+        [*m.keys_for(data), *m.of_files] if issubclass(m, Part) else [*m.model_fields]
+        for m in models
+    ]
     return list(dict.fromkeys(key for keys in known for key in keys))
 
 

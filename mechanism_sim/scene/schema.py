@@ -108,7 +108,7 @@ class MotorPart(Part):
     no_load_speed: Speed | None = None
     """Of a direct-current motor: that at which there is no torque."""
     curve: TablePart | None = None
-    """Torque over speed by points, as [1400 rpm, 30 N m]."""
+    """Torque over speed: {points: [[1400 rpm, 30 N m], ...]}, or of a file {file: motor.csv}."""
     induction: InductionPart | None = None
     """Torque of an induction motor by its data sheet."""
     ratio: Annotated[float, si(''), Field(allow_inf_nan=False)] = 1.0

@@ -6,14 +6,14 @@ import math
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.csv_tables import assume, named_unit, read_csv
 from mechanism_sim.errors import InputError
-from mechanism_sim.keys.quantities import Part, UnitValue, si_of
+from mechanism_sim.keys.quantities import FROM_FILE, Part, UnitValue, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.drawn_edges import drawn_edges
@@ -40,6 +40,8 @@ Value = Annotated[QuantityValue, UnitValue(_value, _VALUES, 'a quantity in any o
 
 class TablePart(Part):
     """A curve through points; before the first and after the last its value stays."""
+
+    of_files: ClassVar[tuple[str, ...]] = FROM_FILE
 
     points: list[tuple[Along, Value]] = Field(min_length=2)
     """List of [x, y], such as [20 mm, 1.5 kN], with increasing x; two of the same x are a step.
@@ -128,7 +130,7 @@ def with_files(
     }
 
 
-_OF_FILES = 'file', 'columns', 'layer', 'units'
+_OF_FILES = *FROM_FILE, 'layer'
 _KEYS = {
     *_OF_FILES,
     'degree',

@@ -15,6 +15,7 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, quoted
+from mechanism_sim.scene.facts import COMPONENTS
 from mechanism_sim.units import (
     QuantityValue,
     alike,
@@ -40,6 +41,7 @@ _NUMBER = r'(?:\d+(?:[.,]\d+)*\.?|[.,]\d+)(?:[eE][+-]?\d+)?'  # decimal commas a
 _SIDE = re.compile(rf'(?<!\d[eE])(?<!\^)[+-]\s*{_NUMBER}|(?<=[\s/])0(?:[.,]0*)?(?=[\s/]|$)')
 """A deviation as on a drawing, of which 0 has no sign: in ``50 mm +0.2/-0.1`` there are two."""
 _PART = re.compile(rf'([+-]?\s*{_NUMBER})\s*(.*)')
+_SHARE = re.compile(r'(.*\d\.?)\s*%')
 _FORMS = (
     "[LOW, HIGH] (uniform), 'A +- T' (normal, T is three standard deviations), 'A +T/-S' (the "
     'same about the middle of both ends), '
@@ -91,9 +93,13 @@ def factor(path: str, given: Any) -> Factor:
         if isinstance(given, str) and has_decimal_comma(given):
             _read(path, given)
         raise InputError(f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}')
-    numbers, units = [], []
+    numbers, units = list[float](), list[str]()
     for value in values:
-        number, unit = _read(path, value)
+        share = _SHARE.fullmatch(value) if isinstance(value, str) and numbers else None
+        if share and kind in ('tolerance', 'sides'):
+            number, unit = abs(numbers[0]) * to_si(share[1], '') / 100.0, units[0]
+        else:
+            number, unit = _read(path, value)
         numbers.append(number)
         units.append(unit)
     if not all(alike(units[0], unit) for unit in units):
@@ -119,6 +125,29 @@ def factor(path: str, given: Any) -> Factor:
         found = stats.uniform(a, b - a) if kind == 'uniform' else stats.triang(shape, a, b - a)
     text = given if isinstance(given, str) else f'{kind} {", ".join(map(str, values))}'
     return Factor(path, text, product(units[0], ''), found)
+
+
+def by_component(vary: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What is varied, and what stays, where tolerances stand in the components of a point.
+
+    ``{p: ['180 mm +- 0.1 mm', '0 mm']}`` varies ``p.x`` and leaves ``p.y`` at 0 mm.
+    """
+    factors, fixed = dict[str, Any](), dict[str, Any]()
+    for path, given in vary.items():
+        pair = given if isinstance(given, list | tuple) and len(given) == len(COMPONENTS) else []
+        if not any(map(_is_tolerance, pair)):
+            factors[path] = given
+            continue
+        for name, one in zip(COMPONENTS, pair, strict=True):
+            (factors if _is_tolerance(one) else fixed)[f'{path}.{name}'] = one
+    return factors, fixed
+
+
+def _is_tolerance(given: Any) -> bool:
+    """True of a text with a size and its deviations, and of a distribution by name."""
+    if isinstance(given, Mapping):
+        return True
+    return isinstance(given, str) and bool(_deviations(given) or _TOLERANCE.fullmatch(given))
 
 
 def _read(path: str, value: Any) -> QuantityValue:

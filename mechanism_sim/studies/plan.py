@@ -253,7 +253,7 @@ def read_plan(
             raise InputError(f"{path.name}: the sweep has a 'scene' of its own: keep one")
         shared = content_of(scene.scene if isinstance(scene, Machine) else scene)
         bases[shared.name], content = shared, {**content, 'scene': shared.name}
-    file = checked(path.name, SweepFile, content)
+    file = _by_component(checked(path.name, SweepFile, content))
     extent: Extent | None = None
     columns = _columns(path.name, file)
     runs: list[Run] = []
@@ -414,6 +414,16 @@ def _of_all(measured: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
 
 def _read_sensors(measures: Iterable[OwnMeasure]) -> bool:
     return any(n.startswith('sensors.') for m in measures for f in m.figures for n in f.names)
+
+
+def _by_component(sweep: SweepFile) -> SweepFile:
+    """A sweep with each component of a point that has a tolerance as a factor of its own."""
+    if not sweep.vary:
+        return sweep
+    from mechanism_sim.studies import design  # noqa: PLC0415 - statistics are slow to import
+
+    vary, fixed = design.by_component(sweep.vary)
+    return sweep.model_copy(update={'vary': vary, 'set': {**sweep.set, **fixed}})
 
 
 def _drawn(file: str, sweep: SweepFile) -> tuple[list[Factor], list[dict[str, float]]]:

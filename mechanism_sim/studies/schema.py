@@ -67,7 +67,7 @@ class SweepFile(Part):
     runs: list[dict[str, Any]] = Field([])
     """A list of overrides for one run each; with a grid, each of them at every point of it."""
     vary: dict[str, Any] = Field({})
-    """Distributions by dotted path."""
+    """Distributions by dotted path, as `40 mm +- 0.1 mm`; of a point by components."""
     design: DesignPart = DesignPart()
     """Sampling of the distributions."""
     measures: dict[str, str] = Field({})

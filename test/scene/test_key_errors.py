@@ -221,6 +221,24 @@ def test_an_example_of_a_key_is_given_beside_other_problems():
         ms.load_scene('gear_rattle', {'joints.mesh.backlash': '0.15 mm', 'sensors.a': 5})
 
 
+@pytest.mark.parametrize(
+    ('key', 'value', 'says'),
+    [
+        ('drive.motor.curve', 'motor.csv', 'write {file: motor.csv}; allowed here: points,'),
+        ('drive.motor.curve.fiel', 'motor.csv', "did you mean 'file'?"),
+        ('tables.gas', 'gas.CSV', 'write {file: gas.CSV}'),
+        ('tables.gas', {'file': 'a.csv', 'period': True}, "gas.period'; did you mean 'periodic'"),
+        ('drive.profile', 'pace.csv', 'write {file: pace.csv}'),
+        ('joints.k.law', 'lift.csv', 'write {file: lift.csv}'),
+        ('links.crank.points', 'crank.csv', 'a list of names with values'),
+    ],
+)  # fmt: skip
+def test_files_in_the_place_of_points_are_named_by_a_key(key, value, says):
+    with pytest.raises(InputError) as refused:
+        ms.load_scene('slider_crank', {key: value})
+    assert says in str(refused.value)
+
+
 def test_words_that_are_far_from_each_other_are_not_suggested():
     far = [('simple_harmonic', 'half_harmonic'), ('parabolic', 'harmonic'), ('linear', 'spline')]
     far += [('jitter', 'integrator'), ('range', 'transducer'), ('seed', 'scene'), ('type', 'rope')]

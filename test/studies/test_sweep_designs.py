@@ -505,3 +505,18 @@ def test_the_sweep_of_the_tutorial_is_the_one_of_the_package():
     radial = np.array([r.values['joints.ram_pin.clearance.radial'] for r in plan.runs])
     assert np.abs(radial - 50e-6).max() <= 30e-6
     assert radial.std() == pytest.approx(9.87e-6, rel=0.02)
+
+
+def test_points_have_tolerances_by_components():
+    guide = 'links.ground.points.guide'
+    plan = {'scene': 'slider_crank_offset', 'revolutions': 1, 'design': {'samples': 4}}
+    plan |= {'measures': {'top': 'highest(position.slider)'}}
+    whole = read_plan(plan | {'vary': {guide: ['0 mm', '60 mm ± 0.5 %']}})
+    alone = read_plan(plan | {'vary': {f'{guide}.y': '60 mm +- 0.3 mm'}, 'set': {f'{guide}.x': 0}})
+    assert whole.columns == alone.columns == (f'{guide}.y',)
+    assert [run.values for run in whole.runs] == [run.values for run in alone.runs]
+    assert {run.scene.links['ground'].points['guide'][0] for run in whole.runs} == {0.0}
+    both = read_plan(plan | {'vary': {guide: ['0 mm +- 0.1 mm', '60 mm +0.1/-0.2']}})
+    assert both.columns == (f'{guide}.x', f'{guide}.y')
+    even = read_plan(plan | {'vary': {f'{guide}.y': ['59 mm', '61 mm']}})  # low and high
+    assert even.columns == (f'{guide}.y',)

@@ -41,6 +41,7 @@ from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import PhaseKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import (
+    FROM_FILE,
     Angle,
     AnyPosition,
     Coefficient,
@@ -192,6 +193,8 @@ class EdgePart(Part):
 class ProfilePart(Part):
     """The shape of the cam, from which the motion of its follower follows."""
 
+    of_files: ClassVar[tuple[str, ...]] = (*FROM_FILE, 'layer')
+
     points: tuple[tuple[Angle, Length], ...] = ()
     """Pairs of an angle and the distance of the profile from the camshaft; angles count as those
     of the law do, from the line of the follower on. They may be in a file, as those of a law.
@@ -214,6 +217,8 @@ class ProfilePart(Part):
 
 class LawPart(Part):
     """The displacement of the follower over the place of the cam, in one of six ways."""
+
+    of_files: ClassVar[tuple[str, ...]] = FROM_FILE
 
     segments: tuple[SegmentPart, ...] = ()
     """Rises and returns, between which the follower dwells."""
