@@ -317,17 +317,11 @@ class Cycle(plotting.Rich):
         if power <= 0.0:
             return None
         if not self.static:
-            power += max(self._less_stored / self.duration, 0.0)
+            power += max(_less_stored(self) / self.duration, 0.0)
         left = 1.0 - sum(self.mean(name) for name in losses) / power
         if left < -_ROUNDED:
             return None
         return left if left > _ROUNDED else 0.0
-
-    @property
-    def _less_stored(self) -> float:
-        """Kinetic and potential energy at the begin, less those at the end [J]."""
-        ends = self.at(self.t[[0, -1]], ['energy.kinetic', 'energy.potential'])
-        return -float(sum(np.diff(ends[f'energy.{kind}'])[0] for kind in ('kinetic', 'potential')))
 
     @property
     def mean_power(self) -> float:
@@ -337,6 +331,13 @@ class Cycle(plotting.Rich):
         # both ends alone: a column takes a quadrature up to each of its samples
         begin, end = self.at(self.t[[0, -1]], 'energy.drive_work')['energy.drive_work'].tolist()
         return float(end - begin) / self.duration
+
+
+def _less_stored(found: Cycle) -> float:
+    """Kinetic and potential energy at the begin, less those at the end [J]."""
+    names = ['energy.kinetic', 'energy.potential']
+    ends = found.at(found.t[[0, -1]], names)
+    return -float(sum(np.diff(ends[name])[0] for name in names))
 
 
 def cycle(

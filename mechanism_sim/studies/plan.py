@@ -19,13 +19,9 @@ from numpy.typing import NDArray
 
 from mechanism_sim import tables
 from mechanism_sim.catalogue import config_folder, sweep_names
-<<<<<<< HEAD
 from mechanism_sim.documents import texts_of
-from mechanism_sim.errors import InputError, check_known, quoted
-=======
 from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
 from mechanism_sim.joints.contact_keys import is_zero
->>>>>>> f4
 from mechanism_sim.keys.names import listed
 from mechanism_sim.keys.quantities import Part
 from mechanism_sim.numerics.batch_means import BATCHES
@@ -281,7 +277,8 @@ def read_plan(
             for f in factors if not runs else ():
                 f.check_unit(units_at(checked_scene, f.path)[1])
             for repetition in range(file.repeat):
-                names_of: dict[str, float | str] = {SCENE: base.name, REPEAT: repetition}
+                names_of: dict[str, float | str | None] = {SCENE: base.name, REPEAT: repetition}
+                names_of |= {c: _number(left_out[c]) for c in columns if c in left_out}
                 try:
                     machine = _machine(base.name, checked_scene, repetition * file.nudge, extent)
                 except InputError as error:
@@ -304,17 +301,9 @@ def read_plan(
                     edges, skipped = extent.edges(machine)
                     windows.check(file.windows, machine, edges[skipped], edges[-1])
                     nudged = windows.with_seed(nudged, len(runs), columns)
-<<<<<<< HEAD
-                values = _ordered(nudged, columns, names_of)
-=======
                 for column in of_converters(machine, file.windows):  # ranges may be swept
                     own.setdefault(column.name, column)
-                values = {c: _value(nudged, c) for c in columns if c not in (SCENE, REPEAT)}
-                values |= {c: _number(left_out[c]) for c in columns if c in left_out}
-                values |= {SCENE: base.name} if SCENE in columns else {}
-                values |= {REPEAT: repetition} if REPEAT in columns else {}
-                ordered = {c: values[c] for c in columns}
->>>>>>> f4
+                values = _ordered(nudged, columns, names_of)
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
                 texts = (*_texts(asked), *(m.text for m in read))
                 ruling += [list(texts)] if texts else []
@@ -553,7 +542,7 @@ def _columns(file: str, sweep: SweepFile) -> tuple[str, ...]:
 
 
 def _ordered(
-    scene: Scene, columns: Iterable[str], others: Mapping[str, float | str]
+    scene: Scene, columns: Iterable[str], others: Mapping[str, float | str | None]
 ) -> dict[str, float | str | bool | None]:
     """Values in the columns of a run, those beside the scene's own among them."""
     return {c: others[c] if c in others else _value(scene, c) for c in columns}

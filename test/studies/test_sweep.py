@@ -540,7 +540,6 @@ def test_windows_without_a_place_are_refused():
         ms.sweep(plan, scene='four_bar_clearance')
 
 
-<<<<<<< HEAD
 def test_values_at_which_a_machine_cannot_turn_are_rows_with_their_reason(tmp_path):
     grid = {'links.rod.length': ['0.2 m', '0.03 m', '0.15 m']}
     plan = {'scene': 'slider_crank', 'revolutions': 1, 'grid': grid, 'measures': {'top': TOP}}
@@ -571,7 +570,8 @@ TOP = 'highest(velocity.piston)'
 def test_slips_are_no_rows_and_a_sweep_that_cannot_be_is_refused(grid, said):
     with pytest.raises(InputError, match=said):
         ms.sweep({'revolutions': 1, 'scene': 'slider_crank'} | {'grid': grid})
-=======
+
+
 def test_a_clearance_of_zero_is_an_ideal_joint_in_the_same_table(tmp_path):
     """Its label is a number, and columns of those that are loose are there, whichever is first."""
     restitution = RADIAL.replace('radial', 'restitution')
@@ -589,4 +589,3 @@ def test_a_clearance_of_zero_is_an_ideal_joint_in_the_same_table(tmp_path):
     bare = ms.ensemble(loose(0.5), {RADIAL: [0, 2e-4]}, revolutions=1, columns=['digest'])
     assert bare.units[RADIAL] == 'm'
     assert bare['digest'][0] == found['digest'][0] != bare['digest'][1]
->>>>>>> f4
