@@ -1,8 +1,9 @@
 """rclpy's interface on eclipse-zenoh: nodes of ROS 2 without ROS, on the wire of rmw_zenoh.
 
-``from zenoh_rclpy import Node, QoSProfile, init, spin``: the names of rclpy, without its modules.
-`surface` lists them; it is loaded when the first is asked for, so that the command ``zros`` also
-runs where rclpy is and Zenoh is not. The README beside this file says what is there.
+``from zenoh_rclpy import Node, QoSProfile, init, spin``: the names of rclpy are all here, and
+those of some of its modules in modules called alike. `surface` lists them; it is loaded when the
+first is asked for, so that the command ``zros`` also runs where rclpy is and Zenoh is not. The
+README beside this file says what is there.
 """
 
 from importlib import import_module

@@ -9,6 +9,10 @@ class ExternalShutdownException(MiddlewareError):  # noqa: N818
     """A signal asked the process to end while it was spinning."""
 
 
+class ROSInterruptException(MiddlewareError):  # noqa: N818
+    """A thread that sleeps has nothing to wait for any more."""
+
+
 class InvalidSettingError(MiddlewareError, ValueError):
     """An environment variable makes no sense."""
 

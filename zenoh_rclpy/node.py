@@ -1,6 +1,7 @@
 """Nodes: the surface of rclpy's ``Node``."""
 
 from collections.abc import Callable, Iterable, Sequence
+from threading import Event
 from typing import Any, Protocol, TypeVar
 
 from ros_interfaces.classes import message_class
@@ -32,7 +33,7 @@ from zenoh_rclpy.qos_overrides import QoSOverridingOptions, overridden
 from zenoh_rclpy.services import Client, Service
 from zenoh_rclpy.subscription import Subscription
 from zenoh_rclpy.tasks import Tasks
-from zenoh_rclpy.timer import Timer
+from zenoh_rclpy.timer import Rate, Timer
 from zenoh_rclpy.warnings import Warnings
 
 E = TypeVar('E', Subscription, Service, Client)
@@ -187,6 +188,13 @@ class Node(NodeGraph, NodeParameters):
             self.executor.wake()
         return timer
 
+    def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
+        """Rate [Hz] for the loop of a thread, while another spins the node."""
+        if not frequency > 0.0:
+            raise ValueError(f'The frequency of a rate is {frequency} Hz; it must be positive')
+        beat = Event()
+        return Rate(self.create_timer(1.0 / frequency, beat.set, clock=clock), beat)
+
     def destroy_publisher(self, publisher: Publisher) -> bool:
         """Take a publisher off the network; False if it is not of this node."""
         return self._destroy(publisher)
@@ -211,11 +219,16 @@ class Node(NodeGraph, NodeParameters):
         self.timers.remove(timer)
         return True
 
+    def destroy_rate(self, rate: Rate) -> bool:
+        """Stop a rate for good; False if it is not of this node."""
+        return self.destroy_timer(rate.timer)
+
     def destroy_node(self) -> None:
         """Take the node and all that belongs to it off the network."""
         if self.executor is not None:
             self.executor.remove_node(self)
-        self.timers.clear()
+        for timer in list(self.timers):
+            self.destroy_timer(timer)
         for entity in reversed(self._entities):
             entity.destroy()
         self._entities.clear()

@@ -26,8 +26,9 @@ from zenoh_rclpy.errors import (
     ParameterImmutableException,
     ParameterNotDeclaredException,
     ParameterUninitializedException,
+    ROSInterruptException,
 )
-from zenoh_rclpy.executor import (
+from zenoh_rclpy.executors import (
     SingleThreadedExecutor,
     spin,
     spin_once,
@@ -48,7 +49,7 @@ from zenoh_rclpy.qos import (
 from zenoh_rclpy.qos_overrides import QoSOverridingOptions, QoSPolicyKind
 from zenoh_rclpy.services import Client, Service
 from zenoh_rclpy.subscription import Subscription
-from zenoh_rclpy.timer import Timer
+from zenoh_rclpy.timer import Rate, Timer
 
 __all__ = [
     'ActionClient',
@@ -82,6 +83,8 @@ __all__ = [
     'QoSOverridingOptions',
     'QoSPolicyKind',
     'QoSProfile',
+    'ROSInterruptException',
+    'Rate',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
     'ServerGoalHandle',

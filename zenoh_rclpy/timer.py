@@ -1,10 +1,15 @@
 """Timers: callbacks every so often, executed by an executor."""
 
 from collections.abc import Callable
+from threading import Event
 from typing import Any
 
+from zenoh_rclpy import context as contexts
 from zenoh_rclpy.callback_groups import CallbackGroup
 from zenoh_rclpy.clock import SECOND, Clock
+from zenoh_rclpy.errors import ROSInterruptException
+
+_LOOK = 0.1  # [s] between two looks whether the process is to end
 
 
 class Timer:
@@ -76,3 +81,30 @@ class Timer:
     def _start_over(self) -> None:
         self._last = self._clock.ticks()
         self._next = self._last + self._period
+
+
+class Rate:
+    """Lets a thread go on so often; another thread has to spin the node, as with rclpy.
+
+    Parameters
+    ----------
+    beat : set by a timer of the node
+    """
+
+    def __init__(self, timer: Timer, beat: Event) -> None:
+        self.timer, self._beat = timer, beat
+
+    def sleep(self) -> None:
+        """Wait for the next beat; one that has come since the last is not waited for.
+
+        Raises
+        ------
+        ROSInterruptException
+            If the rate is destroyed, or the process was asked to end.
+        """
+        # Nobody but a beat wakes it: a signal handler must not set what this thread waits for.
+        while contexts.ok() and not self.timer.is_canceled():
+            if self._beat.wait(_LOOK):
+                self._beat.clear()
+                return
+        raise ROSInterruptException('There is no beat to wait for any more')

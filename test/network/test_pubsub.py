@@ -11,6 +11,7 @@ import zenoh
 from middleware_network import PATIENCE, Network, Process, eventually, spin_until
 from running import ROOT, TIMEOUT
 
+import zenoh_rclpy
 from mechanism_sim.messages import Impact, JointState, serialize
 from mechanism_sim.nodes.middleware import (
     DurabilityPolicy,
@@ -25,6 +26,7 @@ from mechanism_sim.nodes.middleware import (
     shutdown,
     spin_once,
 )
+from zenoh_rclpy import executors
 from zenoh_rclpy.config import router_config, session_config
 from zenoh_rclpy.inbox import LIMIT
 from zenoh_rclpy.subscription import Subscription
@@ -413,6 +415,43 @@ def test_an_executor_in_a_thread_ends_when_told():
     executor.shutdown()
     thread.join(10.0)
     assert not thread.is_alive()
+
+
+@pytest.mark.usefixtures('joined')
+def test_a_thread_sleeps_from_beat_to_beat_while_another_spins():
+    """As in tutorials, whose imports are those of the modules of rclpy."""
+    node, beats = zenoh_rclpy.Node('threaded'), []
+    rate = node.create_rate(100.0)
+    beat = rate.timer.execute
+    rate.timer.execute = lambda: (beats.append(1), beat())
+    executor = executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    try:
+        for k in range(5):
+            rate.sleep()
+            assert len(beats) > k
+    finally:
+        executor.shutdown()
+        thread.join(10.0)
+    assert node.destroy_rate(rate)
+    with pytest.raises(zenoh_rclpy.ROSInterruptException):
+        rate.sleep()
+    with pytest.raises(ValueError, match='must be positive'):
+        node.create_rate(0.0)
+    rate, ends = node.create_rate(1e-3), []
+    thread = threading.Thread(target=lambda: ends.append(executors.spin(node)))
+    thread.start()
+    assert eventually(lambda: node.executor is not None)
+    shutdown()
+    thread.join(10.0)
+    assert ends == [None]
+    with pytest.raises(zenoh_rclpy.ROSInterruptException):
+        rate.sleep()
+    with pytest.raises(executors.ExternalShutdownException):
+        executors.spin_once(node)
+    init()  # for the fixture
 
 
 def test_the_graph_shows_who_is_there(joined):

@@ -15,6 +15,14 @@ from zenoh_rclpy.inbox import Ready
 from zenoh_rclpy.node import Node
 from zenoh_rclpy.timer import Timer
 
+__all__ = [  # as of the module of rclpy, and the functions of its package
+    'ExternalShutdownException',
+    'SingleThreadedExecutor',
+    'spin',
+    'spin_once',
+    'spin_until_future_complete',
+]
+
 LOOK_AT_TIMERS = 1e-3  # [s] how often, while messages are waiting
 BUSY = 16  # messages of others between two such looks: then the next are let come together
 
@@ -77,7 +85,11 @@ class SingleThreadedExecutor:
         Raises ExternalShutdownException if that came from outside, by a signal.
         """
         while contexts.ok() and not self._is_shutdown:
-            self.spin_once()
+            try:
+                self.spin_once()
+            except ExternalShutdownException:
+                if contexts.ok():
+                    raise
         if contexts.signalled():
             raise ExternalShutdownException('A signal asked the process to end')
 
