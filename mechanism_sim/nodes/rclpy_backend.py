@@ -47,6 +47,7 @@ from rclpy.exceptions import (
     ParameterImmutableException,
     ParameterNotDeclaredException,
     ParameterUninitializedException,
+    ROSInterruptException,
 )
 from rclpy.executors import ExternalShutdownException
 from rclpy.logging import LoggingSeverity
@@ -66,7 +67,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.time import Time
-from rclpy.timer import Timer
+from rclpy.timer import Rate, Timer
 from rclpy.utilities import remove_ros_args
 
 from mechanism_sim import ending
@@ -112,6 +113,8 @@ __all__ = [
     'QoSOverridingOptions',
     'QoSPolicyKind',
     'QoSProfile',
+    'ROSInterruptException',
+    'Rate',
     'ReentrantCallbackGroup',
     'ReliabilityPolicy',
     'ServerGoalHandle',
