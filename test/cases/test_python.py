@@ -240,7 +240,7 @@ def test_what_is_no_scene_is_one_sentence(source, said):
         (lambda: ms.find('slider_crank', {}, 'mean(drive_torque) = 1'), 'at least one key'),
         (lambda: ms.find('slider_crank', {'drive.speed': (2, 1)}, minimise='rms(drive_torque)'),
          'the second value must be larger'),
-        (lambda: ms.sweep({'grid': {}}, scene='pendulum'), "either 'revolutions' or 'duration'"),
+        (lambda: ms.sweep({'grid': {}}, scene='pendulum'), "give 'revolutions' or 'duration'"),
         (lambda: ms.report('pendulum', 'a.pdf'), '.html'),
         (lambda: ms.draw('pendulum', 'x.svg'), "draw(...).savefig('x.svg')"),
         (lambda: ms.draw('pendulum', file='x.svg'), 'here that is savefig(FILE) of the picture'),
