@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -373,6 +373,12 @@ class Clearance(Play):
     """Of a pin and a bushing that are worn, or not round."""
     wear: WearPart | None = None
     """How fast they wear."""
+
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('diametral', 'diameter'), "'radial', half of it"),
+        'mu': "'friction'",
+        'e': "'restitution'",
+    }
 
 
 OF_PINS = 'misalignment', 'along', 'axial', 'profile', 'wear'
