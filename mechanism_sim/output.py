@@ -155,7 +155,9 @@ def check_path(option: str, file: Path | str, *suffixes: str, new: bool = False)
     if not found:
         raise InputError(f"{option} {file}: there is no directory '{path.parent}'")
     if new and there:
-        raise InputError(f'{option} {file}: exists already, not overwriting')
+        raise InputError(
+            f'{option} {file}: exists already, not overwriting: choose another name, or remove it'
+        )
     return path
 
 

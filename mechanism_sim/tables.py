@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim import output
-from mechanism_sim.errors import InputError, check_known, quoted
+from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.packages import needed, spared
 
 ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
@@ -42,6 +42,13 @@ class Column(NamedTuple):
         return f'{self.name} [{self.unit}]' if self.unit else self.name
 
 
+class ColumnError(InputError, KeyError):
+    """There is no column of a name in a table."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # a `KeyError` would quote the sentence
+
+
 class Table(dict[str, NDArray[Any]]):
     """Columns (N,) by name, with their units, that notebooks show in a few lines.
 
@@ -55,6 +62,14 @@ class Table(dict[str, NDArray[Any]]):
     ) -> None:
         super().__init__(columns)
         self.units = dict(units or {})
+
+    def __missing__(self, name: object) -> NDArray[Any]:
+        shown = ', '.join([*self][:_SHOWN_COLUMNS])
+        more = f' and {len(self) - _SHOWN_COLUMNS} more' if len(self) > _SHOWN_COLUMNS else ''
+        raise ColumnError(
+            f'there is no column {quoted(name)}{nearest(str(name), self)}; columns: '
+            f'{shown or "none"}{more}'
+        )
 
     @classmethod
     def of(cls, columns: Sequence[Column]) -> Self:
@@ -125,9 +140,9 @@ def default_ending() -> str:
     return '.parquet' if spared('pyarrow', 'tables are written as .csv') else '.csv'
 
 
-def check_file(option: str, file: Path | str, *endings: str, new: bool = False) -> Path:
+def check_file(option: str, file: Path | str, *endings: str) -> Path:
     """A file for a table, checked before anything is computed: its ending, and what it takes."""
-    path = output.check_path(option, file, *(endings or ENDINGS), new=new)
+    path = output.check_path(option, file, *(endings or ENDINGS))
     if module := _NEEDS.get(path.suffix):
         needed(module, f'{option} {file}: write .csv, for {path.suffix}')
     return path

@@ -83,9 +83,7 @@ def _report(options: argparse.Namespace) -> int:
     from mechanism_sim.pages.writing import write_page  # noqa: PLC0415
     from mechanism_sim.report import measured, progress  # noqa: PLC0415
 
-    file = output.check_path(
-        '--output', options.output or f'{Path(options.scene).stem}.html', '.html', '.htm'
-    )
+    file = _page(options, Path(options.scene).stem)
     record, start, end = run_of(options)
     source = Path(options.scene).name if is_bag(options.scene) else ''
     digest, record = record.digest(), record.between(start, end)
@@ -99,6 +97,18 @@ def _report(options: argparse.Namespace) -> int:
     return print_either(options, data, file)
 
 
+def _page(options: argparse.Namespace, default: str) -> Path:
+    """The page to be written; who wants a picture is told which command makes one."""
+    file = options.output or f'{default}.html'
+    if Path(file).suffix in ('.pdf', '.png', '.svg'):
+        other = 'plot SCENE NAME -o' if is_bag(options.scene) else 'cycle SCENE --plots'
+        raise InputError(
+            f'--output {file}: the ending must be .html or .htm; the charts as pictures: '
+            f"'mechanism-sim {other.replace('SCENE', options.scene)} {file}'"
+        )
+    return output.check_path('--output', file, '.html', '.htm')
+
+
 def _compare(options: argparse.Namespace) -> int:
     """The page of several runs; for people the table of their differences too."""
     refuse_options(options, ['measure'], 'does not apply to a comparison of runs')
@@ -109,7 +119,7 @@ def _compare(options: argparse.Namespace) -> int:
     asked = _compared(options)
     stems = list(dict.fromkeys(Path(source).stem for source, _ in asked))
     default = '_'.join(stems) if len(stems) > 1 else f'{stems[0]}_variant'
-    file = output.check_path('--output', options.output or f'{default}.html', '.html', '.htm')
+    file = _page(options, default)
     only_bags = all(is_bag(source) for source, _ in asked)
     records, names = [], []
     for source, more in asked:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -374,6 +374,7 @@ class Clearance(Play):
     wear: WearPart | None = None
     """How fast they wear."""
 
+<<<<<<< HEAD
     @field_validator('radial', mode='before')
     @classmethod
     def _loose(cls, value: Any) -> Any:
@@ -391,6 +392,13 @@ def is_zero(radial: Any) -> bool:
         return to_si(radial, 'm') == 0.0
     except ValueError:
         return False
+=======
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('diametral', 'diameter'), "'radial', half of it"),
+        'mu': "'friction'",
+        'e': "'restitution'",
+    }
+>>>>>>> f5
 
 
 OF_PINS = 'misalignment', 'along', 'axial', 'profile', 'wear'

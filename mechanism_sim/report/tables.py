@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def check_output(file: str, option: str = '--output') -> None:
     """Refuse what cannot be written before anything is computed."""
-    tables.check_file(option, file, new=True)
+    tables.check_file(option, file)
 
 
 def check_rate(rate: float | None) -> float:

@@ -114,14 +114,26 @@ def find_file(name: str, kind: str, folder: Path, known_by: str) -> Path:
     if is_other and name not in known:  # a pipe
         raise InputError(f"'{name}' is not a regular file: write the {kind} into one")
     if path.suffix in ('.yaml', '.yml'):
-        raise InputError(f"there is no {kind} file '{name}'")
+        raise InputError(f"there is no {kind} file '{name}'{_beside(path)}")
     if name not in known:
-        hint = nearest(name, known)
+        hint = _beside(Path(f'{name}.yaml'), alike=False) or nearest(name, known)
         raise InputError(
             f"there is no {kind} '{name}'{hint}; {known_by}, and a path ending in .yaml reads "
             'your own'
         )
     return folder / f'{name}.yaml'
+
+
+def _beside(path: Path, alike: bool = True) -> str:
+    """A clause on a file with the same name but its ending, or one `alike`; else nothing."""
+    try:
+        others = sorted(x.name for x in path.parent.glob('*.y*ml') if x.is_file())
+    except (OSError, ValueError):
+        return ''
+    for name in others:
+        if Path(name).stem == path.stem:
+            return f"; did you mean '{path.with_name(name)}'?"
+    return nearest(path.name, others, 0.8) if alike else ''
 
 
 def read_yaml(path: Path, kind: str, replaced: Collection[str] = ()) -> dict[str, Any]:

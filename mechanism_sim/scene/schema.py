@@ -198,6 +198,12 @@ class LinkPart(Part, metaclass=PartMaker):
 
     by_name_alone = True
 
+    other_words = {
+        **dict.fromkeys(('I', 'J'), "'inertia', about the centre of gravity"),
+        'm': "'mass'",
+        'L': "'length'",
+    }
+
 
 class PointMass(Part):
     """A mass at a point of a link, ``LINK.POINT``."""
@@ -211,9 +217,14 @@ class PointMass(Part):
 class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
 
-    other_words = dict.fromkeys(
-        ('type', 'kind'), 'the key itself, as in revolute: [LINK.POINT, LINK.POINT]'
-    )
+    other_words = {
+        **dict.fromkeys(
+            ('type', 'kind'), 'the key itself, as in revolute: [LINK.POINT, LINK.POINT]'
+        ),
+        **dict.fromkeys(('hinge', 'pin', 'pivot'), "'revolute'"),
+        **dict.fromkeys(('slider', 'sliding', 'translational'), "'prismatic'"),
+        **dict.fromkeys(('play', 'radial'), "'clearance', as in clearance: {radial: 0.1 mm}"),
+    }
 
     @model_validator(mode='after')
     def _one_kind(self) -> JointPart:
@@ -248,6 +259,11 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
     def source(self, machine: Any) -> SensorSource:
         """Input of its chain."""
         return SENSORS[self.kind].source(self, machine)
+
+    other_words = {
+        'body': "'link'",
+        **dict.fromkeys(('rate', 'fs', 'sampling_rate'), "'sample_rate'"),
+    }
 
     def carrier(self, machine: Any) -> str:
         """The link or frame that carries it."""
@@ -422,6 +438,11 @@ class DrivePart(Part, metaclass=PartMaker):
     start_position: Position | None = None
     """Of a link that slides, at t = 0; else that of `guess`, or 0."""
 
+    other_words = {
+        **dict.fromkeys(('omega', 'rpm', 'n', 'angular_velocity'), "'speed', as in 300 rpm"),
+        **dict.fromkeys(('link', 'joint'), "'coordinate', the driven link"),
+    }
+
     @property
     def added_inertia(self) -> float:
         """Inertia that turns with the link beside its own, as seen by it [kg m^2]."""
@@ -472,10 +493,15 @@ class AnyScene(Part):
     measures: dict[str, str] = {}
     """Measures of a run by name, as largest(reaction.pin) or rms(drive_torque, from 2 s)."""
 
-    other_words = dict.fromkeys(
-        ('brake', 'brakes'),
-        'loads: {NAME: {at: LINK, torque: -2 N m*sign(LINK_rate)}}, of dry friction',
-    )
+    other_words = {
+        **dict.fromkeys(
+            ('brake', 'brakes'),
+            'loads: {NAME: {at: LINK, torque: -2 N m*sign(LINK_rate)}}, of dry friction',
+        ),
+        'g': "'gravity', as in gravity: [0, -9.81 m/s^2]",
+        'bodies': "'links'",
+        'constraints': "'joints'",
+    }
 
     def to_yaml(self) -> str:
         """The scene as a file gives it, which means the same to the last bit."""

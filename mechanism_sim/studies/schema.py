@@ -47,6 +47,8 @@ class DesignPart(Part):
     seed: Annotated[int, Field(strict=True, ge=0)] = 1
     """Seed of the random numbers."""
 
+    other_words: ClassVar[Mapping[str, str]] = dict.fromkeys(('runs', 'n'), "'samples'")
+
 
 class SweepFile(Part):
     """A sweep: scenes to run, and for how long.

@@ -133,6 +133,7 @@ def test_bad_input_gets_one_sentence_and_code_2(args, words):
     ('line', 'said'),
     [
         ('run slider_crank --overwrite', '--overwrite needs --record'),
+        ('report slider_crank -o x.pdf', 'mechanism-sim cycle slider_crank --plots x.pdf'),
         ('check slider_crank --equations --json --latex', '--latex and --json exclude each other'),
         ('analyze x.mcap --band 1:2', '--band needs --envelope'),
         ('analyze x.mcap --pin-radius 1', '--pin-radius needs --wear'),

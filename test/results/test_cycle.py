@@ -272,9 +272,13 @@ def test_the_command_writes_the_table_and_the_summary(tmp_path):
     assert found['units']['velocity.coupler'] == 'rad/s'
     assert found['units']['drive_torque'] == 'N m'
     assert found['extremes']['velocity.rocker']['greatest']['value'] > 0.0
-    again = run(*options, '--output', str(files['csv']))
-    assert again.returncode == 2
-    assert 'exists already' in again.stderr
+    before = files['csv'].read_bytes()
+    files['csv'].write_bytes(b'of another machine')
+    assert run(*options, '--output', str(files['csv'])).returncode == 0
+    assert files['csv'].read_bytes() == before  # replaced, as pictures are
+    for refused in ('--samples', '1'), ('--revolutions', '0'):
+        assert run(*options, '--output', str(files['csv']), *refused).returncode == 2
+        assert files['csv'].read_bytes() == before
     text = run(*options).stdout
     assert 'time ratio 1.05' in text
     assert 'mean power of the drive 0 W' in text

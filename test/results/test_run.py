@@ -265,3 +265,12 @@ def test_times_may_be_what_an_analyst_has():
             solution.sample(wrong)
     with pytest.raises(ms.InputError, match='an array of shape'):
         ms.cycle('slider_crank').at(np.zeros((2, 2)))
+
+
+def test_a_column_that_is_none_is_answered_by_the_nearest():
+    sample = ms.simulate('pendulum', duration='0.1 s').sample([0.0])
+    link = ms.load_scene('pendulum').plan.links[0]
+    with pytest.raises(KeyError) as refused:
+        sample[f'positon.{link}']
+    assert f"did you mean 'position.{link}'?" in str(refused.value)
+    assert sample.get('positon') is None

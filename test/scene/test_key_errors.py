@@ -156,6 +156,31 @@ CURVE = 'joints.contact.law.segments.0.curve'
         ('rise_dwell_return', CURVE, 'linear', "here that is 'polynomial' with 'conditions'"),
         ('slider_crank', 'joints.x.type', 'revolute', 'as in revolute: [LINK.POINT, LINK.POINT];'),
         ('slider_crank', 'brakes', {}, 'torque: -2 N m*sign(LINK_rate)}}'),
+        ('slider_crank', 'joints.x.hinge', ['ground', 'crank'], "here that is 'revolute'"),
+        ('slider_crank', 'joints.x.slider', ['ground', 'crank'], "here that is 'prismatic'"),
+        ('slider_crank', 'joints.crank_rod.play', '1 mm', 'clearance: {radial: 0.1 mm}'),
+        ('slider_crank', 'joints.crank_rod.clearance.diametral', '1 mm', "'radial', half of it"),
+        ('slider_crank', 'joints.crank_rod.clearance.mu', 0.1, "here that is 'friction'"),
+        ('slider_crank', 'joints.crank_rod.clearance.e', 0.1, "here that is 'restitution'"),
+        ('slider_crank', 'links.rod.I', '1 kg m^2', "here that is 'inertia'"),
+        ('slider_crank', 'links.rod.J', '1 kg m^2', "here that is 'inertia'"),
+        ('slider_crank', 'links.rod.m', '1 kg', "here that is 'mass'"),
+        ('four_bar_nominal', 'links.crank.L', '1 m', "here that is 'length'"),
+        ('slider_crank', 'drive.omega', 3, "here that is 'speed', as in 300 rpm"),
+        ('slider_crank', 'drive.rpm', 300, "here that is 'speed', as in 300 rpm"),
+        ('slider_crank', 'drive.n', 300, "here that is 'speed', as in 300 rpm"),
+        ('slider_crank', 'drive.angular_velocity', 3, "here that is 'speed', as in 300 rpm"),
+        ('slider_crank', 'drive.link', 'crank', "here that is 'coordinate'"),
+        ('slider_crank', 'loads.push.moment', '1 N m', "here that is 'torque'"),
+        ('slider_crank', 'loads.push.point', 'rod.end', "here that is 'at'"),
+        ('slider_crank', 'springs.back.k', '1 N/m', "here that is 'stiffness'"),
+        ('slider_crank', 'springs.back.rate', '1 N/m', "here that is 'stiffness'"),
+        ('slider_crank', 'sensors.probe.body', 'rod', "here that is 'link'"),
+        ('slider_crank', 'sensors.probe.rate', '1 kHz', "here that is 'sample_rate'"),
+        ('slider_crank', 'sensors.probe.fs', '1 kHz', "here that is 'sample_rate'"),
+        ('slider_crank', 'g', 9.81, 'gravity: [0, -9.81 m/s^2]'),
+        ('slider_crank', 'bodies', {}, "here that is 'links'"),
+        ('slider_crank', 'constraints', {}, "here that is 'joints'"),
         ('rubbing_compressor', DRY, '1 Nm', 'a load: loads: {NAME: {at: LINK, torque: -0.5 N m*'),
     ],
 )  # fmt: skip
@@ -163,6 +188,11 @@ def test_words_of_others_lead_to_what_is_written_here(scene, key, value, says):
     with pytest.raises(InputError) as refused:
         ms.load_scene(scene, {key: value})
     assert says in str(refused.value)
+
+
+def test_a_design_has_samples():
+    with pytest.raises(InputError, match=r"'design\.runs'; here that is 'samples'"):
+        ms.sweep({'scene': 'slider_crank', 'revolutions': 1, 'design': {'runs': 5}})
 
 
 def test_what_stands_for_other_words_is_known_here():

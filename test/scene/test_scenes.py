@@ -475,3 +475,11 @@ def test_a_key_written_twice_is_refused_with_its_line(tmp_path):
     file.write_text('title: x\nmechanism: four_bar\ntitle: y\n')
     with pytest.raises(InputError, match=r"line 3 .*'title' is written twice"):
         read_scene(str(file))
+
+
+@pytest.mark.parametrize('name', ['lever.yml', 'levr.yaml', 'lever'])
+def test_a_file_with_another_ending_is_suggested(tmp_path, monkeypatch, name):
+    (tmp_path / 'lever.yaml').write_text('links: {}', encoding='utf-8')
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"did you mean 'lever\.yaml'"):
+        ms.load_scene(name)

@@ -635,4 +635,4 @@ def test_a_scene_that_is_there_is_not_overwritten(tmp_path):
     text = file.read_text(encoding='utf-8')
     again = run(*args, '-o', str(file))
     assert (again.returncode, file.read_text(encoding='utf-8')) == (2, text)
-    assert 'exists already, not overwriting' in again.stderr
+    assert 'exists already, not overwriting: choose another name, or remove it' in again.stderr

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Literal
+from collections.abc import Callable, Mapping
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -55,6 +55,11 @@ class LoadPart(ElementKeys):
     """The part of a cycle in which it acts; else always."""
     unknown: bool = False
     """Only the direction is given, by `force` or `torque`, and the size is to be found."""
+
+    other_words: ClassVar[Mapping[str, str]] = {
+        'moment': "'torque'",
+        **dict.fromkeys(('point', 'link', 'body'), "'at', the LINK.POINT"),
+    }
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
         """An applied force, or one whose size follows from the motion."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -99,6 +99,11 @@ class SpringPart(ElementKeys):
     acts: Literal['both', 'above', 'below'] = 'both'
     """Above or below its free length or angle only, and never against that: a bump stop acts
     below, a check strap above."""
+
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('k', 'rate'), "'stiffness'"),
+        'c': "'damping'",
+    }
 
     @model_validator(mode='after')
     def _one_place(self) -> SpringPart:
