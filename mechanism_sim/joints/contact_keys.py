@@ -374,7 +374,12 @@ class Clearance(Play):
     wear: WearPart | None = None
     """How fast they wear."""
 
-<<<<<<< HEAD
+    other_words: ClassVar[Mapping[str, str]] = {
+        **dict.fromkeys(('diametral', 'diameter'), "'radial', half of it"),
+        'mu': "'friction'",
+        'e': "'restitution'",
+    }
+
     @field_validator('radial', mode='before')
     @classmethod
     def _loose(cls, value: Any) -> Any:
@@ -392,13 +397,6 @@ def is_zero(radial: Any) -> bool:
         return to_si(radial, 'm') == 0.0
     except ValueError:
         return False
-=======
-    other_words: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(('diametral', 'diameter'), "'radial', half of it"),
-        'mu': "'friction'",
-        'e': "'restitution'",
-    }
->>>>>>> f5
 
 
 OF_PINS = 'misalignment', 'along', 'axial', 'profile', 'wear'

@@ -128,11 +128,7 @@ def factor(path: str, given: Any) -> Factor:
 
 
 def by_component(vary: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-<<<<<<< HEAD
-    """Factors, and values that stay, where tolerances stand in the components of a point.
-=======
     """Split what is varied by components of points with tolerances, and what stays.
->>>>>>> f5
 
     ``{p: ['180 mm +- 0.1 mm', '0 mm']}`` varies ``p.x`` and leaves ``p.y`` at 0 mm.
     """
