@@ -170,7 +170,8 @@ def _names(system: System) -> list[str]:
 
 def _terms(system: System) -> list[object]:
     d = system.dynamics
-    return [*d.stabilised.a, *d.state_rates, *(jet.value for jet in d.contacts.normal)]
+    values = (jet.value for jet in d.contacts.normal)
+    return [*d.stabilised.a, *d.state_rates, *values, *d.depths.values()]
 
 
 def _numbers(law: Law, at: Law) -> list[float]:

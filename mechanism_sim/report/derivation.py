@@ -199,7 +199,8 @@ class _Derivation:
             known |= dict.fromkeys(
                 (dynamics.flags.closed[i], dynamics.flags.presses[i]), hy.expression(1.0)
             )
-            laws = hy.subs([dynamics.exact.N[i], dense(dynamics.exact.T[i])], known)
+            laws = [dense(dynamics.exact.N[i]), dense(dynamics.exact.T[i])]
+            laws = hy.subs(hy.subs(laws, dynamics.depths), known)
             for force, law in zip(forces, laws, strict=False):
                 self._forces.append(Equation(joint, (force,), (self._in_symbols(law),)))
 
