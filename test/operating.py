@@ -19,7 +19,7 @@ CONTROL = """
 import json
 from mechanism_sim.messages import action_class, message_class, service_class
 from mechanism_sim.nodes.middleware import (
-    ActionClient, Node, Parameter, init, shutdown, spin_until_future_complete)
+    ActionClient, Node, Parameter, QoSProfile, init, shutdown, spin_until_future_complete)
 
 PACKAGE = 'simulation_interfaces'
 State = message_class(f'{PACKAGE}/msg/SimulationState')

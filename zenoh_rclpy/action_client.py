@@ -59,6 +59,7 @@ class ActionClient:
         action_name: str,
         *,
         callback_group: CallbackGroup | None = None,
+        feedback_sub_qos_profile: QoSProfile = QoSProfile(depth=10),  # noqa: B008 - as of rclpy
     ) -> None:
         self._node = node
         self._type = action_type
@@ -80,7 +81,7 @@ class ActionClient:
                     parts.FeedbackMessage,
                     f'{prefix}/feedback',
                     self._on_feedback,
-                    QoSProfile(depth=10),
+                    feedback_sub_qos_profile,
                 ),
                 (
                     parts.GoalStatusMessage,

@@ -41,7 +41,8 @@ found['state'] = state()
 found['reset'] = call('ResetSimulation', 'reset_simulation', scope=0).result.result
 found['half a reset'] = call('ResetSimulation', 'reset_simulation', scope=1).result.result
 kind = action_class(f'{PACKAGE}/action/SimulateSteps')
-action = ActionClient(node, kind, 'simulate_steps')
+deep = QoSProfile(depth=100)  # whoever is slow to hear loses none
+action = ActionClient(node, kind, 'simulate_steps', feedback_sub_qos_profile=deep)
 assert action.wait_for_server(300)
 heard = []
 goal = wait(action.send_goal_async(
