@@ -117,7 +117,7 @@ def _swings(cycle: Cycle) -> Iterator[str]:
             yield line + _dwells(swing, shown, scale)
             continue
         line = f'{name} goes over {scale * swing.size:.6g} {shown}'
-        if swing.period is None:
+        if swing.period is None or not (swing.comes_back or swing.standing):
             yield f'{line} in {cycle.duration:.6g} s'
             continue
         if swing.time_ratio is not None:
@@ -131,7 +131,9 @@ def _swings(cycle: Cycle) -> Iterator[str]:
                 for x in swing.strokes
             )
         elif not swing.comes_back:
-            line += f' in {swing.period - (swing.standing or 0.0):.6g} s'
+            count = round(cycle.duration / swing.period)
+            moving = swing.period - (swing.standing or 0.0)
+            line += f' in {f"{count} moves of " if count > 1 else ""}{moving:.6g} s'
         yield line + _dwells(swing, shown, scale)
 
 

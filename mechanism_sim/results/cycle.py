@@ -274,13 +274,16 @@ class Cycle(plotting.Rich):
         """How far each coordinate goes, and in which strokes, by coordinate."""
         names, found = self.machine.physics.coordinates, self.extremes()
         ends = [found[f'position.{name}'] for name in names]
+        drive, all_ = self.machine.drive, self.machine.drive.repetition
+        period = drive.period if self.repeats else None
         return find_swings(
             names,
             [name not in self.machine.physics.displacements for name in names],
             self.solution.motion.curve,
             (float(self.t[0]), float(self.t[-1])),
             [x.greatest.value - x.least.value if not x.constant else 0.0 for x in ends],
-            self.machine.drive.period if self.repeats else None,
+            period,
+            bool(period and all_.found and round(self.duration / period) % all_.turns == 0),
         )
 
     def mean(self, name: str) -> float:
@@ -319,7 +322,7 @@ class Cycle(plotting.Rich):
         if not self.static:
             power += max(_less_stored(self) / self.duration, 0.0)
         left = 1.0 - sum(self.mean(name) for name in losses) / power
-        if left < -_ROUNDED:
+        if not left >= -_ROUNDED:
             return None
         return left if left > _ROUNDED else 0.0
 

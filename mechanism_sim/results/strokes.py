@@ -140,6 +140,7 @@ def find_swings(
     span: tuple[float, float],
     sizes: Sequence[float],
     period: float | None,
+    whole: bool = True,
 ) -> dict[str, Swing]:
     """How far coordinates (n,) go, and in which strokes where their motion repeats itself.
 
@@ -150,6 +151,8 @@ def find_swings(
     span : begin and end of the cycle [s]
     sizes : (n,) greatest less least values [rad or m]
     period : of the drive [s], a whole part of the cycle, if that repeats
+    whole : whether all is as before after the cycle: then what has moved on by a part of a turn, or
+        along a line, does so in every cycle
     """
     ends = np.array(span)
     positions, rates = curve(ends), curve(ends, 1)
@@ -160,15 +163,16 @@ def find_swings(
         turns = round(gained / TWO_PI) if angles[i] else 0
         turns = turns if abs(gained - TWO_PI * turns) <= _REPEATS * size else 0
         faster = abs(rates[1, i] - rates[0, i])
-        if period is None or faster > _REPEATS * speeds[i]:
+        moves_on = not turns and abs(gained) > _REPEATS * size
+        if period is None or faster > _REPEATS * speeds[i] or (moves_on and not whole):
             found[name] = Swing(size, 0, gained)
             continue
-        own = _period(curve, i, span, _REPEATS * size, period)
+        own = _period(curve, i, span, _REPEATS * size, period, moves_on)
         runs = _runs(curve, i, (span[0], span[0] + own), size, float(speeds[i]))
         each = float(curve(np.array([span[0] + own]))[0, i]) - runs[0].start
         runs, ripple = _without_ripples(runs, _RIPPLE * size, own, each)
         strokes, dwells = _strokes(runs, own, each)
-        if strokes and not turns and abs(gained) > _REPEATS * size:  # it goes to and fro elsewhere
+        if strokes and moves_on:  # it goes to and fro elsewhere
             found[name] = Swing(size, 0, gained)
             continue
         found[name] = Swing(size, turns, gained, own, strokes, dwells, ripple)
@@ -176,16 +180,25 @@ def find_swings(
 
 
 def _period(
-    curve: PiecewisePolynomial, i: int, span: tuple[float, float], near: float, period: float
+    curve: PiecewisePolynomial,
+    i: int,
+    span: tuple[float, float],
+    near: float,
+    period: float,
+    moves_on: bool,
 ) -> float:
-    """The first whole number of the drive's periods after which a coordinate does the same [s]."""
+    """The first whole number of the drive's periods after which a coordinate does the same [s].
+
+    It is as before but for whole turns, or, if it `moves_on`, for any step.
+    """
     begin, end = span
     count = round((end - begin) / period)
     t = np.linspace(begin, end, 64 * count + 1)
     x = curve(t)[:, i]
     for n in (n for n in range(1, count) if count % n == 0):
         later = x[64 * n :] - x[: -64 * n]
-        if np.abs(later - TWO_PI * np.round(later / TWO_PI)).max() <= near:
+        off = later - (later[0] if moves_on else TWO_PI * np.round(later / TWO_PI))
+        if np.abs(off).max() <= near:
             return n * period
     return end - begin
 

@@ -44,7 +44,8 @@ class Effect:
     share : of the variance that the factor explains by itself: epsilon squared, the correlation
         ratio without what classes of so few runs explain by chance (Kelley 1935)
     chance : an effect that drawn runs exceed by chance in 5 % of designs where there is none
-        (Tukey's range of means); None where the others have the same values in all classes
+        (Tukey's range of means); None where the others have the same values in all classes, and
+        where indices have intervals
     first, total : indices of Sobol and their 95 % intervals, of a design for them only
     """
 
@@ -99,7 +100,8 @@ def effects(plan: SweepPlan, rows: Sequence[Row]) -> list[Effect]:
                 continue
             means = [level.mean for level in levels]
             spread = max(means) - min(means)
-            chance = _chance(levels, y) if plan.design else None
+            drawn = plan.design is not None and plan.design.kind != INDICES  # else rows repeat
+            chance = _chance(levels, y) if drawn else None
             found.append(
                 Effect(
                     factor, measure, tuple(levels), spread, _share(levels, y), chance,

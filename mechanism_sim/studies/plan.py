@@ -54,7 +54,7 @@ from mechanism_sim.studies.columns import (
 from mechanism_sim.studies.runs import Row
 from mechanism_sim.studies.schema import DesignPart, SweepFile, WindowsPart
 from mechanism_sim.tables import Column
-from mechanism_sim.units import QuantityValue, counted, to_si, to_si_like, to_si_text
+from mechanism_sim.units import QuantityValue, common, counted, to_si, to_si_like, to_si_text
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.design import Factor
@@ -335,7 +335,9 @@ def _is_of_numbers(scene: Scene, columns: Iterable[str]) -> bool:
     """True if all that varies is numbers: what only some of them allow is no slip in a name."""
     places = (value_at(scene, c)[0] for c in columns if c not in (SCENE, REPEAT))
     documents = (x.to_document() if isinstance(x, Part) else x for x in places)
-    return not any(True for x in documents for _ in texts_of(x))
+    # of a quantity with its unit that is a text of its own
+    texts = (text for x in documents for _, text in texts_of(x) if not common(text))
+    return all(isinstance(_number(text), float) for text in texts)
 
 
 def _refuse_hopeless(file: str, runs: Iterable[Run]) -> None:

@@ -140,6 +140,35 @@ def test_what_is_indexed_moves_in_a_part_of_the_turn(scene, name, size, moves, s
     assert swing.standing == pytest.approx(stands, rel=1e-6)
     assert swing.period - swing.standing == pytest.approx(moves, rel=1e-6)
     assert f'in {moves:g} s; stands at' in report.render(found)
+    twice = report.render(ms.cycle(scene, periods=2))
+    assert f'in 2 moves of {moves:g} s; stands at' in twice
+
+
+def test_what_moves_on_in_some_turns_only_is_not_told_as_indexed():
+    """A slider behind a wheel of four slots does the same after four turns, not after one."""
+    content = {
+        'mechanism': 'linkage',
+        'links': {
+            'ground': {'points': {'centre': [0.1, 0.0]}},
+            'crank': {'length': 0.1 / math.sqrt(2.0)},
+            'wheel': {'points': {'pin': [0.02, 0.0]}},
+            'rod': {'length': 0.08},
+            'slider': {},
+        },
+        'joints': {
+            'axle': {'revolute': ['ground', 'crank']},
+            'centre': {'revolute': ['ground.centre', 'wheel']},
+            'pin': {'geneva': ['crank.end', 'wheel'], 'slots': 4},
+            'big': {'revolute': ['wheel.pin', 'rod']},
+            'small': {'revolute': ['rod.end', 'slider']},
+            'guide': {'prismatic': ['ground.centre', 'slider']},
+        },
+        'drive': {'coordinate': 'crank', 'speed': TURN},
+        'guess': {'slider': 0.1},
+    }
+    once, all_ = (ms.cycle(content, periods=n).swings()['slider'] for n in (1, 4))
+    assert once.period is None
+    assert all_.period == pytest.approx(4.0)
 
 
 def test_a_rotation_with_a_way_back_shows_it():

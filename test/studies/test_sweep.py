@@ -555,6 +555,13 @@ def test_values_at_which_a_machine_cannot_turn_are_rows_with_their_reason(tmp_pa
     assert same['status'][1] == found['status'][1]
 
 
+def test_values_with_one_of_several_units_are_numbers_too():
+    grid = {'links.coupler.length': ['20 mm', '401 mm'], 'drive.speed': ['0 rpm', '60 rpm']}
+    found = ms.sweep({'scene': 'four_bar_nominal', 'revolutions': 1, 'grid': grid})
+    assert [status == 'done' for status in found['status']] == [False, False, False, True]
+    assert 'cannot make a full turn' in found['status'][1]
+
+
 TOP = 'highest(velocity.piston)'
 
 
