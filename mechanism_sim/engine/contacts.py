@@ -39,7 +39,6 @@ from mechanism_sim.engine.rubbing_contacts import (
 )
 from mechanism_sim.engine.switching import Switching
 from mechanism_sim.errors import RunError
-from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
@@ -100,6 +99,9 @@ class Contacts:
                 initialise_rates(state)
         if any(closed) or self._system.relations:
             self.present.project()
+        if state.modes:  # else what holds by its part would push contacts apart by all of it
+            loads = (k for k in self._system.set_valued.holding if k not in slipping)
+            self.switching.hold_or_slide([*loads])
         self.settle()
         if state.modes and slipping:
             self._begin_to_rub()
@@ -123,6 +125,7 @@ class Contacts:
         if self._system.compliant:
             self._respond_to_missed()
             return
+        held = self.switching.freeze()
         terms = state.terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
             # as good as resting is what would rise no farther than rounding reaches
@@ -130,7 +133,9 @@ class Contacts:
             if state.closed(i) or (value <= state.limits.touching and stays):
                 state.begin_event(self.present.time)
                 self._go_on(STRIKES, i)
-                return
+                break
+        if held:
+            self.switching.release()
 
     # --- events -------------------------------------------------------------------------------
 
@@ -155,10 +160,7 @@ class Contacts:
         if self._resolves_all:
             self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
             return
-        rows = self.switching.rows
-        held = [k for k in self._system.set_valued.holding if rows[k] == HOLDS]
-        if held:
-            self.switching.freeze(held)
+        held = self.switching.freeze()
         self._resolve(guard, index)
         if held and guard.switch is None:
             self.switching.release()

@@ -104,14 +104,20 @@ class Switching:
         fastest = max(map(abs, rates), default=0.0)
         if not (before and fastest):
             return
+
+        def seen() -> list[float]:
+            guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)]
+            found: list[float] = guards[-len(before) :].tolist()
+            return found
+
+        guards = seen()  # what holds goes on, if it can under the present law, too
+        own = {k: HOLDS if guards[k] > 0.0 else self._row_after(k) for k in self._held}
         places = self.places(0.5 * _SWITCHES.margin / fastest)
         rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
         self.set_rows(tuple(rows))
-        guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)][
-            -len(rows) :
-        ]
-        known = zip(before, rows, guards.tolist(), strict=True)
-        self.set_rows(tuple(new if guard > 0.0 else old for old, new, guard in known))
+        known = enumerate(zip(before, rows, seen(), strict=True))
+        passed = (own.get(k, new if guard > 0.0 else old) for k, (old, new, guard) in known)
+        self.set_rows(tuple(passed))
 
     def places(self, ahead: float = 0.0) -> list[float]:
         """Where the switches are."""
@@ -222,12 +228,20 @@ class Switching:
         if size := math.hypot(x, y):
             self._now.set(self._index.towards[2 * pin : 2 * pin + 2], (x / size, y / size))
 
-    def freeze(self, held: Sequence[int]) -> None:
-        """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :].tolist()
-        for k, part in zip(self._holding, parts, strict=True):
-            if k in held:
-                self._pars[self._index.switches[k][0]] = part
+    @property
+    def _held(self) -> list[int]:
+        """The switches that hold now."""
+        return [k for k in self._holding if self.rows[k] == HOLDS]
+
+    def freeze(self) -> bool:
+        """Let contacts be resolved under the parts of switches that hold now, if any does."""
+        held = self._held
+        if held:
+            parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :]
+            own = dict(zip(self._holding, parts.tolist(), strict=True))
+            for k in held:
+                self._pars[self._index.switches[k][0]] = own[k]
+        return bool(held)
 
     def release(self) -> None:
         """Let switches hold no more what an impact has moved.
