@@ -135,7 +135,7 @@ class Contacts:
                 self._go_on(STRIKES, i)
                 break
         if held:
-            self.switching.release()
+            self._release()
 
     # --- events -------------------------------------------------------------------------------
 
@@ -163,7 +163,29 @@ class Contacts:
         held = self.switching.freeze()
         self._resolve(guard, index)
         if held and guard.switch is None:
-            self.switching.release()
+            self._release()
+
+    def _release(self) -> None:
+        """Let switches hold no more what contacts move, or hold.
+
+        A contact that sticks to what is held without it has no friction that is determined: it
+        slides rather, the way it will, and has no slip.
+        """
+        state, m = self.state, len(self.state.modes)
+        for i in range(m):
+            if state.modes[i] != Mode.STICKING or self.switching.idle() is None:
+                continue
+            before = state.modes
+            state.change(i, Mode.SLIDING_FORWARD)
+            if self.switching.idle() is None:
+                self.switching.freeze()
+                state.refresh()
+                if state.problem.acceleration[m + i] < 0.0:
+                    state.change(i, Mode.SLIDING_BACKWARD)
+                state.record_modes(before)
+            else:
+                state.set_modes(before)
+        self.switching.release()
 
     def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""

@@ -42,6 +42,8 @@ class Switching:
             i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
             for i, flag in system.dynamics.contacts.engaged.items()
         }
+        closed = () if system.compliant else system.parameters.closed
+        self._kept = (*closed, *system.parameters.sticks)  # flags of what contacts hold
         self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
         self._turned: dict[int, tuple[float, int]] = {}  # at which place they last did, which row
 
@@ -89,7 +91,7 @@ class Switching:
             self._stop([switch])
             return
         self._turned[switch] = self.places()[switch], rows[switch]
-        self.set_rows((*rows[:switch], after, *rows[switch + 1 :]))
+        self._set_row(switch, after)
 
     def pass_edges(self) -> None:
         """Let switches turn over that are at their edge now, where their guards fall too late.
@@ -172,6 +174,8 @@ class Switching:
             for k, index in enumerate(system.parameters.switches):
                 if k in self._holding and (k == switch or not others):
                     self._pars[index[1]] = 0.0
+            if not others:
+                self._now.set(self._kept, [0.0] * len(self._kept))
             for flag in (0.0, 1.0):
                 self._pars[system.parameters.switches[switch][0]] = flag
                 seen.append(float(self._now.evaluate(function)[own]))
@@ -210,7 +214,7 @@ class Switching:
             if after is None and abs(places[k]) <= _SWITCHES.rest:
                 after = int(rates[0] + rates[1] > 0.0)
             if after not in (None, row):
-                self.set_rows((*self.rows[:k], after, *self.rows[k + 1 :]))
+                self._set_row(k, after)
                 self.update_sides()
 
     def update_sides(self) -> None:
@@ -244,23 +248,35 @@ class Switching:
         return bool(held)
 
     def release(self) -> None:
-        """Let switches hold no more what an impact has moved.
+        """Let switches hold no more what an impact has moved, or what contacts hold from now on.
 
         What they would stop again within a rounding of the place is stopped now: contacts that
         part by roundings fall back as fast, and would move it for ever.
         """
-        places, rows = self.places(), list(self.rows)
-        moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > _SWITCHES.rest]
-        if not moved:
-            return
+        while (k := self.idle()) is not None:
+            place = self.places()[k]
+            side = place if abs(place) > _SWITCHES.rest else self._rates_of(k)[0]
+            self._set_row(k, int(side > 0.0))
+        places = self.places()
+        moved = [k for k in self._held if abs(places[k]) > _SWITCHES.rest]
         near = 2.0 * self._now.system.rounding
         slow = [k for k in moved if places[k] ** 2 < near * self._stops(k, places)]
         for k in moved:
             if k not in slow:
-                rows[k] = int(places[k] > 0.0)
-        self.set_rows(tuple(rows))
+                self._set_row(k, int(places[k] > 0.0))
         if slow:
             self._stop(slow)
+
+    def idle(self) -> int | None:
+        """A switch that holds what others hold without it: its part is not determined."""
+        for k in self._held:
+            if not self._holding[k].acts(self._rates_of(k)):
+                return k
+        return None
+
+    def _set_row(self, switch: int, row: int) -> None:
+        """Set the row of one switch."""
+        self.set_rows((*self.rows[:switch], row, *self.rows[switch + 1 :]))
 
     def _stops(self, switch: int, places: Sequence[float]) -> float:
         """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""

@@ -91,6 +91,16 @@ def test_a_brake_holds_what_teeth_press_on():
     assert abs(solution.energy.residual) < 1e-12
 
 
+@pytest.mark.parametrize(('e', 'way'), [(0.0, -1.0), (0.5, -1.0), (0.0, 1.0)])
+def test_what_a_brake_holds_need_not_be_stuck_to(e, way):
+    """Teeth that rub hold the crank, too, once they stick: their friction is not determined."""
+    solution = ms.simulate(braked_gears(way=way, restitution=e, friction=0.1), duration=0.1)
+    seen = without_work(solution, [0.05, 0.1])
+    assert seen['velocity.crank'] == pytest.approx(0.0, abs=1e-11)
+    assert solution.impacts[-1].t < 0.02
+    assert abs(solution.energy.residual) < 1e-12
+
+
 def test_a_brake_holds_on_where_a_law_changes_or_a_run_begins_anew():
     """Else the contact would part, and strike again."""
     run = braked_gears(restitution=0.0).start()
@@ -117,3 +127,33 @@ def test_a_held_part_that_a_new_law_asks_too_much_of_lets_go():
     run.advance(0.05, final=True)
     a = (1.5 * TORQUE - 0.5 * BRAKE) / (MOTOR + 0.25 * CRANK)
     assert run.state.q[0] - before.q[0] == pytest.approx(0.5 * a * 0.03**2, rel=1e-8)
+
+
+@pytest.mark.parametrize('way', [1, -1])
+def test_what_a_freewheel_drives_is_held_no_more(way):
+    """The drive turns both and the brake from the first instant on."""
+    inertia, a, brake = 300e-6, 20.0, 3.0
+    machine = weightless(
+        links={
+            'ground': {'points': {'m': [-120e-3, 0.0]}},
+            'motor': {'mass': 0.4, 'inertia': inertia},
+            'crank': {'mass': 0.6, 'inertia': CRANK},
+        },
+        joints={
+            'motor_bearing': {'revolute': ['ground.m', 'motor']},
+            'crank_bearing': {'revolute': ['ground', 'crank']},
+            'wheel': {
+                'freewheel': ['motor', 'crank'],
+                'drives': 'counterclockwise' if way > 0 else 'clockwise',
+            },
+        },
+        drive={'coordinate': 'motor', 'speed': f'{way * a}*t'},
+        loads={'brake': {'at': 'crank', 'torque': f'-{brake}*sign(crank_rate)'}},
+    )
+    solution = ms.simulate(machine, duration=1.0)
+    seen = without_work(solution, [0.01, 1.0])
+    assert seen['velocity.crank'] == pytest.approx([0.01 * way * a, way * a], rel=1e-8)
+    torque = way * ((inertia + CRANK) * a + brake)
+    assert seen['drive_torque'] == pytest.approx(torque, rel=1e-9)
+    assert solution.energy.drive_work == pytest.approx(0.5 * a * abs(torque), rel=1e-7)
+    assert abs(solution.energy.residual) < 1e-10
