@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from mechanism_sim.engine.compliant_events import initialise_rates, is_leaving, touch_or_part
 from mechanism_sim.engine.contact.chatter import ends
-from mechanism_sim.engine.contact.problem import LOSS
+from mechanism_sim.engine.contact.problem import DRIVE, LOSS, WORK, T
 from mechanism_sim.engine.contact.respond import (
     DONE,
     FELL,
@@ -32,6 +32,7 @@ from mechanism_sim.engine.contact_state import SLIDING, ContactState, chosen
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.frictional_shocks import stop_jammed_slide, unjam
 from mechanism_sim.engine.guards import Guard
+from mechanism_sim.engine.holding_impulse import ImpulseWork
 from mechanism_sim.engine.rubbing_contacts import (
     add_joint_friction,
     iterate_friction_modes,
@@ -185,7 +186,13 @@ class Contacts:
                 state.record_modes(before)
             else:
                 state.set_modes(before)
-        self.switching.release()
+        self._book(self.switching.release())
+
+    def _book(self, stopped: ImpulseWork) -> None:
+        """Enter what it takes to stop again what an impact has moved, in that impact."""
+        log = self.state.impacts
+        if log.count and log.rows[log.count - 1, T] == self.present.time:
+            log.rows[log.count - 1, [DRIVE, WORK, LOSS]] += stopped
 
     def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""

@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
-from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.problem import ContactProblem
+from mechanism_sim.engine.holding_impulse import ImpulseWork, stop
 from mechanism_sim.engine.present_state import PresentState, rate_of
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.switches import HOLDS, Switch
@@ -88,7 +86,7 @@ class Switching:
         again = since == self._now.time and self._turned[switch][1] == HOLDS
         # tables have a row of that number, too
         if again and after == HOLDS and switch in self._holding:
-            self._stop([switch])
+            stop(self._now, [switch], self.places())
             return
         self._turned[switch] = self.places()[switch], rows[switch]
         self._set_row(switch, after)
@@ -247,11 +245,15 @@ class Switching:
                 self._pars[self._index.switches[k][0]] = own[k]
         return bool(held)
 
-    def release(self) -> None:
+    def release(self) -> ImpulseWork:
         """Let switches hold no more what an impact has moved, or what contacts hold from now on.
 
         What they would stop again within a rounding of the place is stopped now: contacts that
         part by roundings fall back as fast, and would move it for ever.
+
+        Returns
+        -------
+        Of the impulse that stops it.
         """
         while (k := self.idle()) is not None:
             place = self.places()[k]
@@ -259,13 +261,15 @@ class Switching:
             self._set_row(k, int(side > 0.0))
         places = self.places()
         moved = [k for k in self._held if abs(places[k]) > _SWITCHES.rest]
-        near = 2.0 * self._now.system.rounding
-        slow = [k for k in moved if places[k] ** 2 < near * self._stops(k, places)]
+        near, slow = 2.0 * self._now.system.rounding, []
+        for k in moved:
+            below, above, *_ = self._rates_of(k)
+            if places[k] ** 2 < near * (-above if places[k] > 0.0 else below):
+                slow.append(k)
         for k in moved:
             if k not in slow:
                 self._set_row(k, int(places[k] > 0.0))
-        if slow:
-            self._stop(slow)
+        return stop(self._now, slow, places) if slow else ImpulseWork()
 
     def idle(self) -> int | None:
         """A switch that holds what others hold without it: its part is not determined."""
@@ -277,33 +281,6 @@ class Switching:
     def _set_row(self, switch: int, row: int) -> None:
         """Set the row of one switch."""
         self.set_rows((*self.rows[:switch], row, *self.rows[switch + 1 :]))
-
-    def _stops(self, switch: int, places: Sequence[float]) -> float:
-        """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
-        below, above, *_ = self._rates_of(switch)
-        return max(0.0, -above if places[switch] > 0.0 else below)
-
-    def _stop(self, held: Sequence[int]) -> None:
-        """Bring the functions of switches that hold to zero by an impulse of what holds them."""
-        kept, system = self._now.parameters.copy(), self._system
-        functions = [[*self._holding].index(k) for k in held]
-
-        def seen(acting: int | None) -> tuple[Array, Array]:
-            for k in held:
-                self._now.set(system.parameters.switches[k], (float(k == acting), 0.0))
-            rates = self._now.evaluate(self._functions.holding_rates)[functions]
-            moved = self._now.evaluate(self._functions.accelerations)[: self._now.free]
-            return rates, moved.copy()
-
-        still, a = seen(None)
-        ways = [seen(k) for k in held]
-        self._now.parameters[:] = kept
-        places = np.array(self.places())[list(held)]
-        steps = np.column_stack([rates - still for rates, _ in ways])
-        shares = np.linalg.lstsq(steps, -places)[0]
-        for x, (_, way) in zip(shares.tolist(), ways, strict=True):
-            self._now.v[:] += x * (way - a)
-        self._now.project()
 
     def _count_turns(self, switch: int) -> None:
         """Refuse a switch that turns over again and again at one place.

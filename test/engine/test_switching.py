@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import weightless, without_work
+from builders import made, weightless, without_work
 
 import mechanism_sim as ms
 from mechanism_sim.planar.drive import TorqueLaw
@@ -157,3 +157,63 @@ def test_what_a_freewheel_drives_is_held_no_more(way):
     assert seen['drive_torque'] == pytest.approx(torque, rel=1e-9)
     assert solution.energy.drive_work == pytest.approx(0.5 * a * abs(torque), rel=1e-7)
     assert abs(solution.energy.residual) < 1e-10
+
+
+def slipping_belt(**parts):
+    """A pulley behind a belt that may slip on a driven one."""
+    links = {
+        'ground': {'points': {'m': [-120e-3, 0.0]}},
+        'motor': {'mass': 0.4, 'inertia': 300e-6},
+        'crank': {'length': 64e-3, 'mass': 0.6, 'inertia': CRANK},
+    }
+    joints = {
+        'motor_bearing': {'revolute': ['ground.m', 'motor']},
+        'crank_bearing': {'revolute': ['ground', 'crank']},
+        'belt': {
+            'belt': ['motor', 'crank'],
+            'radii': [30e-3, 50e-3],
+            'pretension': 500.0,
+            'friction': {'coefficient': 0.3},
+        },
+    }
+    return {
+        'links': links | parts.pop('links', {}),
+        'joints': joints | parts.pop('joints', {}),
+        'drive': {'coordinate': 'motor', 'speed': 20.0},
+        **parts,
+    }
+
+
+def test_what_stops_a_pulley_again_takes_work_from_the_drive():
+    """An impulse on the rims: ``J (w - w') / 50 mm`` from the belt, and on the drive."""
+    run = weightless(**slipping_belt()).start()
+    present, switching = run._present, run._contacts.switching
+    assert switching.rows == (HOLDS,)
+    off = -1e-8
+    present.v[:] = 12.0 + off
+    found = switching.release()
+    assert present.v[0] == pytest.approx(12.0, rel=1e-15)
+    impulse = -CRANK * off / 50e-3 * 30e-3
+    assert found.drive_impulse == pytest.approx(impulse, rel=1e-5)
+    assert found.drive_work == pytest.approx(20.0 * impulse, rel=1e-5)
+    # of that all is gained, but for half of the slip
+    assert found.loss == pytest.approx(0.5 * CRANK * off * off, abs=1e-15)
+
+
+def test_energy_balances_where_impacts_move_what_a_belt_holds():
+    bob = {'length': 0.1, 'mass': 0.5, 'inertia': 500e-6, 'cog': 0.05}
+    machine = made(
+        slipping_belt(
+            links={'bob': bob},
+            joints={
+                'pin': {
+                    'revolute': ['crank.end', 'bob'],
+                    'clearance': {'radial': '1 mm', 'restitution': 0.5},
+                }
+            },
+            gravity=[0.0, -9.81],
+            initial={'position': {'bob': '-90 deg'}},
+        )
+    )
+    energy = ms.simulate(machine, duration=1.3).energy
+    assert abs(energy.residual) < 1e-11
