@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from mechanism_sim.engine.compliant_events import initialise_rates, is_leaving, touch_or_part
 from mechanism_sim.engine.contact.chatter import ends
-from mechanism_sim.engine.contact.problem import LOSS
+from mechanism_sim.engine.contact.problem import DRIVE, LOSS, WORK, T
 from mechanism_sim.engine.contact.respond import (
     DONE,
     FELL,
@@ -32,6 +32,7 @@ from mechanism_sim.engine.contact_state import SLIDING, ContactState, chosen
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.frictional_shocks import stop_jammed_slide, unjam
 from mechanism_sim.engine.guards import Guard
+from mechanism_sim.engine.holding_impulse import ImpulseWork
 from mechanism_sim.engine.rubbing_contacts import (
     add_joint_friction,
     iterate_friction_modes,
@@ -39,7 +40,6 @@ from mechanism_sim.engine.rubbing_contacts import (
 )
 from mechanism_sim.engine.switching import Switching
 from mechanism_sim.errors import RunError
-from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
@@ -100,6 +100,9 @@ class Contacts:
                 initialise_rates(state)
         if any(closed) or self._system.relations:
             self.present.project()
+        if state.modes:  # else what holds by its part would push contacts apart by all of it
+            loads = (k for k in self._system.set_valued.holding if k not in slipping)
+            self.switching.hold_or_slide([*loads])
         self.settle()
         if state.modes and slipping:
             self._begin_to_rub()
@@ -123,6 +126,7 @@ class Contacts:
         if self._system.compliant:
             self._respond_to_missed()
             return
+        held = self.switching.freeze()
         terms = state.terms()
         for i, (value, rate) in enumerate(zip(terms.value, terms.rate, strict=False)):
             # as good as resting is what would rise no farther than rounding reaches
@@ -130,7 +134,9 @@ class Contacts:
             if state.closed(i) or (value <= state.limits.touching and stays):
                 state.begin_event(self.present.time)
                 self._go_on(STRIKES, i)
-                return
+                break
+        if held:
+            self._release()
 
     # --- events -------------------------------------------------------------------------------
 
@@ -155,13 +161,38 @@ class Contacts:
         if self._resolves_all:
             self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
             return
-        rows = self.switching.rows
-        held = [k for k in self._system.set_valued.holding if rows[k] == HOLDS]
-        if held:
-            self.switching.freeze(held)
+        held = self.switching.freeze()
         self._resolve(guard, index)
         if held and guard.switch is None:
-            self.switching.release()
+            self._release()
+
+    def _release(self) -> None:
+        """Let switches hold no more what contacts move, or hold.
+
+        A contact that sticks to what is held without it has no friction that is determined: it
+        slides rather, the way it will, and has no slip.
+        """
+        state, m = self.state, len(self.state.modes)
+        for i in range(m):
+            if state.modes[i] != Mode.STICKING or self.switching.idle() is None:
+                continue
+            before = state.modes
+            state.change(i, Mode.SLIDING_FORWARD)
+            if self.switching.idle() is None:
+                self.switching.freeze()
+                state.refresh()
+                if state.problem.acceleration[m + i] < 0.0:
+                    state.change(i, Mode.SLIDING_BACKWARD)
+                state.record_modes(before)
+            else:
+                state.set_modes(before)
+        self._book(self.switching.release())
+
+    def _book(self, stopped: ImpulseWork) -> None:
+        """Enter what it takes to stop again what an impact has moved, in that impact."""
+        log = self.state.impacts
+        if log.count and log.rows[log.count - 1, T] == self.present.time:
+            log.rows[log.count - 1, [DRIVE, WORK, LOSS]] += stopped
 
     def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""

@@ -44,6 +44,7 @@ from mechanism_sim.planar.protocols import (
     Gap,
     Relation,
 )
+from mechanism_sim.planar.reactions import generalized_forces
 from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -494,6 +495,14 @@ class Dynamics:
             for free, line in zip(
                 self.free_acceleration, self.reduced.contacts.compliance, strict=True
             )
+        ]
+
+    def drive_torques(self, solved: Solved) -> Vector:
+        """Torques of the drives that hold their law [N m, N]."""
+        supplied = generalized_forces(self.equations, self.accelerations(solved))
+        return [
+            add(supplied[self.equations.coordinates.index(c)], neg(self.on_prescribed(k, solved)))
+            for k, c in enumerate(self.prescribed)
         ]
 
     def on_prescribed(self, k: int, solved: Solved) -> Term:

@@ -24,7 +24,7 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg, substitu
 from mechanism_sim.planar.closures import IndependentRows
 from mechanism_sim.planar.inverse_dynamics import Account, Observation
 from mechanism_sim.planar.joint_friction import with_friction
-from mechanism_sim.planar.reactions import energies, generalized_forces
+from mechanism_sim.planar.reactions import energies
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -85,11 +85,6 @@ class Observer:
         solved = d.exact
         a, forces = d.accelerations(solved), self.system.set_valued
         reactions = with_friction(d.rubs, forces.reactions(solved), eq.frames)
-        supplied = generalized_forces(eq, a)
-        torques = [
-            add(supplied[self.system.coordinates.index(c)], neg(d.on_prescribed(k, solved)))
-            for k, c in enumerate(self.system.prescribed)
-        ]
         friction = [
             neg(mul(solved.T[i], d.contacts.tangent[i].rate)) for i in d.contacts.frictional
         ]
@@ -131,7 +126,7 @@ class Observer:
             'friction_power': [add(*friction, taken)],
             'joint_loss': [add(*friction)],
             'load_power': [taken],
-            'drive_torque': [*torques, *d.drives.torques],
+            'drive_torque': [*d.drive_torques(solved), *d.drives.torques],
             'reaction': [x for w in reactions.values() for x in (w.x, w.y)],
             'moment': [w.moment for w in reactions.values()],
             'energy': [kinetic, potential],

@@ -23,6 +23,7 @@ from mechanism_sim.numerics.symbolic import (
     solve_symmetric,
     substitute,
 )
+from mechanism_sim.planar.reactions import energies
 
 
 class PresentFunctions:
@@ -69,6 +70,13 @@ class PresentFunctions:
         """
         rates = [*self._dynamics.stabilised.a, *self._run.state_rates]
         return self._run.compile_now(self._run.acted(rates))
+
+    @cached_property
+    def supplied(self) -> hy.cfunc_dbl:
+        """Torques of the drives that hold their law, then the kinetic energy; as `watch`."""
+        d = self._dynamics
+        torques = d.drive_torques(d.stabilised)
+        return self._compiled(self._run.acted([*torques, energies(d.equations)[0]]))
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:

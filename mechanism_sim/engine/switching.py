@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
-from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.problem import ContactProblem
+from mechanism_sim.engine.holding_impulse import ImpulseWork, stop
 from mechanism_sim.engine.present_state import PresentState, rate_of
 from mechanism_sim.errors import RunError
 from mechanism_sim.planar.switches import HOLDS, Switch
@@ -42,6 +40,8 @@ class Switching:
             i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
             for i, flag in system.dynamics.contacts.engaged.items()
         }
+        closed = () if system.compliant else system.parameters.closed
+        self._kept = (*closed, *system.parameters.sticks)  # flags of what contacts hold
         self._turns: dict[int, tuple[float, int]] = {}  # when they last did, how often in a row
         self._turned: dict[int, tuple[float, int]] = {}  # at which place they last did, which row
 
@@ -86,10 +86,10 @@ class Switching:
         again = since == self._now.time and self._turned[switch][1] == HOLDS
         # tables have a row of that number, too
         if again and after == HOLDS and switch in self._holding:
-            self._stop([switch])
+            stop(self._now, [switch], self.places())
             return
         self._turned[switch] = self.places()[switch], rows[switch]
-        self.set_rows((*rows[:switch], after, *rows[switch + 1 :]))
+        self._set_row(switch, after)
 
     def pass_edges(self) -> None:
         """Let switches turn over that are at their edge now, where their guards fall too late.
@@ -104,14 +104,20 @@ class Switching:
         fastest = max(map(abs, rates), default=0.0)
         if not (before and fastest):
             return
+
+        def seen() -> list[float]:
+            guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)]
+            found: list[float] = guards[-len(before) :].tolist()
+            return found
+
+        guards = seen()  # what holds goes on, if it can under the present law, too
+        own = {k: HOLDS if guards[k] > 0.0 else self._row_after(k) for k in self._held}
         places = self.places(0.5 * _SWITCHES.margin / fastest)
         rows = [s.row_at(x) for s, x in zip(self._system.switches, places, strict=True)]
         self.set_rows(tuple(rows))
-        guards = self._now.evaluate(self._functions.watch)[: len(self._system.guards)][
-            -len(rows) :
-        ]
-        known = zip(before, rows, guards.tolist(), strict=True)
-        self.set_rows(tuple(new if guard > 0.0 else old for old, new, guard in known))
+        known = enumerate(zip(before, rows, seen(), strict=True))
+        passed = (own.get(k, new if guard > 0.0 else old) for k, (old, new, guard) in known)
+        self.set_rows(tuple(passed))
 
     def places(self, ahead: float = 0.0) -> list[float]:
         """Where the switches are."""
@@ -166,6 +172,8 @@ class Switching:
             for k, index in enumerate(system.parameters.switches):
                 if k in self._holding and (k == switch or not others):
                     self._pars[index[1]] = 0.0
+            if not others:
+                self._now.set(self._kept, [0.0] * len(self._kept))
             for flag in (0.0, 1.0):
                 self._pars[system.parameters.switches[switch][0]] = flag
                 seen.append(float(self._now.evaluate(function)[own]))
@@ -204,7 +212,7 @@ class Switching:
             if after is None and abs(places[k]) <= _SWITCHES.rest:
                 after = int(rates[0] + rates[1] > 0.0)
             if after not in (None, row):
-                self.set_rows((*self.rows[:k], after, *self.rows[k + 1 :]))
+                self._set_row(k, after)
                 self.update_sides()
 
     def update_sides(self) -> None:
@@ -222,58 +230,57 @@ class Switching:
         if size := math.hypot(x, y):
             self._now.set(self._index.towards[2 * pin : 2 * pin + 2], (x / size, y / size))
 
-    def freeze(self, held: Sequence[int]) -> None:
-        """Let contacts be resolved under the parts of switches that hold now."""
-        parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :].tolist()
-        for k, part in zip(self._holding, parts, strict=True):
-            if k in held:
-                self._pars[self._index.switches[k][0]] = part
+    @property
+    def _held(self) -> list[int]:
+        """The switches that hold now."""
+        return [k for k in self._holding if self.rows[k] == HOLDS]
 
-    def release(self) -> None:
-        """Let switches hold no more what an impact has moved.
+    def freeze(self) -> bool:
+        """Let contacts be resolved under the parts of switches that hold now, if any does."""
+        held = self._held
+        if held:
+            parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :]
+            own = dict(zip(self._holding, parts.tolist(), strict=True))
+            for k in held:
+                self._pars[self._index.switches[k][0]] = own[k]
+        return bool(held)
+
+    def release(self) -> ImpulseWork:
+        """Let switches hold no more what an impact has moved, or what contacts hold from now on.
 
         What they would stop again within a rounding of the place is stopped now: contacts that
         part by roundings fall back as fast, and would move it for ever.
+
+        Returns
+        -------
+        Of the impulse that stops it.
         """
-        places, rows = self.places(), list(self.rows)
-        moved = [k for k in self._holding if rows[k] == HOLDS and abs(places[k]) > _SWITCHES.rest]
-        if not moved:
-            return
-        near = 2.0 * self._now.system.rounding
-        slow = [k for k in moved if places[k] ** 2 < near * self._stops(k, places)]
+        while (k := self.idle()) is not None:
+            place = self.places()[k]
+            side = place if abs(place) > _SWITCHES.rest else self._rates_of(k)[0]
+            self._set_row(k, int(side > 0.0))
+        places = self.places()
+        moved = [k for k in self._held if abs(places[k]) > _SWITCHES.rest]
+        near, slow = 2.0 * self._now.system.rounding, []
+        for k in moved:
+            below, above, *_ = self._rates_of(k)
+            if places[k] ** 2 < near * (-above if places[k] > 0.0 else below):
+                slow.append(k)
         for k in moved:
             if k not in slow:
-                rows[k] = int(places[k] > 0.0)
-        self.set_rows(tuple(rows))
-        if slow:
-            self._stop(slow)
+                self._set_row(k, int(places[k] > 0.0))
+        return stop(self._now, slow, places) if slow else ImpulseWork()
 
-    def _stops(self, switch: int, places: Sequence[float]) -> float:
-        """How fast the function of a switch comes back to zero where it acts, 0 if it does not."""
-        below, above, *_ = self._rates_of(switch)
-        return max(0.0, -above if places[switch] > 0.0 else below)
+    def idle(self) -> int | None:
+        """A switch that holds what others hold without it: its part is not determined."""
+        for k in self._held:
+            if not self._holding[k].acts(self._rates_of(k)):
+                return k
+        return None
 
-    def _stop(self, held: Sequence[int]) -> None:
-        """Bring the functions of switches that hold to zero by an impulse of what holds them."""
-        kept, system = self._now.parameters.copy(), self._system
-        functions = [[*self._holding].index(k) for k in held]
-
-        def seen(acting: int | None) -> tuple[Array, Array]:
-            for k in held:
-                self._now.set(system.parameters.switches[k], (float(k == acting), 0.0))
-            rates = self._now.evaluate(self._functions.holding_rates)[functions]
-            moved = self._now.evaluate(self._functions.accelerations)[: self._now.free]
-            return rates, moved.copy()
-
-        still, a = seen(None)
-        ways = [seen(k) for k in held]
-        self._now.parameters[:] = kept
-        places = np.array(self.places())[list(held)]
-        steps = np.column_stack([rates - still for rates, _ in ways])
-        shares = np.linalg.lstsq(steps, -places)[0]
-        for x, (_, way) in zip(shares.tolist(), ways, strict=True):
-            self._now.v[:] += x * (way - a)
-        self._now.project()
+    def _set_row(self, switch: int, row: int) -> None:
+        """Set the row of one switch."""
+        self.set_rows((*self.rows[:switch], row, *self.rows[switch + 1 :]))
 
     def _count_turns(self, switch: int) -> None:
         """Refuse a switch that turns over again and again at one place.

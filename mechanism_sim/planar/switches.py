@@ -78,16 +78,21 @@ class Switch(NamedTuple):
         Parameters
         ----------
         seen : rates of its function with the flag 0 and 1 while what else holds goes on holding;
-            the same while nothing holds; and the part that acts
+            the same while nothing holds, contacts included; and the part that acts
         place : value of the function
         """
-        below, above, free_below, free_above, part = seen
+        below, above, *_, part = seen
         if abs(place) > _SWITCHES.rest:
             return None
         if row == HOLDS:
             return int(part > 0.5)
-        own = below - above > _SWITCHES.own * abs(free_below - free_above)
-        return HOLDS if own and above < -_SWITCHES.felt and below > _SWITCHES.felt else None
+        opposed = above < -_SWITCHES.felt and below > _SWITCHES.felt
+        return HOLDS if opposed and self.acts(seen) else None
+
+    def acts(self, seen: Sequence[float]) -> bool:
+        """True if it changes the rate of its function, which others do not hold; see `holding`."""
+        below, above, free_below, free_above, _ = seen
+        return below - above > max(_SWITCHES.felt, _SWITCHES.own * abs(free_below - free_above))
 
     def values(self, row: int) -> list[float]:
         """Of the symbols."""
