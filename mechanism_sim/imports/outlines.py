@@ -23,7 +23,7 @@ from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of, 
 from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drawn_edges import DXF_UNITS, simple_entities
-from mechanism_sim.units import to_si
+from mechanism_sim.units import counted, to_si
 
 _FINE = 1e-7  # error of curves as polygons, and of ends that meet, in sizes of the drawing
 _SAME = 1e-6  # distance of holes that are one, likewise
@@ -136,7 +136,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
             holes.append((link, f'hole_{k + 1}', at))
         if link != GROUND:
             loose = [curve for curve in drawn if curve.layer == layer and not curve.closed]
-            made.notes += _loose(f'{title}: {layer}', unit, outer, loose)
+            made.notes += _loose(f'{title}: {layer}', unit, [outer, *inner], loose)
             _check_one(f'{title}: {layer}', unit, outer, inner)
             made.outlines[link] = [
                 _area(outer),
@@ -159,27 +159,55 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
 
 def _check_one(where: str, unit: str, outer: DrawnCurve, inner: Sequence[DrawnCurve]) -> None:
     """Refuse a layer with a curve that is not within its largest one."""
-    for curve in inner:
-        points = curve.points[:: len(curve.points) // 64 + 1]
-        middle = 0.5 * (curve.points.min(axis=0) + curve.points.max(axis=0))
-        within = middle + (1.0 - _SAME) * (points - middle)  # it may touch
-        if not all(encloses(outer.points, point) for point in within):
-            x, y = middle
-            raise InputError(
-                f'{where} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} is not '
-                'within the largest; a link is one plate with its holes'
-            )
+    if other := next((curve for curve in inner if not _within(outer, curve)), None):
+        x, y = _middle(other)
+        raise InputError(
+            f'{where} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} is not '
+            'within the largest; a link is one plate with its holes'
+        )
 
 
-def _loose(where: str, unit: str, outer: DrawnCurve, loose: Sequence[DrawnCurve]) -> Iterator[str]:
-    """A note of curves that do not close within an outline; beyond it they are one themselves."""
+def _within(outer: DrawnCurve, curve: DrawnCurve) -> bool:
+    """True of a curve in a closed one, which it may touch."""
+    points, middle = curve.points[:: len(curve.points) // 64 + 1], _middle(curve)
+    return all(encloses(outer.points, p) for p in middle + (1.0 - _SAME) * (points - middle))
+
+
+def _middle(curve: DrawnCurve) -> Array:
+    return np.array(0.5 * (curve.points.min(axis=0) + curve.points.max(axis=0)))
+
+
+def _loose(
+    where: str, unit: str, own: Sequence[DrawnCurve], loose: Sequence[DrawnCurve]
+) -> Iterator[str]:
+    """A note of curves that do not close, of a layer whose largest curve is its outline.
+
+    It is one if all others are within it, or if those that do not close are so too or pass
+    through it. Circles about one centre may be a hole of an outline that does not close: these
+    are one only if nothing goes round them.
+
+    Parameters
+    ----------
+    own : the closed curves of the layer, the largest first
+    """
     if not loose:
         return
+    outer, inner = own[0], own[1:]
     low, high = outer.points.min(axis=0), outer.points.max(axis=0)
-    if all(((c.points >= low) & (c.points <= high)).all() for c in loose):
-        yield f'{where}: left out: {len(loose)} curves that are not closed'
+    near = 0.5 * float((high - low).min())
+    middle = _middle(outer)
+    beside = [curve for curve in loose if _apart(curve.points, middle) > near]
+    around = np.concatenate([outer.points[:0], *(curve.points for curve in beside)])
+    if all(_within(outer, curve) for curve in inner):
+        about_one = all(math.dist(_middle(curve), middle) < _SAME * near for curve in inner)
+        sides = [(around < low).any(axis=0), (around > high).any(axis=0)]
+        beyond = about_one and np.all(sides)
+    else:
+        beyond = ((around < low) | (around > high)).any()
+    if not beyond:
+        yield f'{where}: left out: {counted(len(loose), "open curve")}'
         return
-    ends = np.concatenate([curve.points[[0, -1]] for curve in loose])
+    ends = np.concatenate([curve.points[[0, -1]] for curve in beside])
     gaps = np.hypot(*(ends[:, None] - ends).T)
     np.fill_diagonal(gaps, np.inf)
     k = int(gaps.argmin()) // len(ends)
@@ -188,6 +216,14 @@ def _loose(where: str, unit: str, outer: DrawnCurve, loose: Sequence[DrawnCurve]
         f'{where}: its outline does not close: there is a gap of {gaps.min():.3g} {unit} at '
         f'({x:.6g}, {y:.6g}) {unit}'
     )
+
+
+def _apart(points: Array, place: Array) -> float:
+    """Distance of a place (2,) from lines between points (n, 2)."""
+    begin, way = points[:-1], np.diff(points, axis=0)
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    along = np.clip(((place - begin) * way).sum(axis=1) / square, 0.0, 1.0)
+    return float(np.hypot(*(begin + along[:, None] * way - place).T).min())
 
 
 def weigh(made: Blueprint, thickness: str | None, density: str) -> None:

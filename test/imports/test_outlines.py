@@ -65,11 +65,33 @@ def test_an_outline_that_does_not_close_is_refused_with_its_gap(tmp_path, sides,
         import_machine(plate(tmp_path, *sides, holes=holes), thickness='5 mm')
 
 
-def test_lines_within_an_outline_are_left_out_with_a_note(tmp_path):
-    mass, points, notes = arm(plate(tmp_path, *SIDES, ((20, 0), (80, 0)), ((20, 5), (80, 5))))
+@pytest.mark.parametrize(
+    ('lines', 'words'),
+    [
+        ([((20, 0), (80, 0)), ((20, 5), (80, 5))], '2 open curves'),
+        ([((20, 0), (80, 0))], '1 open curve'),
+        ([((-20, 0), (120, 0)), ((0, -15), (0, 15)), ((100, -15), (100, 15))], '3 open curves'),
+        ([((-10, 15), (110, 15)), ((115, -10), (115, 10))], '2 open curves'),
+    ],
+    ids=['within', 'one', 'centre lines', 'extension lines'],
+)
+def test_lines_about_an_outline_are_left_out_with_a_note(tmp_path, lines, words):
+    """An outline goes round its holes; lines that stuck out of it were taken for it."""
+    mass, points, notes = arm(plate(tmp_path, *SIDES, *lines))
     assert mass == pytest.approx(PLATE * (120 * 20 - 8 * math.pi), rel=1e-12)
     assert points == {'hole_2': ['100.0 mm', '0.0 mm']}
-    assert notes == ['m: arm: left out: 2 curves that are not closed']
+    assert notes == [f'm: arm: left out: {words}']
+
+
+@pytest.mark.parametrize('hub', ['', '<circle r="9"/>'])
+def test_centre_lines_of_a_disc_are_no_outline_but_lines_round_its_hub_are(tmp_path, hub):
+    for d, outline in (('M-20 0H20M0-20V20', False), ('M-20-20H20V20H-20V-19', True)):
+        (tmp_path / 'm.svg').write_text(SVG.format(f'<circle r="12"/>{hub}<path d="{d}"/>'))
+        if outline:
+            with pytest.raises(InputError, match='does not close: there is a gap of 1 mm'):
+                import_machine(tmp_path / 'm.svg', thickness='5 mm')
+        else:
+            assert arm(tmp_path / 'm.svg')[2] == ['m: arm: left out: 2 open curves']
 
 
 def test_a_layer_without_a_closed_curve_has_a_note(tmp_path):
