@@ -111,6 +111,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
     if not unit:
         raise InputError(f'{title}: the drawing does not state its unit: give --unit mm')
     made = Blueprint(title, unit)
+    drawn = [curve for curve in drawn if curve.points.size and np.ptp(curve.points, axis=0).any()]
     curves = [curve for curve in drawn if curve.closed]
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:

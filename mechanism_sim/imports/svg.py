@@ -94,14 +94,22 @@ def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Fo
 
 def _round(element: Element, frame: Array, layer: str) -> Found:
     get = element.get
-    at = frame @ [number(get('cx')), number(get('cy')), 1.0]
-    radii = [number(get(key) or get('r')) for key in ('rx', 'ry')]
+    at = frame @ [_own(get('cx')), _own(get('cy')), 1.0]
+    radii = [_own(get(key) or get('r')) for key in ('rx', 'ry')]
     angle = 2.0 * math.pi * _STEPS
     ring = np.array([radii[0] * np.cos(angle), radii[1] * np.sin(angle)])
     points = (frame[:2, :2] @ ring).T + at[:2]
     radius = math.sqrt(abs(np.linalg.det(frame[:2, :2])) * radii[0] * radii[1])
     is_round = np.ptp(np.hypot(*(points - at[:2]).T)) < 1e-9 * radius
     return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius, True
+
+
+def _own(text: str | None) -> float:
+    """A length of a shape, in the drawing's own unit."""
+    own = (text or '').strip()
+    if own and not _NUMBER.fullmatch(own):
+        raise InputError(f"'{own}' is the length of a shape: give a number without % or unit")
+    return number(own)
 
 
 def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
@@ -120,10 +128,10 @@ def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
 
 def _rectangle(element: Element) -> Array:
     """The four sides, between which corners are rounded by quarters of ellipses."""
-    x, y, w, h = (number(element.get(key)) for key in ('x', 'y', 'width', 'height'))
+    x, y, w, h = (_own(element.get(key)) for key in ('x', 'y', 'width', 'height'))
     radii = [element.get(key, 'auto') for key in ('rx', 'ry')]
     own = [r for r in radii if r != 'auto']  # of the other where it is not given
-    rx, ry = (number(r if r != 'auto' else own[0] if own else '0') for r in radii)
+    rx, ry = (_own(r if r != 'auto' else own[0] if own else '0') for r in radii)
     rx, ry = (min(max(rx, 0.0), 0.5 * w), min(max(ry, 0.0), 0.5 * h))
     if not rx or not ry:
         return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
@@ -181,7 +189,9 @@ def _paths(text: str) -> Iterator[list[complex]]:
 
 def _commands(text: str) -> Iterator[tuple[str, list[float]]]:
     """Commands of the data of a path, each with its numbers; a flag of an arc is one digit."""
-    text, at, command = text.rstrip(), 0, ''
+    text, at, command = text.strip(), 0, ''
+    if text and text[0] not in 'Mm':
+        raise InputError(f"the path '{text[:40]}' does not begin with M")
     while at < len(text):
         found = _TOKEN.match(text, at)
         if found and found[1]:

@@ -83,6 +83,10 @@ def test_lines_about_an_outline_are_left_out_with_a_note(tmp_path, lines, words)
     assert notes == [f'm: arm: left out: {words}']
 
 
+def test_a_line_without_a_length_is_not_there(tmp_path):
+    assert arm(plate(tmp_path, *SIDES, ((50, 0), (50, 0)))) == arm(plate(tmp_path, *SIDES))
+
+
 @pytest.mark.parametrize('hub', ['', '<circle r="9"/>'])
 def test_centre_lines_of_a_disc_are_no_outline_but_lines_round_its_hub_are(tmp_path, hub):
     for d, outline in (('M-20 0H20M0-20V20', False), ('M-20-20H20V20H-20V-19', True)):
