@@ -23,6 +23,7 @@ _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 
 _SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
 _PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
+_PIXEL = 25.4 / 96.0  # [mm]
 _DEEPEST = 100
 _SAME = 1e-7  # distance of ends that meet, in sizes of a curve
 
@@ -35,34 +36,32 @@ def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
 
     Parameters
     ----------
-    told : the unit of its own lengths, if it has no size on paper; 96 of them are an inch if not
+    told : the unit of its own lengths, if it has no size on paper; 96 pixels are an inch if not
     """
     root = parse(file, text, 'svg')
     sizes = [_LENGTH.fullmatch(root.get(key) or '') for key in ('width', 'height')]
     stated = next((size[2] for size in sizes if size and size[2] in _PAPER), '')
     unit_of(file, stated, told)
-    unit, pixel = (told, 1.0) if told and not stated else ('mm', 25.4 / 96.0)
-    x, y = _scales(root, sizes, pixel)
+    unit, (x, y) = (told, (1.0, 1.0)) if told and not stated else ('mm', _scales(root, sizes))
     return unit, list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
 
 
-def _scales(root: Element, sizes: list[re.Match[str] | None], pixel: float) -> tuple[float, float]:
-    """Lengths of a unit of its own, across and upwards (SVG 1.1, 7.8).
+def _scales(root: Element, sizes: list[re.Match[str] | None]) -> tuple[float, float]:
+    """Lengths [mm] of a unit of its own, across and upwards (SVG 1.1, 7.8).
 
     Parameters
     ----------
     sizes : width and height as they are given, and their units
-    pixel : length of a unit that is none on paper
     """
     box = numbers(root.get('viewBox'), 4)[2:].tolist()
     found = [
-        float(size[1]) * _PAPER.get(size[2], pixel) / own
+        float(size[1]) * _PAPER.get(size[2], _PIXEL) / own
         for size, own in zip(sizes, box, strict=True)
         if size and own
     ]
     fit = (root.get('preserveAspectRatio') or '').split()
     if not found:
-        return pixel, pixel
+        return _PIXEL, _PIXEL
     if 'none' in fit:
         return found[0], found[-1]
     scale = max(found) if 'slice' in fit else min(found)

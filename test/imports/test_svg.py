@@ -116,6 +116,18 @@ def test_a_drawing_is_as_large_as_it_is_shown(tmp_path, head, across, upwards):
 
 
 @pytest.mark.parametrize(
+    'head',
+    ['width="1000" height="500" viewBox="0 0 200 100"', 'width="9px" height="5" viewBox="0 0 9 1"',
+     'height="50" viewBox="0 0 2 1" preserveAspectRatio="none"', 'viewBox="0 0 2 1"', ''],
+)  # fmt: skip
+def test_numbers_of_a_drawing_in_pixels_are_in_the_unit_that_is_told(tmp_path, head):
+    """They were in pixels of the window too: five times as large in the first."""
+    rectangle = '<rect x="-10" y="-10" width="120" height="20"/>'
+    mass, _ = arm(tmp_path, rectangle, head, unit='mm')
+    assert mass == pytest.approx(PLATE * (2400 - math.pi), rel=1e-12)
+
+
+@pytest.mark.parametrize(
     'nothing',
     ['<path d="M50 0 l0 0"/>', '<path d="M0 0 L0 0 z"/>', '<path d="M0 0zz"/>', '<path d=""/>',
      '<circle cx="9" r="0"/>', '<polygon points=""/>', '<rect x="5"/>'],
