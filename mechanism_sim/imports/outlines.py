@@ -55,13 +55,21 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     ezdxf = needed('ezdxf', 'drawings as DXF')
     try:
         document = ezdxf.read(StringIO(text))
-        found = list(islice((x for e in document.modelspace() for x in _parts(e)), _MOST + 1))
+        layers = {x.dxf.name.casefold(): x for x in document.layers}
+        frozen = {name for name, layer in layers.items() if layer.is_frozen()}
+        entities = (x for e in document.modelspace() for x in _parts(e, frozen))
+        found = list(islice(entities, _MOST + 1))
         if len(found) > _MOST:
             raise InputError(
                 f'{path.name} has more than {_MOST} entities with those of its blocks'
             )
-        unseen = {x.dxf.name for x in document.layers if x.is_off() or x.is_frozen()}
-        parts = [(n, x) for n, x in found if n not in unseen and x.dxftype() in _CURVES]
+        off = {name for name, layer in layers.items() if layer.is_off()}
+        names = {name: layer.dxf.name for name, layer in layers.items()}
+        parts = [
+            (names.setdefault(n.casefold(), n), x)
+            for n, x in found
+            if n.casefold() not in off and x.dxftype() in _CURVES
+        ]
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for _, e in parts), default=1.0))
         drawn = [(part, _points(part[1], _FINE * size)) for part in parts]
     except ezdxf.DXFError as error:
@@ -81,14 +89,19 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     return blueprint(path.stem, unit, curves)
 
 
-def _parts(entity: Any, above: str = '0') -> Iterator[tuple[str, Any]]:
-    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference."""
+def _parts(entity: Any, frozen: set[str], above: str = '0') -> Iterator[tuple[str, Any]]:
+    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference.
+
+    A reference on a frozen layer has none; of one that is off, those on other layers are shown.
+    """
     layer = above if entity.dxf.layer == '0' else str(entity.dxf.layer)
+    if entity.dxf.invisible or layer.casefold() in frozen:
+        return
     if entity.dxftype() == 'INSERT':
         yield layer, entity
         for block in entity.multi_insert() if entity.mcount > 1 else (entity,):
             for part in block.virtual_entities():
-                yield from _parts(part, layer)
+                yield from _parts(part, frozen, layer)
     else:
         yield from ((layer, part) for part in simple_entities(entity))
 

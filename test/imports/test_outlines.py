@@ -181,6 +181,55 @@ def test_what_is_on_a_layer_that_is_not_shown_is_not_there(tmp_path, hide):
         'ground', 'arm'}  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ('hide', 'on', 'shown'),
+    [('freeze', 'arm', False), ('off', 'arm', True), ('freeze', '0', False), ('off', '0', False)],
+)
+def test_a_block_on_a_layer_that_is_not_shown(tmp_path, hide, on, shown):
+    """None of it is there if its reference is frozen; else what is on layers that are shown."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    document.blocks.new('a').add_circle((0, 0), 5, dxfattribs={'layer': on})
+    document.blocks.new('b').add_blockref('a', (50, 0))
+    document.modelspace().add_blockref('b', (0, 0), dxfattribs={'layer': 'AIDS'})
+    getattr(document.layers.add('aids'), hide)()
+    points = arm(saved(tmp_path, document))[1]
+    assert ('hole_3' in points) == shown
+
+
+@pytest.mark.parametrize('kind', ['circle', 'polyline', 'block'])
+def test_what_is_invisible_in_a_dxf_is_not_there(tmp_path, kind):
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    known, space = arm(tmp_path / 'm.dxf'), document.modelspace()
+    document.blocks.new('a').add_circle((50, 0), 5)
+    hidden = {'layer': 'arm', 'invisible': 1}
+    if kind == 'circle':
+        space.add_circle((50, 0), 5, dxfattribs=hidden)
+    elif kind == 'block':
+        space.add_blockref('a', (0, 0), dxfattribs=hidden)
+    else:
+        space.add_lwpolyline([(50, 0), (60, 0), (50, 5)], close=True, dxfattribs=hidden)
+    assert arm(saved(tmp_path, document)) == known
+
+
+@pytest.mark.parametrize('off', [False, True])
+def test_names_of_layers_of_a_dxf_have_no_case(tmp_path, off):
+    """Each spelling was a layer of its own, which stayed when the layer was off."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    layer = document.layers.add('Arm')
+    document.modelspace().add_circle((50, 0), 5, dxfattribs={'layer': 'ARM'})
+    if off:
+        layer.off()
+        with pytest.raises(InputError, match='closed curves are on ground alone'):
+            import_machine(saved(tmp_path, document), thickness='5 mm')
+    else:
+        links = import_machine(saved(tmp_path, document), thickness='5 mm').data['links']
+        assert set(links) == {'ground', 'Arm'}
+        assert len(links['Arm']['points']) == 2
+
+
 @pytest.mark.parametrize('hide', ['style="fill:none; display: none"', 'visibility="hidden"'])
 def test_what_an_svg_hides_is_not_there(tmp_path, hide):
     shape = '<rect x="-10" y="-10" width="120" height="20"/>'
