@@ -23,7 +23,7 @@ from mechanism_sim.imports.blueprint import Blueprint, BlueprintLink, names_of, 
 from mechanism_sim.packages import needed, reason
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drawn_edges import DXF_UNITS, simple_entities
-from mechanism_sim.units import to_si
+from mechanism_sim.units import counted, to_si
 
 _FINE = 1e-7  # error of curves as polygons, and of ends that meet, in sizes of the drawing
 _SAME = 1e-6  # distance of holes that are one, likewise
@@ -55,13 +55,21 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     ezdxf = needed('ezdxf', 'drawings as DXF')
     try:
         document = ezdxf.read(StringIO(text))
-        found = list(islice((x for e in document.modelspace() for x in _parts(e)), _MOST + 1))
+        layers = {x.dxf.name.casefold(): x for x in document.layers}
+        frozen = {name for name, layer in layers.items() if layer.is_frozen()}
+        entities = (x for e in document.modelspace() for x in _parts(e, frozen))
+        found = list(islice(entities, _MOST + 1))
         if len(found) > _MOST:
             raise InputError(
                 f'{path.name} has more than {_MOST} entities with those of its blocks'
             )
-        unseen = {x.dxf.name for x in document.layers if x.is_off() or x.is_frozen()}
-        parts = [(n, x) for n, x in found if n not in unseen and x.dxftype() in _CURVES]
+        off = {name for name, layer in layers.items() if layer.is_off()}
+        names = {name: layer.dxf.name for name, layer in layers.items()}
+        parts = [
+            (names.setdefault(n.casefold(), n), x)
+            for n, x in found
+            if n.casefold() not in off and x.dxftype() in _CURVES
+        ]
         size = float(max((np.ptp(_points(e, 1.0), axis=0).max() for _, e in parts), default=1.0))
         drawn = [(part, _points(part[1], _FINE * size)) for part in parts]
     except ezdxf.DXFError as error:
@@ -81,14 +89,19 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     return blueprint(path.stem, unit, curves)
 
 
-def _parts(entity: Any, above: str = '0') -> Iterator[tuple[str, Any]]:
-    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference."""
+def _parts(entity: Any, frozen: set[str], above: str = '0') -> Iterator[tuple[str, Any]]:
+    """Drawn parts of an entity with their layers; 0 in a block is the layer of its reference.
+
+    A reference on a frozen layer has none; of one that is off, those on other layers are shown.
+    """
     layer = above if entity.dxf.layer == '0' else str(entity.dxf.layer)
+    if entity.dxf.invisible or layer.casefold() in frozen:
+        return
     if entity.dxftype() == 'INSERT':
         yield layer, entity
         for block in entity.multi_insert() if entity.mcount > 1 else (entity,):
             for part in block.virtual_entities():
-                yield from _parts(part, layer)
+                yield from _parts(part, frozen, layer)
     else:
         yield from ((layer, part) for part in simple_entities(entity))
 
@@ -111,6 +124,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
     if not unit:
         raise InputError(f'{title}: the drawing does not state its unit: give --unit mm')
     made = Blueprint(title, unit)
+    drawn = [curve for curve in drawn if curve.points.size and np.ptp(curve.points, axis=0).any()]
     curves = [curve for curve in drawn if curve.closed]
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:
@@ -136,7 +150,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
             holes.append((link, f'hole_{k + 1}', at))
         if link != GROUND:
             loose = [curve for curve in drawn if curve.layer == layer and not curve.closed]
-            made.notes += _loose(f'{title}: {layer}', unit, outer, loose)
+            made.notes += _loose(f'{title}: {layer}', unit, [outer, *inner], loose)
             _check_one(f'{title}: {layer}', unit, outer, inner)
             made.outlines[link] = [
                 _area(outer),
@@ -159,27 +173,55 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
 
 def _check_one(where: str, unit: str, outer: DrawnCurve, inner: Sequence[DrawnCurve]) -> None:
     """Refuse a layer with a curve that is not within its largest one."""
-    for curve in inner:
-        points = curve.points[:: len(curve.points) // 64 + 1]
-        middle = 0.5 * (curve.points.min(axis=0) + curve.points.max(axis=0))
-        within = middle + (1.0 - _SAME) * (points - middle)  # it may touch
-        if not all(encloses(outer.points, point) for point in within):
-            x, y = middle
-            raise InputError(
-                f'{where} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} is not '
-                'within the largest; a link is one plate with its holes'
-            )
+    if other := next((curve for curve in inner if not _within(outer, curve)), None):
+        x, y = _middle(other)
+        raise InputError(
+            f'{where} has two outlines: the one around ({x:.6g}, {y:.6g}) {unit} is not '
+            'within the largest; a link is one plate with its holes'
+        )
 
 
-def _loose(where: str, unit: str, outer: DrawnCurve, loose: Sequence[DrawnCurve]) -> Iterator[str]:
-    """A note of curves that do not close within an outline; beyond it they are one themselves."""
+def _within(outer: DrawnCurve, curve: DrawnCurve) -> bool:
+    """True of a curve in a closed one, which it may touch."""
+    points, middle = curve.points[:: len(curve.points) // 64 + 1], _middle(curve)
+    return all(encloses(outer.points, p) for p in middle + (1.0 - _SAME) * (points - middle))
+
+
+def _middle(curve: DrawnCurve) -> Array:
+    return np.array(0.5 * (curve.points.min(axis=0) + curve.points.max(axis=0)))
+
+
+def _loose(
+    where: str, unit: str, own: Sequence[DrawnCurve], loose: Sequence[DrawnCurve]
+) -> Iterator[str]:
+    """A note of curves that do not close, of a layer whose largest curve is its outline.
+
+    It is one if all others are within it, or if those that do not close are so too or pass
+    through it. Circles about one centre may be a hole of an outline that does not close: these
+    are one only if nothing goes round them.
+
+    Parameters
+    ----------
+    own : the closed curves of the layer, the largest first
+    """
     if not loose:
         return
+    outer, inner = own[0], own[1:]
     low, high = outer.points.min(axis=0), outer.points.max(axis=0)
-    if all(((c.points >= low) & (c.points <= high)).all() for c in loose):
-        yield f'{where}: left out: {len(loose)} curves that are not closed'
+    near = 0.5 * float((high - low).min())
+    middle = _middle(outer)
+    beside = [curve for curve in loose if _apart(curve.points, middle) > near]
+    around = np.concatenate([outer.points[:0], *(curve.points for curve in beside)])
+    if all(_within(outer, curve) for curve in inner):
+        about_one = all(math.dist(_middle(curve), middle) < _SAME * near for curve in inner)
+        sides = [(around < low).any(axis=0), (around > high).any(axis=0)]
+        beyond = about_one and np.all(sides)
+    else:
+        beyond = ((around < low) | (around > high)).any()
+    if not beyond:
+        yield f'{where}: left out: {counted(len(loose), "open curve")}'
         return
-    ends = np.concatenate([curve.points[[0, -1]] for curve in loose])
+    ends = np.concatenate([curve.points[[0, -1]] for curve in beside])
     gaps = np.hypot(*(ends[:, None] - ends).T)
     np.fill_diagonal(gaps, np.inf)
     k = int(gaps.argmin()) // len(ends)
@@ -188,6 +230,14 @@ def _loose(where: str, unit: str, outer: DrawnCurve, loose: Sequence[DrawnCurve]
         f'{where}: its outline does not close: there is a gap of {gaps.min():.3g} {unit} at '
         f'({x:.6g}, {y:.6g}) {unit}'
     )
+
+
+def _apart(points: Array, place: Array) -> float:
+    """Distance of a place (2,) from lines between points (n, 2)."""
+    begin, way = points[:-1], np.diff(points, axis=0)
+    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
+    along = np.clip(((place - begin) * way).sum(axis=1) / square, 0.0, 1.0)
+    return float(np.hypot(*(begin + along[:, None] * way - place).T).min())
 
 
 def weigh(made: Blueprint, thickness: str | None, density: str) -> None:

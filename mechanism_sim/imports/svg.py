@@ -23,6 +23,7 @@ _COUNTS = {'m': 2, 'l': 2, 'h': 1, 'v': 1, 'c': 6, 's': 4, 'q': 4, 't': 2, 'a': 
 _SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them end
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
 _PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
+_PIXEL = 25.4 / 96.0  # [mm]
 _DEEPEST = 100
 _SAME = 1e-7  # distance of ends that meet, in sizes of a curve
 
@@ -35,34 +36,32 @@ def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
 
     Parameters
     ----------
-    told : the unit of its own lengths, if it has no size on paper; 96 of them are an inch if not
+    told : the unit of its own lengths, if it has no size on paper; 96 pixels are an inch if not
     """
     root = parse(file, text, 'svg')
     sizes = [_LENGTH.fullmatch(root.get(key) or '') for key in ('width', 'height')]
     stated = next((size[2] for size in sizes if size and size[2] in _PAPER), '')
     unit_of(file, stated, told)
-    unit, pixel = (told, 1.0) if told and not stated else ('mm', 25.4 / 96.0)
-    x, y = _scales(root, sizes, pixel)
+    unit, (x, y) = (told, (1.0, 1.0)) if told and not stated else ('mm', _scales(root, sizes))
     return unit, list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
 
 
-def _scales(root: Element, sizes: list[re.Match[str] | None], pixel: float) -> tuple[float, float]:
-    """Lengths of a unit of its own, across and upwards (SVG 1.1, 7.8).
+def _scales(root: Element, sizes: list[re.Match[str] | None]) -> tuple[float, float]:
+    """Lengths [mm] of a unit of its own, across and upwards (SVG 1.1, 7.8).
 
     Parameters
     ----------
     sizes : width and height as they are given, and their units
-    pixel : length of a unit that is none on paper
     """
     box = numbers(root.get('viewBox'), 4)[2:].tolist()
     found = [
-        float(size[1]) * _PAPER.get(size[2], pixel) / own
+        float(size[1]) * _PAPER.get(size[2], _PIXEL) / own
         for size, own in zip(sizes, box, strict=True)
         if size and own
     ]
     fit = (root.get('preserveAspectRatio') or '').split()
     if not found:
-        return pixel, pixel
+        return _PIXEL, _PIXEL
     if 'none' in fit:
         return found[0], found[-1]
     scale = max(found) if 'slice' in fit else min(found)
@@ -94,14 +93,22 @@ def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Fo
 
 def _round(element: Element, frame: Array, layer: str) -> Found:
     get = element.get
-    at = frame @ [number(get('cx')), number(get('cy')), 1.0]
-    radii = [number(get(key) or get('r')) for key in ('rx', 'ry')]
+    at = frame @ [_own(get('cx')), _own(get('cy')), 1.0]
+    radii = [_own(get(key) or get('r')) for key in ('rx', 'ry')]
     angle = 2.0 * math.pi * _STEPS
     ring = np.array([radii[0] * np.cos(angle), radii[1] * np.sin(angle)])
     points = (frame[:2, :2] @ ring).T + at[:2]
     radius = math.sqrt(abs(np.linalg.det(frame[:2, :2])) * radii[0] * radii[1])
     is_round = np.ptp(np.hypot(*(points - at[:2]).T)) < 1e-9 * radius
     return layer, points, (float(at[0]), float(at[1])) if is_round else None, radius, True
+
+
+def _own(text: str | None) -> float:
+    """A length of a shape, in the drawing's own unit."""
+    own = (text or '').strip()
+    if own and not _NUMBER.fullmatch(own):
+        raise InputError(f"'{own}' is the length of a shape: give a number without % or unit")
+    return number(own)
 
 
 def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
@@ -120,10 +127,10 @@ def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
 
 def _rectangle(element: Element) -> Array:
     """The four sides, between which corners are rounded by quarters of ellipses."""
-    x, y, w, h = (number(element.get(key)) for key in ('x', 'y', 'width', 'height'))
+    x, y, w, h = (_own(element.get(key)) for key in ('x', 'y', 'width', 'height'))
     radii = [element.get(key, 'auto') for key in ('rx', 'ry')]
     own = [r for r in radii if r != 'auto']  # of the other where it is not given
-    rx, ry = (number(r if r != 'auto' else own[0] if own else '0') for r in radii)
+    rx, ry = (_own(r if r != 'auto' else own[0] if own else '0') for r in radii)
     rx, ry = (min(max(rx, 0.0), 0.5 * w), min(max(ry, 0.0), 0.5 * h))
     if not rx or not ry:
         return np.array([[x, y], [x + w, y], [x + w, y + h], [x, y + h]])
@@ -181,7 +188,9 @@ def _paths(text: str) -> Iterator[list[complex]]:
 
 def _commands(text: str) -> Iterator[tuple[str, list[float]]]:
     """Commands of the data of a path, each with its numbers; a flag of an arc is one digit."""
-    text, at, command = text.rstrip(), 0, ''
+    text, at, command = text.strip(), 0, ''
+    if text and text[0] not in 'Mm':
+        raise InputError(f"the path '{text[:40]}' does not begin with M")
     while at < len(text):
         found = _TOKEN.match(text, at)
         if found and found[1]:

@@ -224,7 +224,7 @@ def test_a_unit_is_that_of_a_drawing_that_states_none(tmp_path):
         for name in ('m.dxf', 'm.svg')
     }  # fmt: skip
     assert mass['m.dxf'][0] == pytest.approx(24.0 * np.pi * 1e-6 * 5e-3 * 7850.0, rel=1e-12)
-    assert mass['m.svg'][0] == pytest.approx(4.0 * 9.0 * np.pi * 1e-6 * 5e-3 * 7850.0, rel=1e-12)
+    assert mass['m.svg'][0] == pytest.approx(9.0 * np.pi * 1e-6 * 5e-3 * 7850.0, rel=1e-12)
     for small, large in mass.values():
         assert large == pytest.approx(25.4**2 * small, rel=1e-12)
 

@@ -65,11 +65,37 @@ def test_an_outline_that_does_not_close_is_refused_with_its_gap(tmp_path, sides,
         import_machine(plate(tmp_path, *sides, holes=holes), thickness='5 mm')
 
 
-def test_lines_within_an_outline_are_left_out_with_a_note(tmp_path):
-    mass, points, notes = arm(plate(tmp_path, *SIDES, ((20, 0), (80, 0)), ((20, 5), (80, 5))))
+@pytest.mark.parametrize(
+    ('lines', 'words'),
+    [
+        ([((20, 0), (80, 0)), ((20, 5), (80, 5))], '2 open curves'),
+        ([((20, 0), (80, 0))], '1 open curve'),
+        ([((-20, 0), (120, 0)), ((0, -15), (0, 15)), ((100, -15), (100, 15))], '3 open curves'),
+        ([((-10, 15), (110, 15)), ((115, -10), (115, 10))], '2 open curves'),
+    ],
+    ids=['within', 'one', 'centre lines', 'extension lines'],
+)
+def test_lines_about_an_outline_are_left_out_with_a_note(tmp_path, lines, words):
+    """An outline goes round its holes; lines that stuck out of it were taken for it."""
+    mass, points, notes = arm(plate(tmp_path, *SIDES, *lines))
     assert mass == pytest.approx(PLATE * (120 * 20 - 8 * math.pi), rel=1e-12)
     assert points == {'hole_2': ['100.0 mm', '0.0 mm']}
-    assert notes == ['m: arm: left out: 2 curves that are not closed']
+    assert notes == [f'm: arm: left out: {words}']
+
+
+def test_a_line_without_a_length_is_not_there(tmp_path):
+    assert arm(plate(tmp_path, *SIDES, ((50, 0), (50, 0)))) == arm(plate(tmp_path, *SIDES))
+
+
+@pytest.mark.parametrize('hub', ['', '<circle r="9"/>'])
+def test_centre_lines_of_a_disc_are_no_outline_but_lines_round_its_hub_are(tmp_path, hub):
+    for d, outline in (('M-20 0H20M0-20V20', False), ('M-20-20H20V20H-20V-19', True)):
+        (tmp_path / 'm.svg').write_text(SVG.format(f'<circle r="12"/>{hub}<path d="{d}"/>'))
+        if outline:
+            with pytest.raises(InputError, match='does not close: there is a gap of 1 mm'):
+                import_machine(tmp_path / 'm.svg', thickness='5 mm')
+        else:
+            assert arm(tmp_path / 'm.svg')[2] == ['m: arm: left out: 2 open curves']
 
 
 def test_a_layer_without_a_closed_curve_has_a_note(tmp_path):
@@ -153,6 +179,55 @@ def test_what_is_on_a_layer_that_is_not_shown_is_not_there(tmp_path, hide):
     assert arm(saved(tmp_path, document))[0] == mass
     assert set(import_machine(tmp_path / 'm.dxf', thickness='5 mm').data['links']) == {
         'ground', 'arm'}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('hide', 'on', 'shown'),
+    [('freeze', 'arm', False), ('off', 'arm', True), ('freeze', '0', False), ('off', '0', False)],
+)
+def test_a_block_on_a_layer_that_is_not_shown(tmp_path, hide, on, shown):
+    """None of it is there if its reference is frozen; else what is on layers that are shown."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    document.blocks.new('a').add_circle((0, 0), 5, dxfattribs={'layer': on})
+    document.blocks.new('b').add_blockref('a', (50, 0))
+    document.modelspace().add_blockref('b', (0, 0), dxfattribs={'layer': 'AIDS'})
+    getattr(document.layers.add('aids'), hide)()
+    points = arm(saved(tmp_path, document))[1]
+    assert ('hole_3' in points) == shown
+
+
+@pytest.mark.parametrize('kind', ['circle', 'polyline', 'block'])
+def test_what_is_invisible_in_a_dxf_is_not_there(tmp_path, kind):
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    known, space = arm(tmp_path / 'm.dxf'), document.modelspace()
+    document.blocks.new('a').add_circle((50, 0), 5)
+    hidden = {'layer': 'arm', 'invisible': 1}
+    if kind == 'circle':
+        space.add_circle((50, 0), 5, dxfattribs=hidden)
+    elif kind == 'block':
+        space.add_blockref('a', (0, 0), dxfattribs=hidden)
+    else:
+        space.add_lwpolyline([(50, 0), (60, 0), (50, 5)], close=True, dxfattribs=hidden)
+    assert arm(saved(tmp_path, document)) == known
+
+
+@pytest.mark.parametrize('off', [False, True])
+def test_names_of_layers_of_a_dxf_have_no_case(tmp_path, off):
+    """Each spelling was a layer of its own, which stayed when the layer was off."""
+    ezdxf = pytest.importorskip('ezdxf')
+    document = ezdxf.readfile(plate(tmp_path, *SIDES))
+    layer = document.layers.add('Arm')
+    document.modelspace().add_circle((50, 0), 5, dxfattribs={'layer': 'ARM'})
+    if off:
+        layer.off()
+        with pytest.raises(InputError, match='closed curves are on ground alone'):
+            import_machine(saved(tmp_path, document), thickness='5 mm')
+    else:
+        links = import_machine(saved(tmp_path, document), thickness='5 mm').data['links']
+        assert set(links) == {'ground', 'Arm'}
+        assert len(links['Arm']['points']) == 2
 
 
 @pytest.mark.parametrize('hide', ['style="fill:none; display: none"', 'visibility="hidden"'])

@@ -113,3 +113,40 @@ def test_a_drawing_is_as_large_as_it_is_shown(tmp_path, head, across, upwards):
     polar = area * ((w**2 + h**2) / 12 + x**2 + y**2) - round_ / 2
     polar -= (area * math.hypot(x, y)) ** 2 / (area - round_)
     assert found == pytest.approx([PLATE * (area - round_), PLATE * polar * 1e-6], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    'head',
+    ['width="1000" height="500" viewBox="0 0 200 100"', 'width="9px" height="5" viewBox="0 0 9 1"',
+     'height="50" viewBox="0 0 2 1" preserveAspectRatio="none"', 'viewBox="0 0 2 1"', ''],
+)  # fmt: skip
+def test_numbers_of_a_drawing_in_pixels_are_in_the_unit_that_is_told(tmp_path, head):
+    """They were in pixels of the window too: five times as large in the first."""
+    rectangle = '<rect x="-10" y="-10" width="120" height="20"/>'
+    mass, _ = arm(tmp_path, rectangle, head, unit='mm')
+    assert mass == pytest.approx(PLATE * (2400 - math.pi), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    'nothing',
+    ['<path d="M50 0 l0 0"/>', '<path d="M0 0 L0 0 z"/>', '<path d="M0 0zz"/>', '<path d=""/>',
+     '<circle cx="9" r="0"/>', '<polygon points=""/>', '<rect x="5"/>'],
+)  # fmt: skip
+def test_a_shape_without_extent_is_not_there(tmp_path, nothing):
+    """It was refused as a closed curve that has no area."""
+    plate = '<rect x="-10" y="-10" width="120" height="20"/>'
+    assert arm(tmp_path, plate + nothing) == arm(tmp_path, plate)
+
+
+@pytest.mark.parametrize(
+    ('shape', 'words'),
+    [
+        ('<path d="z"/>', "^the path 'z' does not begin with M$"),
+        ('<path d="L5 5 9 0z"/>', 'does not begin with M'),
+        ('<rect width="9" height="9" rx="50%"/>', "^'50%' is the length of a shape: give a num"),
+        ('<circle r="3mm"/>', "^'3mm' is the length of a shape: give a number without % or unit"),
+    ],
+)
+def test_shapes_that_cannot_be_read_are_refused_in_words(tmp_path, shape, words):
+    with pytest.raises(InputError, match=words):
+        arm(tmp_path, shape)
