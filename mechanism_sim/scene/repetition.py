@@ -166,7 +166,7 @@ def _seen(plan: ScenePlan) -> list[str]:
     Those are wheels on which all is at one point, their axle.
     """
     pairs = [joint for joint in plan.joints if isinstance(joint, HigherPair)]
-    if not pairs:  # links alone are as before after a turn
+    if not pairs and len(plan.laws) == 1:  # links alone are as before after a turn of one drive
         return []
     ideal, at = plan.ideal, dict[str, list[Vector2]]()
     for link, point in (point for joint in plan.joints for point in joint.points):

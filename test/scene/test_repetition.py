@@ -35,6 +35,16 @@ joints:
         - {from: 60 deg, to: 120 deg, rise: -8 mm, curve: cycloidal}
 drive: {coordinate: crank, speed: 3000 rpm}
 """
+CRANKS = """
+mechanism: linkage
+links:
+  ground: {points: {b: [48 mm, 0 mm]}}
+  crank: {length: 10 mm, mass: 1 kg, inertia: 500 kg mm^2}
+  arm: {length: 10 mm, mass: 1 kg, inertia: 500 kg mm^2}
+joints: {a: {revolute: [ground, crank]}, b: {revolute: [ground.b, arm]}}
+drives: {crank: {speed: 60 rpm}, arm: {speed: 30 rpm}}
+springs: {s: {between: [crank.end, arm.end], stiffness: 100 N/m, free_length: 30 mm}}
+"""
 #: of the law: 2 pi h (w/b)^2, w the speed of the cam and b the angle of a rise
 RISE = 2.0 * np.pi * 8e-3 * (50.0 * np.pi / (np.pi / 3.0)) ** 2
 
@@ -90,6 +100,8 @@ def test_a_table_of_two_turns_makes_runs_of_two():
         (lambda: ms.load_scene('gear_four_bar'), 2, 'crank'),
         (lambda: ms.load_scene('pendulum'), 1, ''),
         (lambda: ms.load_scene('rack_and_pinion'), 1, ''),
+        (lambda: made(CRANKS), 2, 'arm'),
+        (lambda: made(CRANKS, **{'drives.arm.speed': '-60 rpm'}), 1, ''),
     ],
 )  # fmt: skip
 def test_turns_after_which_all_is_as_before(machine, turns, last):
