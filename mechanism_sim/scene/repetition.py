@@ -24,7 +24,7 @@ from mechanism_sim.scene.plan import ScenePlan
 
 MOST = 12
 """Turns of the drive up to which it is looked whether a machine repeats itself."""
-_WHOLE = 1e-6
+WHOLE = 1e-6
 """Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
 _CENTRED = 1e-9
 """Of the size of the machine: what is so near to the centre of a wheel is there."""
@@ -148,8 +148,12 @@ def _turned(
 
 def _again(phase: _Phase, turned: Mapping[str, float]) -> bool:
     """True if a sum of angles has gone on by whole spans."""
-    spans = math.fsum(factor * turned[x] for x, factor in phase.factors.items()) / phase.span
-    return abs(spans - round(spans)) < _WHOLE
+    return is_whole(math.fsum(f * turned[x] for x, f in phase.factors.items()) / phase.span)
+
+
+def is_whole(spans: float) -> bool:
+    """True of a whole number of turns or of tables."""
+    return abs(spans - round(spans)) < WHOLE
 
 
 def _span(plan: ScenePlan, function: str) -> float:

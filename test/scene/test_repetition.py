@@ -8,6 +8,7 @@ from builders import made
 from running import run
 
 import mechanism_sim as ms
+from mechanism_sim.scene.remarks import doubts
 
 CAMSHAFT = """
 mechanism: linkage
@@ -119,6 +120,14 @@ def test_a_table_that_never_comes_again_leaves_one_turn_and_a_note():
     assert 'gas(crank) does not come again within 12 turns' in machine.drive.repetition.note(
         'crank'
     )
+
+
+@pytest.mark.parametrize('factor', [1.0, 1.0 + 1e-6, 1.0 - 1e-6, 1.0 + 1e-5])
+def test_what_comes_again_after_turns_is_not_asked_about(factor):
+    """One tolerance for both: a table is another in every turn, or comes again after two."""
+    machine = engine(force=f'gas({factor!r}*crank)')
+    asked = any('another in every turn' in x for x in doubts(machine))
+    assert asked != machine.drive.repetition.found
 
 
 def test_commands_say_how_many_turns_they_take(tmp_path):
