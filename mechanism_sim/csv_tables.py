@@ -153,7 +153,8 @@ def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
 
     Empty where there is none, or none of the `wanted` SI units fits it, of which an empty one
     stands for all but letters and those with a digit, as in ``F_A2``. A small letter
-    may be an index, as in ``omega_m``: it counts only where just one unit is wanted, and that fits.
+    may be an index, as in ``omega_m``: it counts only where just one unit is wanted, and that
+    fits.
     """
     *others, last = name.strip().split('_')
     before = others[-1] if others else ''

@@ -90,7 +90,7 @@ class ServoPart(ElementKeys):
 
     @property
     def _have_units(self) -> dict[str, bool]:
-        """Whether formulas of its own have any, by key."""
+        """True of each of its own formulas, by key, that has any."""
         formulas = {key: x for key in _TARGETS if isinstance(x := getattr(self, key), str)}
         return {
             key: not all(alike(n.unit or '', '') for n in parse(x, None).walk())
