@@ -44,8 +44,13 @@ MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
 _WITH_UNIT = re.compile(r'(?:[^\s"\[(]+\s*)?[\[(][^\])]*[\])]')
 _AMBIGUOUS = 't', 'in', 'min', 'bar'
-"""Ends of names that mean tangential, inlet, minimum or a link as often as units."""
+"""Ends of names that mean tangential, inlet, minimum or a link as often as units.
+
+A bar is a unit where pressures are wanted.
+"""
 _LONGER = 'ns', 'degree', 'degrees'  # units of names beside the common ones
+_INDEX = re.compile(r'[A-Za-z]\d?')
+_SHORT_END = re.compile(r'_[A-Za-z][A-Za-z0-9]{0,2}$')
 _PER_SECOND = re.compile(r's([23]|\^[23]|[²³])?')
 _MOVED, _FORCES, _ARMS = ('m', 'mm', 'cm', 'rad', 'mrad', 'deg'), ('N', 'kN'), ('m', 'cm', 'mm')
 _MOST_AHEAD, _BODY = 200, 3
@@ -146,16 +151,19 @@ def assume(what: str) -> None:
 def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
     """The unit that a name ends with, as ``angle_deg`` and ``speed_rad_s``, or is, as ``rpm``.
 
-    Empty where there is none, or none of the `wanted` SI units fits it. A small letter may be an
-    index, as in ``omega_m``: it counts only where just one unit is wanted, and that fits.
+    Empty where there is none, or none of the `wanted` SI units fits it, of which an empty one
+    stands for all but letters and those with a digit, as in ``F_A2``. A small letter
+    may be an index, as in ``omega_m``: it counts only where just one unit is wanted, and that
+    fits.
     """
     *others, last = name.strip().split('_')
     before = others[-1] if others else ''
+    is_pressure = bool(before) and last == 'bar' and 'Pa' in wanted
     if before in _MOVED and _PER_SECOND.fullmatch(last):
         unit = f'{before}/{last}'
     elif before in _FORCES and last in _ARMS:
         unit = f'{before} {last}'
-    elif last in _AMBIGUOUS or _is_in_names(before):
+    elif (last in _AMBIGUOUS and not is_pressure) or _is_in_names(before):
         return ''
     else:
         unit = last
@@ -163,7 +171,13 @@ def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
             return ''
     if not (_is_in_names(unit) or _is_unit(unit)):
         return ''
-    return unit if not wanted or any(_fits(unit, x) for x in wanted) else ''
+    any_other = not wanted or ('' in wanted and not _INDEX.fullmatch(unit))
+    return unit if any_other or any(_fits(unit, x) for x in wanted) else ''
+
+
+def is_like_unit(name: str) -> bool:
+    """True if the end of a name may be meant as a unit, whether it is one, as in ``p_psi``."""
+    return bool(_SHORT_END.search(name.strip()))
 
 
 def _is_in_names(unit: str) -> bool:

@@ -58,6 +58,11 @@ def quoted(value: object) -> str:
     return _SHORT.repr(value)
 
 
+def a_or_an(noun: str) -> str:
+    """A noun with its article, told by its first letter."""
+    return f'{"an" if noun[0] in "aeiou" else "a"} {noun}'
+
+
 _ALIKE = 0.75
 """Likeness of words that are one with a slip: of 'half_harmonic', 'simple_harmonic' has 0.71."""
 

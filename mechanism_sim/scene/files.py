@@ -164,8 +164,10 @@ def check_scene(
 
 
 def titled(file: str, content: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys and values with a title: the name of their file, if they have none."""
-    name = Path(file).stem
+    """Keys and values with a title: the name of their file, if theirs is missing or blank."""
+    name, given = Path(file).stem, content.get('title')
+    if given is None or (isinstance(given, str) and not given.strip()):
+        content = {key: value for key, value in content.items() if key != 'title'}
     return {'title': name.replace('_', ' ').strip().capitalize() or name, **content}
 
 

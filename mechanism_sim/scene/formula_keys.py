@@ -35,6 +35,8 @@ from mechanism_sim.units import (
 
 OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
 """Names in formulas of loads for the point at which they act, with units."""
+TIME = 't'
+"""Its name in formulas."""
 _TO_DEGREES = 12.0
 """Of an angle in the argument of a table: ratios of gears are below, 57.3 for degrees is not."""
 OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
@@ -126,7 +128,7 @@ def check_formula(
     """
     states = state_units(places)
     units: dict[str, str | None] = {x: of or None for x, of in states.items()}
-    units |= {'t': 's', **own}
+    units |= {TIME: 's', **own}
     for spring, part in (places.scene.springs | places.scene.servos).items():
         units |= {f'{spring}.{x}': of for x, of in part.measures(places, spring, tree).items()}
     for link in places.links:
@@ -172,12 +174,12 @@ def table_calls(
 
     Parameters
     ----------
-    links : those that turn
+    links : those that turn; the time may be one
     """
     for node in root.walk():
         if node.kind == 'call' and node.name in tables:
             found = formula.coefficients(node.args[0], links)
-            if found and max(map(abs, found.values())) < _TO_DEGREES:
+            if found and all(abs(n) < _TO_DEGREES or x == TIME for x, n in found.items()):
                 yield node, found
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, a_or_an
 from mechanism_sim.keys.names import Names
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.joint_friction import JointFriction
@@ -32,7 +32,7 @@ def read_joints(names: Names) -> tuple[Joint, ...]:
             )
         for key in joint.model_fields_set - joint.kind_keys.model_fields.keys():
             if getattr(joint, key):
-                raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
+                raise InputError(f'{where}.{key} has no meaning in {a_or_an(joint.kind)} joint')
         joints.append(joint.kind_keys.read(joint, names, name))
     held = [{*j.links} for j in joints]
     held += [{p.partition('.')[0] for p in x.between} for x in names.scene.bushings.values()]
@@ -78,7 +78,7 @@ def read_frictions(
         where, (keys, needed) = f'joints.{name}.friction', own.rubs_by
         for key in given.model_fields_set - {'coefficient', *keys}:
             if getattr(given, key) is not None:
-                raise InputError(f'{where}.{key} has no meaning in a {joint.kind} joint')
+                raise InputError(f'{where}.{key} has no meaning in {a_or_an(joint.kind)} joint')
         if needed and getattr(given, keys[0]) is None:
             raise InputError(f"{where} needs a '{keys[0]}', as {keys[0]}: 10 mm")
         if given.coefficient and name in loose and not own.rubs_loose:

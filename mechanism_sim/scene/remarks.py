@@ -26,7 +26,7 @@ from mechanism_sim.scene.gate import TURN
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.repetition import calls_of_angles
+from mechanism_sim.scene.repetition import WHOLE, calls_of_angles, is_whole
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.units import to_si, written
 
@@ -48,8 +48,6 @@ _THICKEST = 10.0
 """[Pa s] of oil: as honey; ISO VG 3200, the thickest grade of ISO 3448, has 2.9 at 40 deg C."""
 _FASTEST = 3e4
 """[rad/s]: turbochargers."""
-_WHOLE = 1e-6
-"""Of a number of turns: so near to a whole one, an angle in degrees of six digits is meant."""
 _ROUND = 0.9
 """Of a turn: what is followed up to about one, and is so far from its start, does not swing."""
 _IN_LAW = 33
@@ -214,13 +212,13 @@ def _out_of_turn(
     span, where = last.value - first.value, f'tables.{node.name}'
     turns = span / abs(TURN * factor)
     # parts of a turn, or several: cams and valves may have one period in two turns of a crank
-    fits = any(abs(x - round(x)) < _WHOLE for x in (turns, 1.0 / turns) if x > 0.5)
+    fits = is_whole(factor * TURN * max(1, round(turns)) / span)
     if table.curve.cyclic and not fits:
         yield (
             f'{where} repeats every {math.degrees(span):.6g} deg, no whole part of a turn of '
             f'{link}: {node.text} is another in every turn: is its last point missing?'
         )
-    elif not table.curve.cyclic and turns < 1.0 + _WHOLE:  # of more, turns are meant to count
+    elif not table.curve.cyclic and turns < 1.0 + WHOLE:  # of more, turns are meant to count
         missing = "'periodic: true'" if fits else "'periodic: true' with points over a whole turn"
         yield (
             f'{where} is not periodic, but {link} turns on: {node.text} stays at '

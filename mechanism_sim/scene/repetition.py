@@ -18,13 +18,13 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.mechanism import HigherPair, Weld
 from mechanism_sim.planar.points import Vector2
-from mechanism_sim.scene.formula_keys import table_calls
+from mechanism_sim.scene.formula_keys import TIME, table_calls
 from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan
 
 MOST = 12
 """Turns of the drive up to which it is looked whether a machine repeats itself."""
-_WHOLE = 1e-6
+WHOLE = 1e-6
 """Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
 _CENTRED = 1e-9
 """Of the size of the machine: what is so near to the centre of a wheel is there."""
@@ -63,7 +63,7 @@ class Repetition:
 
 
 class _Phase(NamedTuple):
-    """A sum of angles [rad] of links that does something again after a span."""
+    """A sum of angles [rad] of links, or of the time [s], that repeats itself after a span."""
 
     text: str
     factors: dict[str, float]
@@ -71,11 +71,16 @@ class _Phase(NamedTuple):
 
 
 def calls_of_angles(
-    plan: ScenePlan, functions: Collection[str] = ()
+    plan: ScenePlan, functions: Collection[str] = (), more: Collection[str] = ()
 ) -> Iterator[tuple[ExpressionNode, dict[str, float]]]:
-    """Calls of tables, and of other functions, at sums of angles in all formulas of a scene."""
+    """Calls of tables, and of other functions, at sums of angles in all formulas of a scene.
+
+    Parameters
+    ----------
+    more : names that count as angles, as the time
+    """
     straight, known = plan.ideal.displacements, {*plan.scene.tables, *functions}
-    links = [link for link in plan.links if link not in straight]
+    links = [*(link for link in plan.links if link not in straight), *more]
     content = plan.scene.to_document()
     said = dict.fromkeys(text for _, text in texts_of(content, _PROSE))
     for text in (x for x in said if any(f'{name}(' in x for name in known)):
@@ -87,8 +92,8 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
     """After how many turns of the main drive a machine without clearance is as before.
 
     Where links are follows from the angle of the main drive alone, or from drives at constant
-    speeds. A link that looks alike at any angle, as a wheel, need not come back; a wheel with an
-    eccentric mass has to, and so has a cam.
+    speeds; when formulas of the time come again, from these alone. A link that looks alike at any
+    angle, as a wheel, need not come back; a wheel with an eccentric mass has to, and so has a cam.
 
     Parameters
     ----------
@@ -101,27 +106,30 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
         isinstance(law, DriveLaw) and law.degree <= 1 and len(laws) == 1
         for law, laws in zip(first, plan.laws.values(), strict=True)
     )
-    known = len(first) == 1 or (steady and math.isfinite(period))
+    steady = steady and math.isfinite(period)
+    known = len(first) == 1 or steady
     if not known or plan.powered or plan.main in plan.ideal.displacements:
         return Repetition()
     phases = [
         *(_Phase(link, {link: 1.0}, TWO_PI) for link in _seen(plan)),
         *(
             _Phase(node.text, factors, _span(plan, node.name))
-            for node, factors in calls_of_angles(plan, formula.PERIODIC)
+            for node, factors in calls_of_angles(plan, formula.PERIODIC, [TIME] if steady else [])
             if node.name in formula.PERIODIC or plan.scene.tables[node.name].curve.cyclic
         ),
     ]
+    of_turn, known_before = period, {plan.main, TIME}
     if len(first) == 1:
         pace = math.copysign(TWO_PI, plan.held[plan.main][1])
         first, period = [DriveLaw(plan.main, (plan.held[plan.main][0], pace))], 1.0
     if nominal.assembly.freedom:  # where other links go is not known beforehand
-        phases = [phase for phase in phases if {*phase.factors} <= {plan.main}]
-    alone = all({*phase.factors} <= {plan.main} for phase in phases)
+        phases = [phase for phase in phases if {*phase.factors} <= known_before]
+    alone = all({*phase.factors} <= known_before for phase in phases)
     last, never = '', [phase.text for phase in phases]
     try:
         for turns, angles in enumerate(_turned(nominal, first, period, alone), 1):
-            off = [phase.text for phase in phases if not _again(phase, angles)]
+            now = angles | {TIME: turns * of_turn}
+            off = [phase.text for phase in phases if not _again(phase, now)]
             if not off:
                 return Repetition(turns, last)
             never = [text for text in never if text in off]
@@ -148,12 +156,16 @@ def _turned(
 
 def _again(phase: _Phase, turned: Mapping[str, float]) -> bool:
     """True if a sum of angles has gone on by whole spans."""
-    spans = math.fsum(factor * turned[x] for x, factor in phase.factors.items()) / phase.span
-    return abs(spans - round(spans)) < _WHOLE
+    return is_whole(math.fsum(f * turned[x] for x, f in phase.factors.items()) / phase.span)
+
+
+def is_whole(spans: float) -> bool:
+    """True of a whole number of turns or of tables."""
+    return abs(spans - round(spans)) < WHOLE
 
 
 def _span(plan: ScenePlan, function: str) -> float:
-    """After which a function of an angle repeats itself [rad]."""
+    """After which a function of an angle [rad], or of the time [s], repeats itself."""
     if function in formula.PERIODIC:
         return TWO_PI
     points = plan.scene.tables[function].points
@@ -166,7 +178,7 @@ def _seen(plan: ScenePlan) -> list[str]:
     Those are wheels on which all is at one point, their axle.
     """
     pairs = [joint for joint in plan.joints if isinstance(joint, HigherPair)]
-    if not pairs:  # links alone are as before after a turn
+    if not pairs and len(plan.laws) == 1:  # links alone are as before after a turn of one drive
         return []
     ideal, at = plan.ideal, dict[str, list[Vector2]]()
     for link, point in (point for joint in plan.joints for point in joint.points):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from mechanism_sim.catalogue import TABLE_FOLDERS
-from mechanism_sim.csv_tables import assume, named_unit, read_csv
+from mechanism_sim.csv_tables import assume, is_like_unit, named_unit, read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import FROM_FILE, Part, UnitValue, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
@@ -189,6 +189,11 @@ def _points_of(
         if not unit and fitting[0] in _SAID:
             assume(
                 f"{table.where}: column '{name}' has no unit: it is read in {_SAID[fitting[0]]}"
+            )
+        if not unit and '' in fitting and is_like_unit(name):
+            assume(
+                f"{table.where}: column '{name}' ends with no unit that is read: it is read as "
+                "plain numbers; its unit can stand in brackets, or in 'units'"
             )
         found.append(unit)
     return [

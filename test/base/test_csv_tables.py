@@ -185,6 +185,13 @@ def test_mistakes_are_a_sentence_with_file_and_line(table, text, said):
         ('stamp_ns', ('s',), 'ns'),
         ('force_mm', ('N', 'N m'), ''),  # fits not
         ('omega_m', ('rad', 'm', 's'), ''),  # the motor's
+        ('p_bar', ('N', 'Pa', ''), 'bar'),
+        ('p_bar', ('N',), ''),  # of a link
+        ('x_mm', ('N', 'Pa', ''), 'mm'),
+        ('F_A', ('N', 'Pa', ''), ''),  # at A
+        ('F_m2', ('N', 'Pa', ''), ''),  # of a second mass
+        ('v_m_s', ('N', 'Pa', ''), 'm/s'),
+        ('p_psi', ('N', 'Pa', ''), ''),
         ('acc_g', (), ''),
         ('p_in', ('m',), ''),
         ('force_min', (), ''),

@@ -257,6 +257,30 @@ def test_servo_of_a_length_follows_a_formula() -> None:
     balanced(solution)
 
 
+@pytest.mark.parametrize(
+    ('target', 'rate', 'said'),
+    [
+        ('0.4 + 0.1*sin(3*t)', '0.3 m/s*cos(3 rad/s*t)', ('target_rate', 'target')),
+        ('0.4 m + 0.1 m*sin(3 rad/s*t)', '0.3*cos(3*t)', ('target', 'target_rate')),
+        ('0.4 m + 0.1 m*sin(3 rad/s*t)', '0.3 m/s*cos(3 rad/s*t)', ()),
+        ('0.4 m + block', 'block_rate', ()),
+    ],
+)  # fmt: skip
+def test_formulas_of_a_servo_have_units_both_or_neither(
+    target: str, rate: str, said: tuple[str, ...]
+) -> None:
+    """What names alone have units does not contradict one that has them."""
+    servo = {'between': ['ground', 'block'], 'target': target, 'target_rate': rate,
+             'p': '500 N/m', 'd': '20 N s/m'}  # fmt: skip
+    scene = BLOCK | {'servos': {'lift': servo}, 'initial': {'position': {'block': '0.3 m'}}}
+    if not said:
+        assert made(scene)
+        return
+    words = r'servos\.lift\.{} has units, but servos\.lift\.{} has none: give both formulas'
+    with pytest.raises(InputError, match=words.format(*said)):
+        made(scene)
+
+
 @pytest.mark.parametrize('as_drive', [False, True])
 def test_motor_with_the_current_of_its_winding(as_drive: bool) -> None:
     """L di/dt = U - R i - k w and J w' = k i - b w: linear, solved by an exponential."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from builders import made
 from running import run
 
 import mechanism_sim as ms
+from mechanism_sim.scene.remarks import doubts
 
 CAMSHAFT = """
 mechanism: linkage
@@ -35,16 +38,30 @@ joints:
         - {from: 60 deg, to: 120 deg, rise: -8 mm, curve: cycloidal}
 drive: {coordinate: crank, speed: 3000 rpm}
 """
+CRANKS = """
+mechanism: linkage
+links:
+  ground: {points: {b: [48 mm, 0 mm]}}
+  crank: {length: 10 mm, mass: 1 kg, inertia: 500 kg mm^2}
+  arm: {length: 10 mm, mass: 1 kg, inertia: 500 kg mm^2}
+joints: {a: {revolute: [ground, crank]}, b: {revolute: [ground.b, arm]}}
+drives: {crank: {speed: 60 rpm}, arm: {speed: 30 rpm}}
+springs: {s: {between: [crank.end, arm.end], stiffness: 100 N/m, free_length: 30 mm}}
+"""
 #: of the law: 2 pi h (w/b)^2, w the speed of the cam and b the angle of a rise
 RISE = 2.0 * np.pi * 8e-3 * (50.0 * np.pi / (np.pi / 3.0)) ** 2
 
-GAS = {'points': [['0 deg', '1 N'], ['300 deg', '5 N'], ['720 deg', '1 N']], 'periodic': True}
+
+RAMP = {'drive': {'coordinate': 'crank', 'speed': '600 rpm', 'acceleration': '1 rad/s^2'}}
 
 
-def engine(span: str = '720 deg', force: str = 'gas(crank)') -> ms.Machine:
-    points = [*GAS['points'][:2], [span, '1 N']]
+def engine(span: str = '720 deg', force: str = 'gas(crank)', **more: Any) -> ms.Machine:
+    """A slider-crank at 600 rpm with a load over an angle or the time."""
+    middle = '50 ms' if span.endswith(' s') else '300 deg'
+    points = [[f'0 {span.split()[1]}', '1 N'], [middle, '5 N'], [span, '1 N']]
     loads = {'gas': {'at': 'piston', 'force': [f'-{force}', 0]}}
-    return ms.load_scene('slider_crank', {'tables.gas': GAS | {'points': points}, 'loads': loads})
+    tables = {'tables.gas': {'points': points, 'periodic': True}}
+    return ms.load_scene('slider_crank', tables | {'loads': loads} | more)
 
 
 def test_a_cam_at_half_speed_lifts_in_a_cycle_of_two_turns():
@@ -78,7 +95,12 @@ def test_a_table_of_two_turns_makes_runs_of_two():
         (lambda: engine('1080 deg'), 3, 'gas(crank)'),
         (lambda: engine(force='gas(2*crank)'), 1, ''),
         (lambda: engine(force='gas(rod)'), 1, ''),  # a rod swings
-        (lambda: engine(force='gas(t)'), 1, ''),
+        (lambda: engine('0.1 s', 'gas(t)'), 1, ''),
+        (lambda: engine('0.2 s', 'gas(t)'), 2, 'gas(t)'),
+        (lambda: engine('0.2 s', 'gas(0.5*t - 1)'), 4, 'gas(0.5*t - 1)'),
+        (lambda: engine('360 deg', 'gas(crank + 62.83185307179586*t/3)'), 3,
+         'gas(crank + 62.83185307179586*t/3)'),
+        (lambda: engine('0.2 s', 'gas(t)', **RAMP), 1, ''),  # no turn lasts as long as the last
         (lambda: engine(force='3 N*sin(0.25*crank)'), 4, 'sin(0.25*crank)'),
         (lambda: engine(force='gas(crank/2)'), 4, 'gas(crank/2)'),
         (lambda: made(CAMSHAFT.replace('teeth: 40', 'teeth: 20'), **CLOSER), 1, ''),
@@ -90,6 +112,8 @@ def test_a_table_of_two_turns_makes_runs_of_two():
         (lambda: ms.load_scene('gear_four_bar'), 2, 'crank'),
         (lambda: ms.load_scene('pendulum'), 1, ''),
         (lambda: ms.load_scene('rack_and_pinion'), 1, ''),
+        (lambda: made(CRANKS), 2, 'arm'),
+        (lambda: made(CRANKS, **{'drives.arm.speed': '-60 rpm'}), 1, ''),
     ],
 )  # fmt: skip
 def test_turns_after_which_all_is_as_before(machine, turns, last):
@@ -101,12 +125,22 @@ CLOSER = {'links.ground.points.c': ['0 mm', '60 mm'], 'links.ground.points.g': [
 RIM = {'rim': {'kind': 'accelerometer', 'link': 'wheel', 'at': '20 mm', 'sample_rate': '1 kHz'}}
 
 
-def test_a_table_that_never_comes_again_leaves_one_turn_and_a_note():
-    machine = engine('718 deg')
+@pytest.mark.parametrize(
+    ('span', 'table'), [('718 deg', 'gas(crank)'), ('720 deg', 'gas(t)'), ('0.19 s', 'gas(t)')]
+)
+def test_a_table_that_never_comes_again_leaves_one_turn_and_a_note(span, table):
+    machine = engine(span, table)
     assert ms.cycle(machine).duration == pytest.approx(machine.drive.period, rel=1e-12)
-    assert 'gas(crank) does not come again within 12 turns' in machine.drive.repetition.note(
-        'crank'
-    )
+    said = machine.drive.repetition.note('crank')
+    assert f'{table} does not come again within 12 turns' in said
+
+
+@pytest.mark.parametrize('factor', [1.0, 1.0 + 1e-6, 1.0 - 1e-6, 1.0 + 1e-5])
+def test_what_comes_again_after_turns_is_not_asked_about(factor):
+    """One tolerance for both: a table is another in every turn, or comes again after two."""
+    machine = engine(force=f'gas({factor!r}*crank)')
+    asked = any('another in every turn' in x for x in doubts(machine))
+    assert asked != machine.drive.repetition.found
 
 
 def test_commands_say_how_many_turns_they_take(tmp_path):

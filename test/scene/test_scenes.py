@@ -159,6 +159,8 @@ def test_a_scene_without_a_title_has_the_name_of_its_file(tmp_path):
     file.write_text(yaml.safe_dump(content))
     assert ms.load_scene(str(file)).scene.title == 'My pendulum'
     assert ms.load_scene(content, name='swing').scene.title == 'Swing'
+    for blank in (None, '', ' '):
+        assert ms.load_scene(content | {'title': blank}, name='swing').scene.title == 'Swing'
 
 
 @pytest.mark.parametrize(

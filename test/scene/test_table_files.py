@@ -241,6 +241,28 @@ def test_places_without_a_unit_are_told(scene, capsys):
     assert said.count('\n') == 1  # of forces nobody asks: they are in N
 
 
+@pytest.mark.parametrize(
+    ('heading', 'value'), [('p_bar', 2e5), ('p_MPa', 2e6), ('x_mm', 2e-3), ('force_N', 2.0)]
+)
+def test_values_have_the_unit_behind_their_name(scene, capsys, heading, value):
+    """In it they are in formulas; gas(t)*0.005 of a heading p_bar gave 0.02 N for 2000 N."""
+    file = scene(text=f'angle_deg,{heading}\n0,2\n360,2\n')
+    assert curve_of(file)(np.array([1.0])) == pytest.approx(value)
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize('heading', ['p_psi', 'p_in', 'p_N_mm2', 'F_A'])
+def test_values_that_are_plain_beside_what_may_be_a_unit_are_told(scene, capsys, heading):
+    text = f'angle_deg,{heading}\n0,2\n360,2\n'
+    assert curve_of(scene(text=text, units=['deg', 'kN']))(np.array([1.0])) == pytest.approx(
+        2000.0
+    )
+    assert not capsys.readouterr().err
+    assert curve_of(scene(text=text))(np.array([1.0])) == pytest.approx(2.0)
+    said = f"column '{heading}' ends with no unit that is read: it is read as plain numbers"
+    assert said in capsys.readouterr().err
+
+
 def test_places_that_are_evidently_degrees_are_no_radians(scene):
     file = scene(text='angle,force\n0,0\n180,1500\n360,0\n')
     bare = yaml.safe_load(file.read_text())

@@ -19,6 +19,7 @@ from mechanism_sim.scene.loads.state import formula_state
 from mechanism_sim.units import QuantityValue, alike
 
 _INTEGRAL = 'integral'
+_TARGETS = 'target', 'target_rate'
 _NOTHING = QuantityValue(0.0, '')
 
 
@@ -88,16 +89,20 @@ class ServoPart(ElementKeys):
         return f'min({limit}, max(0 - {limit}, {wanted}))', wanted, error
 
     @property
-    def _has_units(self) -> bool:
-        """True if a formula of its own has any: then all of its effort must have them."""
-        formulas = [x for x in (self.target, self.target_rate) if isinstance(x, str)]
-        return not all(alike(n.unit or '', '') for x in formulas for n in parse(x, None).walk())
+    def _have_units(self) -> dict[str, bool]:
+        """True of each of its own formulas, by key, that has any."""
+        formulas = {key: x for key in _TARGETS if isinstance(x := getattr(self, key), str)}
+        return {
+            key: not all(alike(n.unit or '', '') for n in parse(x, None).walk())
+            for key, x in formulas.items()
+        }
 
     def _said(self, x: QuantityValue | str, unit: str = '') -> str:
         """A value or a formula as a part of another formula."""
         if isinstance(x, str):
             return f'({x})'
-        return f'({x.value!r} {x.unit or unit})' if self._has_units else f'({x.value!r})'
+        with_unit = any(self._have_units.values())  # then all of the effort must have them
+        return f'({x.value!r} {x.unit or unit})' if with_unit else f'({x.value!r})'
 
     def placed(self, places: Names, name: str, tree: Mechanism) -> Placing:
         """Where it acts."""
@@ -112,10 +117,21 @@ class ServoPart(ElementKeys):
         where = f'servos.{name}'
         self._check(where, name)
         unit = 'rad' if self._turns else 'm'
-        for key, per in (('target', ''), ('target_rate', '/s')):
+        for key, per in zip(_TARGETS, ('', '/s'), strict=True):
             if isinstance(text := getattr(self, key), str):
                 check_formula(places, f'{where}.{key}', text, f'{unit}{per}', tree, {})
-        force = self._spring(name).read(places, name, tree)
+        have = self._have_units
+        try:
+            force = self._spring(name).read(places, name, tree)
+        except InputError as wrong:
+            if {*have.values()} != {True, False}:
+                raise
+            # each of them was right by itself
+            some, none = sorted(have, key=have.__getitem__, reverse=True)
+            raise InputError(
+                f'{where}.{some} has units, but {where}.{none} has none: give both formulas with '
+                'units, or both without'
+            ) from wrong
         if not self.i.value:
             return force
         effort, wanted, error = self._efforts(f'{name}.', name)
@@ -130,7 +146,7 @@ class ServoPart(ElementKeys):
             raise InputError(f"{where}: the name '{name}' must be letters, digits and _")
         if not self.p.unit:
             raise InputError(f"{where}.p needs its unit, '20 N m/rad' or '20 N/m'")
-        for key in ('i', 'd', 'limit', 'target', 'target_rate'):
+        for key in ('i', 'd', 'limit', *_TARGETS):
             given = getattr(self, key)
             unit = given.unit if isinstance(given, QuantityValue) else ''
             if unit and ('rad' in unit or unit == 'N m') != self._turns:

@@ -107,3 +107,8 @@ def test_a_loose_pin_stays_within_its_play_of_the_arc():
 def test_without_a_radius_it_is_refused():
     with pytest.raises(ms.InputError, match=r"joints\.pin\.radius is missing.*'80 mm'"):
         machine(radius=None)
+
+
+def test_a_key_of_another_kind_is_refused_with_the_article_of_its_name():
+    with pytest.raises(ms.InputError, match='ratio has no meaning in an arc_slot joint'):
+        machine(ratio='1/2')
