@@ -14,7 +14,7 @@ from mechanism_sim.engine.present_state import PresentState
 class ImpulseWork(NamedTuple):
     """Work of the drives that hold their law in an impulse."""
 
-    drive_impulse: float = 0.0  #: [N m s]
+    drive_impulse: float = 0.0  #: [N m s, N s]
     drive_work: float = 0.0  #: [J]
     loss: float = 0.0  #: [J] of that, and of the energy of motion
 
