@@ -476,6 +476,7 @@ def solve_friction(
     """
     m, count = ways.shape
     T, sound = np.zeros((m, count)), np.ones(count, bool)
+    most = np.zeros((m, count))  # forces that cancel are known to the rounding of what they were
     for share in _SHARES:
         for _ in range(_MECHANISM.friction_newton):
             b, slope = _bounds(start + np.einsum('mcn,mn->cn', slopes, T), slopes, numbers, sizes)
@@ -486,10 +487,11 @@ def solve_friction(
             along[~sound] = np.eye(m)
             step = np.linalg.solve(along, left.T[:, :, None])[:, :, 0].T
             T = np.where(sound, T - step, 0.0)
-            if (np.abs(step) <= _MECHANISM.friction_settled * b).all(axis=0)[sound].all():
+            most = np.maximum(most, b)
+            if (np.abs(step) <= _MECHANISM.friction_settled * most).all(axis=0)[sound].all():
                 break
         else:
-            sound &= (np.abs(step) <= 1e3 * _MECHANISM.friction_settled * b).all(axis=0)
+            sound &= (np.abs(step) <= 1e3 * _MECHANISM.friction_settled * most).all(axis=0)
     return T, sound
 
 

@@ -11,6 +11,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.planar.joint_friction import solve_friction
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.report import cycle as report
 from test.grid.case import variant
@@ -601,3 +602,20 @@ def test_bevel_teeth_lose_what_their_virtual_spur_gears_do():
     integral = np.trapezoid(np.abs(s) / touching, s)
     expected = 2.0 * math.pi * mu / pitch**2 * sum(1.0 / n for n in virtual) * integral
     assert lost == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_force_that_friction_cancels_is_found_to_the_rounding_of_what_it_is_made_of():
+    """Bounds of random T, chosen such that one component vanishes; then what it is without T."""
+    random = np.random.default_rng(0)
+    count, mu, resolution = 4000, 0.02, 1e-8
+    ways = random.choice([-1.0, 1.0], (2, count))
+    slopes = random.uniform(-5.0, 5.0, (2, 2, count))
+    with_friction = np.array(
+        [random.uniform(-30.0, 30.0, count), random.uniform(-1e-8, 1e-8, count)]
+    )
+    T = ways * mu * np.hypot(with_friction, resolution)
+    start = with_friction - np.einsum('mcn,mn->cn', slopes, T)
+    numbers = np.tile([[mu], [resolution]], (2, count))
+    found, sound = solve_friction(start, slopes, numbers, ways, [[(1, 0)], [(1, 0)]])
+    assert sound.all()
+    assert found == pytest.approx(T, abs=1e-12)
