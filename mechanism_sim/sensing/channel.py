@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.errors import RunWarning
+from mechanism_sim.errors import RunError, RunWarning
 from mechanism_sim.numerics.modal_filter import NODES, ModalFilter, polynomials, silent
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, exact_sum
 from mechanism_sim.numerics.rational import Modes, Rational
@@ -28,6 +28,8 @@ _FARTHEST = 0.49
 """Of a sampling period: so far at most jitter moves a sample, that none overtakes another."""
 BLOCK = 256
 """Samples of a block without a trigger."""
+_AT_ONCE = 30_000_000
+"""Samples of one step at most: they take a gigabyte."""
 
 
 class SensorSource(Protocol):
@@ -135,7 +137,7 @@ class Analogue:
             if filtered.direct.any():
                 y += (filtered.direct @ self._source.read(motion, k, dt))[0]
             if len(filtered):
-                y += response(k, dt)[:, 0]
+                y += response(k, dt)[0]
             return y + heard(t) if heard else y
 
         return at
@@ -270,7 +272,8 @@ class _Pulses:
         def at(t: Array) -> Array:
             k = np.searchsorted(starts[0], t, side='right') - 1
             dt = (t - starts[0, k]) - starts[1, k]
-            return response(k, dt)[:, 0]
+            heard: Array = response(k, dt)[0]
+            return heard
 
         return at
 
@@ -294,7 +297,7 @@ class Sampler:
     """
 
     def __init__(self, instrument: Instrument, name: str, drive: int = 0) -> None:
-        self._rate, self._trigger = instrument.sample_rate, instrument.trigger
+        self._name, self._rate, self._trigger = name, instrument.sample_rate, instrument.trigger
         self._passage = LevelPassage(self._trigger.angle, {drive: 1.0}) if self._trigger else None
         self._start: float | None = None if self._trigger else 0.0
         self._count = 0
@@ -324,6 +327,11 @@ class Sampler:
         count = max(0, math.ceil((until - self._start) * self._rate) + 1 - self._count)
         if self._most is not None:
             count = min(count, self._most - self._count)
+        if count > _AT_ONCE:
+            raise RunError(
+                f'sensor {self._name}: {count:.3g} samples up to t = {until:.6g} s in one step of '
+                f'so slow a motion, of which {_AT_ONCE:.0e} can be held: lower its sample_rate'
+            )
         since = np.arange(self._count, self._count + count) / self._rate
         if self._jitter:
             since = np.maximum(since + self._offset(count), 0.0)

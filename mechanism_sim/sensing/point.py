@@ -19,6 +19,7 @@ from mechanism_sim.sensing.channel import Channel, DirectSource
 
 _ROUNDING = 1e-13
 """Of the speed of a point: steps of it that are smaller are none."""
+_TOGETHER = 64  # pieces at whose nodes the acceleration is computed at once
 
 
 def angle_of(axis: float | str) -> float:
@@ -70,6 +71,7 @@ class PointOnLink(DirectSource):
                 np.array(d),
             )
             for (frame, slide), d in arms.items()
+            if frame != GROUND or factors(slide)  # others stand still
         ]
         self._turns = [(index(name), slope) for name, slope in turns.items()]
         turn = offset + angle_of(axis)
@@ -79,8 +81,18 @@ class PointOnLink(DirectSource):
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
-        curve = motion.curve
-        curve = replace(curve, coefficients=curve.coefficients[:, self._used])
+        curve = replace(motion.curve, coefficients=motion.curve.coefficients[:, self._used])
+        parts = [slice(k, k + _TOGETHER) for k in range(0, len(segments), _TOGETHER)]
+        found = [
+            self._reading(curve, segments[some], dt if isinstance(dt, Nodes) else dt[some])
+            for some in parts
+        ]
+        return np.concatenate([np.zeros(0), *found])[None]
+
+    def _reading(
+        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
+    ) -> Array:
+        """`read` (N,) of so few instants that they stay in the cache."""
         q, v, a = (x.T for x in curve.locals(segments, dt, (0, 1, 2)))
         axis = self._axis(q)
         gx, gy = self._gravity
@@ -89,10 +101,11 @@ class PointOnLink(DirectSource):
             angle, w, alpha = np.zeros((3, q.shape[1])) if i is None else (q[i], v[i], a[i])
             s, rate, second = product(scale, lambda k: (q[k], v[k], a[k]))
             # components of the arm along the axis and across it, the axis being at `angle`
-            cosine, sine = np.cos(angle - axis), np.sin(angle - axis)
+            apart = -self._turn if self._turns == [(i, 1.0)] else angle - axis
+            cosine, sine = np.cos(apart), np.sin(apart)
             along, across = x * cosine - y * sine, -(x * sine + y * cosine)
             reading += (second - s * w**2) * along + (s * alpha + 2.0 * rate * w) * across
-        return np.asarray(self._size * reading)[None]
+        return np.asarray(self._size * reading)
 
     def impulses(self, motion: Motion) -> Array:
         """Steps of the velocity (m, 1) [m/s] at the start of the m pieces that follow.

@@ -211,7 +211,7 @@ class FrameMotion:
         frame, n = self.frame, self.frame.freedom
         k, dt = self.motion.curve.find(np.atleast_1d(np.asarray(t, float)))
         force = self.shaking.read(self.motion, k, dt)
-        found = self.response(k, dt).T
+        found = self.response(k, dt)
         position = found[:n] + np.linalg.solve(frame.K, self.start)[:, None]
         velocity = found[n : 2 * n]
         acceleration = found[2 * n :] + (force - self.start[:, None]) / np.diag(frame.M)[:, None]

@@ -14,8 +14,9 @@ from scipy.stats import kstest
 
 import mechanism_sim as ms
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.numerics.modal_filter import ModalFilter
+from mechanism_sim.numerics.modal_filter import ModalFilter, add_forced, pass_through
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.numerics.rational import Modes
 from mechanism_sim.sensing.chain import (
     Amplifier,
     AntiAlias,
@@ -512,7 +513,7 @@ def test_blocks_are_the_same_to_the_last_bit_however_the_motion_is_cut(loose, se
 
 
 def test_responses_do_not_depend_on_how_many_pieces_are_taken_at_once():
-    """Some 1,300 pieces, in blocks inside and cut outside, to the last bit."""
+    """1,300 pieces, whole and cut, to the last bit."""
     machine = ms.load_scene('four_bar_measured')
     chain = machine.scene.sensors['coupler'].chain()
     modes = PointOnLink(machine.mechanism, 'coupler', 0.309, 'across').through(chain.transfer())
@@ -523,10 +524,42 @@ def test_responses_do_not_depend_on_how_many_pieces_are_taken_at_once():
     other, cuts = ModalFilter(modes), [0, 100, 612, 613, 1300]
     parts = [other.advance(durations[a:b], inputs[a:b], steps[a:b]) for a, b in pairwise(cuts)]
     for name in ('terms', 'free'):
-        cut = np.concatenate([getattr(x, name) for x in parts], axis=0 if name == 'terms' else 1)
+        cut = np.concatenate([getattr(x, name) for x in parts], axis=-1)
         assert np.array_equal(cut, getattr(whole, name))
     at = rng.uniform(0.0, 1.0, (7, 1300)) * durations
     for k, (part, (a, b)) in enumerate(zip(parts, pairwise(cuts), strict=True)):
         pieces = np.repeat(np.arange(b - a), 7)
         mine = part(pieces, at[:, a:b].T.ravel())
         assert np.array_equal(mine, whole(a + pieces, at[:, a:b].T.ravel())), k
+
+
+def test_responses_as_machine_code_and_as_python_have_the_same_bits(compiled_kernels):
+    """Two inputs of modes slow and fast on pieces so short and so long that both ways serve."""
+    rng = np.random.default_rng(5)
+    poles = np.array([-3.0, -40.0 + 9e3j, -40.0 - 9e3j, -1e5 + 3e5j, -1e5 - 3e5j])
+    residues = rng.normal(size=(3, 2, 5)) + 0j
+    modes = Modes(poles, residues, np.zeros((3, 2)))
+    durations, steps = 10.0 ** rng.uniform(-6.0, -2.5, 60), rng.normal(size=(60, 2))
+    inputs = rng.normal(size=(60, 2, 12))
+    inputs[7] = 0.0
+    pieces = np.repeat(np.arange(60), 3)
+    t = rng.uniform(0.0, 1.0, 180) * durations[pieces]
+
+    def outputs():
+        system = ModalFilter(modes)
+        response = system.advance(durations, inputs, steps)
+        return response(pieces, t), system.state
+
+    for k in (pass_through, add_forced):
+        k.run = k.function
+    plain = outputs()
+    compiled_kernels()
+    assert pass_through.is_compiled
+    for mine, other in zip(outputs(), plain, strict=True):
+        np.testing.assert_array_equal(mine, other)
+
+
+def test_a_motion_of_months_in_one_step_is_not_sampled_at_10_khz():
+    moved = motion(slope, np.array([1e7]))
+    with pytest.raises(ms.RunError, match=r'1e\+11 samples up to t = 1e\+07 s .* sample_rate'):
+        measure(Instrument(10e3), moved)
