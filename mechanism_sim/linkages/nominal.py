@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 from bisect import insort
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from types import MappingProxyType
 
 import numpy as np
-import scipy
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
@@ -63,9 +62,33 @@ _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
+_TENTHS = 10.0 ** -np.arange(1, 9)
 _AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
 _DENSE = 4  # ends of rows in a piece from which on the parts between them are found at once
 _END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
+
+
+def _fall(guard: Callable[[Array], Array], a: float, b: float, width: float) -> float:
+    """Where a guard falls below zero between times [s], to `width`; the first if it does not.
+
+    Loops are closed at many times at once, for that costs little more than at one: about where
+    the chord falls, by powers of ten, and at quarters, so that each round at least halves it.
+    """
+    before, after = guard(np.array([a, b])).tolist()
+    while before >= 0.0 > after and b - a > width:
+        chord = before / (before - after)
+        places = np.unique([*(chord - _TENTHS), 0.25, 0.5, 0.75, *(chord + _TENTHS)])
+        t = a + (b - a) * places
+        t = t[(t > a) & (t < b)]
+        if not t.size:
+            break
+        values = guard(t)
+        k = int(np.argmax(values < 0.0)) if (values < 0.0).any() else len(t)
+        if k < len(t):
+            b, after = float(t[k]), float(values[k])
+        if k:
+            a, before = float(t[k - 1]), float(values[k - 1])
+    return a
 
 
 class NominalRun:
@@ -428,14 +451,11 @@ class NominalRun:
             ends, b = [], times[over[0]]
             for i in np.flatnonzero(seen[:, over[0]] < 0.0):
 
-                def guard(t: float, i: int = int(i), present: Array = present) -> float:
-                    return float(edges.left(states(np.array([t])), present)[i, 0])
+                def guard(t: Array, i: int = int(i), present: Array = present) -> Array:
+                    return np.asarray(edges.left(states(t), present)[i])
 
                 a = times[over[0] - 1] if over[0] else ahead
-                inside = guard(b) < 0.0 <= guard(a)
-                ends.append(
-                    float(scipy.optimize.brentq(guard, a, b, xtol=rounding)) if inside else a
-                )
+                ends.append(_fall(guard, float(a), float(b), rounding))
             if min(ends) > _AHEAD * h:
                 return min(ends)
         return h
