@@ -49,10 +49,10 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
@@ -432,7 +432,7 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
         turns = [
             m.t * abs(speed) / (2.0 * math.pi)
             for m in solution.modes
-            if m.joint == joint and m.mode == Mode.FREE_FLIGHT and m.previous > Mode.FREE_FLIGHT
+            if m.joint == joint and is_loss(m)
         ]
         found.append(Losses(joint, tuple(predictions), tuple(turns)))
     return found

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
@@ -73,9 +73,7 @@ def _follow(name: str, scene: Scene, revolutions: float) -> Row:
     """When contact is first lost in any joint [s], and the impacts of the run."""
     run = stream(Machine(name, scene), revolutions=revolutions)
     lost: list[float] = []
-    run.finish([
-        lambda piece: lost.extend(x.t for x in piece.modes if x.mode == Mode.FREE_FLIGHT)
-    ])  # fmt: skip
+    run.finish([lambda piece: lost.extend(x.t for x in piece.modes if is_loss(x))])
     return {'lost': min(lost, default=None), 'impacts': run.totals.impacts}
 
 
