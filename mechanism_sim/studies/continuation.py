@@ -27,7 +27,7 @@ from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import APART, ONE, Bifurcation, measure
-from mechanism_sim.studies.periodic import PoincareMap
+from mechanism_sim.studies.periodic import PoincareMap, without_turns
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 _RESIDUAL = 1e-10
@@ -629,5 +629,4 @@ def _places(branch: ResponseBranch, value: float, turns: Array) -> Iterator[tupl
 def _ways(a: Array, b: Array, turns: Array) -> Iterator[Array]:
     """From each state of one period to those of another, which begins at each of its turns."""
     for k in range(len(b)):
-        way = np.roll(b, k, axis=0) - a
-        yield way - turns * np.round(way / np.where(turns, turns, 1.0))
+        yield without_turns(np.roll(b, k, axis=0) - a, turns)

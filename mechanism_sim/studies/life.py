@@ -34,7 +34,7 @@ import scipy
 
 from mechanism_sim import strict_json
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, check_options, nearest
+from mechanism_sim.errors import InputError, RunError, check_known, check_options
 from mechanism_sim.joints.contact_keys import Clearance, WearPart
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
@@ -306,10 +306,9 @@ def _asked(
     asked = list(dict.fromkeys([*forces, *sensed, *machine.scene.measures.values(), *given]))
     if ends and ends.figure.partition('.')[0] in OWN:
         joint = ends.figure.partition('.')[2]
-        if joint and joint not in worn:
-            raise InputError(
-                f"--until: '{joint}' is not a bearing that wears{nearest(joint, worn)}; known "
-                f'are {", ".join(worn)}'
+        if joint:
+            check_known(
+                joint, worn, f"--until: '{joint}' is not a bearing that wears", 'known are'
             )
     elif ends and ends.figure not in asked:
         asked.append(ends.figure)

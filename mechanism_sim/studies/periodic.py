@@ -66,6 +66,14 @@ CLOCK = (
 """Advice where nothing turns steadily."""
 
 
+def without_turns(way: Array, turns: Array) -> Array:
+    """Changes (..., k) of coordinates less as many turns (k,) as bring them nearest to 0.
+
+    A turn is 0 of what never comes back.
+    """
+    return np.asarray(way - turns * np.round(way / np.where(turns, turns, 1.0)))
+
+
 class PoincareMap:
     """The map of a machine from one passage of its start angle to a later one.
 
@@ -178,14 +186,12 @@ class PoincareMap:
         """Derivatives (2f, P) of a state that is brought into contact, in that measure."""
         found: Array = np.zeros((2 * len(state.q), len(self._keys)))
         begin = replace(state, turns=(0,) * len(state.turns))
-        turns = self._turns / float(TWO_PI)
         for k, key in enumerate(self._keys):
             ends = []
             for machine in key.beside:
                 run = machine.start(state=begin)
                 assert isinstance(run, EventLoop)  # noqa: S101 - it has a map
-                q = np.array(run.state.q) - np.array(state.q)
-                q -= float(TWO_PI) * np.round(turns * q / float(TWO_PI))
+                q = without_turns(np.array(run.state.q) - np.array(state.q), self._turns)
                 ends.append(np.concatenate([q, run.state.v]))
             found[:, k] = WEIGHTS @ np.array(ends) / key.step / self.scale
         return found
@@ -213,8 +219,7 @@ class PoincareMap:
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
-        angle = np.array(b.q) - np.array(a.q)
-        angle -= self._turns * np.round(angle / float(TWO_PI))
+        angle = without_turns(np.array(b.q) - np.array(a.q), self._turns)
         return np.asarray(np.concatenate([angle, np.array(b.v) - np.array(a.v)]) / self.scale)
 
     def displace(self, state: State, by: Array) -> State:
