@@ -27,7 +27,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.plan import restart
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
-from mechanism_sim.studies.periodic import without_turns
+from mechanism_sim.studies.periodic import flow_at_end, without_turns
 
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
@@ -122,9 +122,7 @@ class FloquetMap:
                 q, v = self._motion(x + offset * _STEP * direction)
                 begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[self._whole_state]
         rows = [*self._own, *(f + i for i in self._own)]
-        last, at = np.array([len(motion) - 1]), motion.curve.duration[-1:]
-        rates = [motion.curve.local(last, at, order)[0, self._free] for order in (1, 2)]
-        flow = np.concatenate(rates)[rows] / self.scale
+        flow = flow_at_end(motion, self._free)[rows] / self.scale
         return np.asarray((J @ begun)[rows] / self.scale[:, None]), np.asarray(flow)
 
     @cached_property

@@ -74,6 +74,12 @@ def without_turns(way: Array, turns: Array) -> Array:
     return np.asarray(way - turns * np.round(way / np.where(turns, turns, 1.0)))
 
 
+def flow_at_end(motion: Motion, free: Sequence[int]) -> Array:
+    """Rates and accelerations (2 f,) of some coordinates at the end of a motion."""
+    curve, last = motion.curve, np.array([len(motion) - 1])
+    return np.concatenate([curve.local(last, curve.duration[last], k)[0, free] for k in (1, 2)])
+
+
 class PoincareMap:
     """The map of a machine from one passage of its start angle to a later one.
 
@@ -175,10 +181,10 @@ class PoincareMap:
         J, limits = self._flows.transition(motion, impacts)
         if ends := [limit for limit in limits if limit.ends]:
             raise RunError(f'{self._machine.name}: {ends[0]}')
-        last, f = np.array([len(motion) - 1]), len(state.q)
-        free = self._flows.free
-        flow = [motion.curve.local(last, motion.curve.duration[last], k)[0, free] for k in (1, 2)]
-        J[:, 2 * f :] += np.outer(np.concatenate(flow), revolutions * self._longer)
+        f = len(state.q)
+        J[:, 2 * f :] += np.outer(
+            flow_at_end(motion, self._flows.free), revolutions * self._longer
+        )
         J /= self.scale[:, None]
         return J[:, : 2 * f] * self.scale, J[:, 2 * f :], self.state
 
