@@ -49,8 +49,7 @@ from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, Source, load_scene
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.studies.columns import PER_TURN
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
@@ -356,7 +355,7 @@ def wear_in(
     name: str, content: dict[str, Any], joints: tuple[str, ...], plan: LifePlan, asked: list[str]
 ) -> Row:
     """Depths that a run wears off in a cycle, by joint, as plain data."""
-    machine = build(name, check_scene(name, content))
+    machine = rebuilt(name, content)
     solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
     count, size = batches(plan.revolutions)
     period = machine.drive.period
@@ -439,10 +438,10 @@ def worn_scene(content: dict[str, Any], depths: Mapping[str, Array]) -> dict[str
 
 def _record(name: str, content: dict[str, Any], file: Path, plan: LifePlan) -> None:
     """A bag of a run at a stage."""
-    machine = build(name, check_scene(name, content))
+    machine = rebuilt(name, content)
     solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
     with RunBag(file, machine, solution.duration) as bag:
-        bag.add(solution.motion, solution.impacts, solution.modes)
+        bag.add(solution)
 
 
 # --- steps ---------------------------------------------------------------------------------------

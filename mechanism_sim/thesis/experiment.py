@@ -29,7 +29,6 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (
     LINKS,
@@ -59,7 +58,6 @@ MESH = MESHES[-1]
 """[deg] of the crank: what cycles are drawn with, and alpha is made of."""
 QUANTITIES = 'acceleration', 'velocity'
 _AT_FIRST = 4  # turns
-_SEGMENT = 4  # turns under the window of spectra, if there are as many
 
 
 class BearingContact(NamedTuple):
@@ -564,9 +562,7 @@ def order_amplitudes(of: Trial) -> Array:
     record = read_record(of.bag)
     sensor = next(iter(sensors_across(record.machine, 'coupler')))
     shown = deviation(record, sensor, skip=of.turns[0] - record.turns[0])
-    longest = min(_SEGMENT, max(map(len, TurnSegments(shown.values, shown.own.first).series()))
-                  // shown.values.shape[1])  # fmt: skip
-    return np.asarray(np.sqrt(shown.order_power(longest)[:ORDERS]))
+    return np.asarray(np.sqrt(shown.order_power(shown.segment)[:ORDERS]))
 
 
 def bags_of(folders: Sequence[Path]) -> list[Path]:
