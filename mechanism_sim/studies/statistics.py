@@ -23,6 +23,7 @@ from mechanism_sim.results.run import Piece, is_loss
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.gate import admit_loose
 from mechanism_sim.studies.columns import MEANS
 
 
@@ -130,11 +131,7 @@ def statistics(
     The confidence intervals are those of 20 batch means: right if a batch is much longer than the
     memory of the motion. Flight counts each loose joint by itself.
     """
-    loose, period = machine.plan.clearances, machine.drive.period
-    if machine.torque_driven or not loose or not np.isfinite(period):
-        raise InputError(
-            f'{machine.name}: statistics need clearance and a crank at constant speed'
-        )
+    admit_loose(machine, 'statistics need')
     if skip < 0:
         raise InputError(f'the revolutions to leave out must be at least 0, not {skip}')
     if revolutions < skip + BATCHES:

@@ -73,6 +73,16 @@ class BearingContact(NamedTuple):
         return f'restitution {self.restitution:g}, friction {self.friction:g}'
 
 
+def rpm(speed: float) -> str:
+    """Of a speed [rad/s], without its unit."""
+    return f'{speed * 30.0 / math.pi:.4g}'
+
+
+def mm(radial: float) -> str:
+    """Of a clearance [m], without its unit."""
+    return f'{1e3 * radial:.4g}'
+
+
 class Condition(NamedTuple):
     """Condition of a run of the experiment: all in which they differ but for their start."""
 
@@ -83,7 +93,7 @@ class Condition(NamedTuple):
     @property
     def place(self) -> str:
         """Speed and clearance in words."""
-        return f'{self.speed * 30.0 / math.pi:.4g} rpm, clearance {1e3 * self.radial:.4g} mm'
+        return f'{rpm(self.speed)} rpm, clearance {mm(self.radial)} mm'
 
     def __str__(self) -> str:
         return f'{self.place}, {self.bearing}'
