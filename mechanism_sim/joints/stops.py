@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
 
 import heyoka as hy
 from pydantic import model_validator
@@ -19,7 +18,14 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Play, play_of
 from mechanism_sim.joints.joint_keys import JointKeys, Joints
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import AnyPosition, Coefficient, Length, Part, Radius
+from mechanism_sim.keys.quantities import (
+    AnyPosition,
+    Coefficient,
+    Hypothesis,
+    Length,
+    Part,
+    Radius,
+)
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
@@ -48,7 +54,7 @@ class StopsPart(Part):
     """Largest angle or displacement; one of the two is needed."""
     restitution: Coefficient = 0.0
     """Coefficient of restitution: 0 without rebound, 1 without loss."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    hypothesis: Hypothesis = 'newton'
     """Hypothesis of restitution: ratio of velocities, impulses or energies; equal if smooth."""
     radius: Length | None = None
     """How far from the pin the stops of an angle are: gap, impulse and force are those there; 1 m
