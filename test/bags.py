@@ -22,7 +22,7 @@ from ros_interfaces.definitions import field_descriptions
 def write_bag(path, record, prefixes=('',)):
     """The bag of a run, without middleware; the same run under each of these namespaces."""
     with RunBag(path, record.machine, record.end) as bag:
-        bag.add(record.piece.motion, record.piece.impacts, record.piece.modes)
+        bag.add(record.piece)
     if prefixes != ('',):
         single = read_bag(path)
         again = path.with_name('several.mcap')

@@ -53,6 +53,12 @@ class Deviation:
         """The ideal response and the deviation over alpha: the modified response of [SB] 8.1."""
         return replace(self.own, values=self.ideal.values + self.values / alpha)
 
+    @property
+    def segment(self) -> int:
+        """Turns under the window of spectra: four, or as many as follow each other."""
+        longest = max(map(len, TurnSegments(self.values, self.own.first).series()))
+        return int(min(_SEGMENT, longest // self.own.values.shape[1]))
+
     def order_power(self, segment: int) -> Array:
         """Mean square (n / 4,) of the difference in bands of one order about 1, 2, ...
 
@@ -138,9 +144,7 @@ def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha
     """
     if not other.rms:
         raise InputError(f'{other.quantity} does not deviate from the ideal: there is no ratio')
-    longest = [max(map(len, TurnSegments(d.values, d.own.first).series())) for d in (one, other)]
-    sizes = [d.own.values.shape[1] for d in (one, other)]
-    segment = min(_SEGMENT, *(k // n for k, n in zip(longest, sizes, strict=True)))
+    segment = min(one.segment, other.segment)
     powers = [d.order_power(segment) for d in (one, other)]
     count = min(*map(len, powers), highest or len(powers[0]))
     a, b = (np.sqrt(p[:count]) for p in powers)

@@ -14,7 +14,7 @@ from mechanism_sim.analysis.record import find_topics, machine_of
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import assume, named_unit
-from mechanism_sim.errors import InputError, nearest
+from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import catalogue
@@ -51,9 +51,7 @@ def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
     if sensor is None and len(collectors) > 1:
         raise InputError(f'{bag.path} holds several sensors ({known}): choose one by --sensor')
     name = sensor or known
-    if name not in collectors:
-        hint = nearest(name, collectors)
-        raise InputError(f"{bag.path} holds no sensor '{name}'{hint}; it has: {known}")
+    check_known(name, sorted(collectors), f"{bag.path} holds no sensor '{name}'", 'it has:')
     signal = collectors[name].signal()
     if signal is None:
         raise InputError(f'{bag.path}: sensor {name} has no samples')

@@ -25,6 +25,7 @@ from mechanism_sim.keys.quantities import (
     Angle,
     Coefficient,
     Displacement,
+    Hypothesis,
     Length,
     Part,
     Position,
@@ -169,7 +170,7 @@ class Play(Part):
     restitution: Coefficient
     """Coefficient of restitution: 0 without rebound, 1 without loss. A film without `roughness`
     needs none."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    hypothesis: Hypothesis = 'newton'
     """Hypothesis of restitution: ratio of velocities, impulses or energies; equal if smooth."""
     friction: FrictionCoefficient = 0.0
     """Coefficient of Coulomb friction, in impacts and in following."""

@@ -7,7 +7,7 @@ lists kinds or keys finds it there.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -17,7 +17,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Clearance, Contact, Friction, Play
 from mechanism_sim.joints.sheets import JointParts
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient, Part
+from mechanism_sim.keys.quantities import Coefficient, Hypothesis, Part
 from mechanism_sim.keys.registry import Registry
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
@@ -164,7 +164,7 @@ class TouchingKeys(JointKeys):
     restitution: Coefficient = 0.0
     """Of a contact, ratchet or rope, its coefficient of restitution, 0 without a bounce, 1 loses
     nothing."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] | None = None
+    hypothesis: Hypothesis | None = None
     """Of the same, quantities that the coefficient relates: speeds (without it), impulses or
     works."""
     compliance: Contact | None = None

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Literal
 
 import heyoka as hy
 from pydantic import model_validator
@@ -19,11 +18,18 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import Contact, Play, play_of
 from mechanism_sim.joints.joint_keys import JointKeys, Joints
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import AnyPosition, Coefficient, Length, Part, Radius
+from mechanism_sim.keys.quantities import (
+    AnyPosition,
+    Coefficient,
+    Hypothesis,
+    Length,
+    Part,
+    Radius,
+)
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, lift, wrapped
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.play import (
     BOUNDS,
@@ -33,7 +39,7 @@ from mechanism_sim.planar.play import (
     with_turning,
 )
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench
 from mechanism_sim.planar.rails import along
 from mechanism_sim.planar.view import Draft
 
@@ -48,7 +54,7 @@ class StopsPart(Part):
     """Largest angle or displacement; one of the two is needed."""
     restitution: Coefficient = 0.0
     """Coefficient of restitution: 0 without rebound, 1 without loss."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    hypothesis: Hypothesis = 'newton'
     """Hypothesis of restitution: ratio of velocities, impulses or energies; equal if smooth."""
     radius: Length | None = None
     """How far from the pin the stops of an angle are: gap, impulse and force are those there; 1 m
@@ -227,8 +233,7 @@ class AngleStop(FrictionlessGap, _Stop):
         middle, half = 0.5 * (self.other + self.limit), 0.5 * abs(self.other - self.limit)
         rest = math.remainder(b - a - middle, 2.0 * math.pi)
         off = two - one + lift(dense(frames.parameters(f'{self.joint}.stop_middle', rest)))
-        u = dense(off.value)
-        off = off.chain(hy.atan2(hy.sin(u), hy.cos(u)), hy.expression(1.0), None)
+        off = wrapped(off, hy.expression(1.0))
         room = lift(dense(frames.parameters(f'{self.joint}.stop_half', half)))
         found: Jet = (room + off if self.sign > 0.0 else room - off) * r
         return found
@@ -302,15 +307,13 @@ class EndStop(_Stop):
         nx, ny = self._axis(frames, 0.5 * math.pi, 'normal')
         x, y = frames.position(self.mechanism.separation(self.joint), self.joint)
         across = (nx * x + ny * y) * (-self._way * self.sign)
-        slip = Jet(None, across.gradient, across.rate, across.curvature)
         ends = self.mechanism.joint(self.joint).points
         arms = self.pin_radius, -self.pin_radius
-        return with_turning(slip, frames, self.mechanism, self.name, ends, arms)
+        return with_turning(across.as_rate, frames, self.mechanism, self.name, ends, arms)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """On the second-named link, where they touch."""
-        force = contact_wrench(self.normal(frames), N, T)
-        x, y = frames.position(self.mechanism.separation(self.joint), self.joint)
+        place = frames.position(self.mechanism.separation(self.joint), self.joint)
         arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)
-        moment = moment_of((x.value, y.value), (force.x, force.y)) if self._way > 0.0 else None
-        return Wrench(force.x, force.y, add(moment, neg(mul(arm, T))))
+        pin = place if self._way > 0.0 else None
+        return contact_wrench(self.normal(frames), N, T, arm, pin)

@@ -13,7 +13,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, ClassVar, get_args, get_origin
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -139,6 +139,7 @@ Friction = Annotated[
 ]
 """Coulomb's coefficient, or the word ``rough`` for contacts that never slip."""
 Coefficient = Annotated[float, si(''), Field(ge=0.0, le=1.0)]
+Hypothesis = Literal['newton', 'poisson', 'stronge']
 
 
 Gravity = tuple[Acceleration, Acceleration]

@@ -380,6 +380,20 @@ class Jet:
             add(mul(self.value, other.curvature), neg(mul(other.value, self.curvature))),
         )
 
+    @property
+    def as_rate(self) -> Jet:
+        """Only how it changes, as a rate that belongs to no value."""
+        return Jet(None, self.gradient, self.rate, self.curvature)
+
+    def times_rate(self, other: Jet) -> Jet:
+        """``f g'`` as a rate that belongs to no value."""
+        return Jet(
+            None,
+            {n: mul(self.value, g) for n, g in other.gradient.items()},
+            mul(self.value, other.rate),
+            add(mul(self.value, other.curvature), mul(self.rate, other.rate)),
+        )
+
     def half_square(self) -> Jet:
         """f^2/2."""
         return Jet(
@@ -388,6 +402,12 @@ class Jet:
             mul(self.value, self.rate),
             add(mul(self.value, self.curvature), mul(self.rate, self.rate)),
         )
+
+
+def wrapped(angle: Jet, per: hy.expression) -> Jet:
+    """An angle [rad] without whole turns, times what does not move."""
+    u = dense(angle.value)
+    return angle.chain(per * hy.atan2(hy.sin(u), hy.cos(u)), per, None)
 
 
 def lift(x: Number) -> Jet:

@@ -170,7 +170,7 @@ class JournalFriction(JointFriction):
         j, m = self.joint, self.mechanism
         first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.friction.first')
         second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.friction.second')
-        return _rate(second - first)
+        return (second - first).as_rate
 
     def loads(self, _: Frames, T: Term) -> list[Load]:
         """A moment on each."""
@@ -231,10 +231,10 @@ class LineFriction(JointFriction):
         """Along the line."""
         for link, joint in self.mechanism.tree_joints.items():
             if joint.name == self.name:
-                return _rate(frames.displacement(link))
+                return frames.displacement(link).as_rate
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         ux, uy = self._along(frames)
-        return _rate(-(ux * x + uy * y))
+        return (-(ux * x + uy * y)).as_rate
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
         """Opposite forces at the place of contact: the block's point, or the pin."""
@@ -337,13 +337,12 @@ class FlankFriction(JointFriction):
 
     def slip(self, frames: Frames) -> Jet:
         """Along the flanks [m/s]."""
-        return _rate(
-            reduce(operator.add, (
-                frames.turn(self.mechanism.turns(link, at), f'{self.name}.friction.{which}')
-                * lift(dense(self._number(frames, f'arm.{which}', arm)))
-                for which, link, at, arm in self._ends
-            ))
-        )  # fmt: skip
+        slips = (
+            frames.turn(self.mechanism.turns(link, at), f'{self.name}.friction.{which}')
+            * lift(dense(self._number(frames, f'arm.{which}', arm)))
+            for which, link, at, arm in self._ends
+        )
+        return reduce(operator.add, slips).as_rate
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
         """A moment on each, and what is left on the carrier."""
@@ -527,8 +526,3 @@ def with_friction(
         name = rub.friction.name
         found[name] = together(found[name], rub.friction.wrench(frames, rub.T))
     return found
-
-
-def _rate(jet: Jet) -> Jet:
-    """Only the rate of a function and its derivatives."""
-    return Jet(None, jet.gradient, jet.rate, jet.curvature)

@@ -297,7 +297,13 @@ class Wrench(NamedTuple):
     others: tuple[Load, ...] | None = None
 
 
-def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) -> Wrench:
+def contact_wrench(
+    normal: tuple[Jet, Jet],
+    N: Term,
+    T: Term,
+    arm: Term = None,
+    place: tuple[Jet, Jet] | None = None,
+) -> Wrench:
     """Wrench of a contact on the second-named link.
 
     Parameters
@@ -306,13 +312,12 @@ def contact_wrench(normal: tuple[Jet, Jet], N: Term, T: Term, arm: Term = None) 
     N, T : normal force, and friction on the first-named link along the normal turned by +90
         degrees [N]
     arm : from the joint's point on the second-named link to the contact, along the normal [m]
+    place : from that point to where the arm begins, if they differ [m]
     """
     x, y = normal
-    return Wrench(
-        add(mul(N, x.value), mul(T, y.value)),
-        add(mul(N, y.value), neg(mul(T, x.value))),
-        neg(mul(arm, T)),
-    )
+    force = add(mul(N, x.value), mul(T, y.value)), add(mul(N, y.value), neg(mul(T, x.value)))
+    moment = moment_of((place[0].value, place[1].value), force) if place else None
+    return Wrench(*force, add(moment, neg(mul(arm, T))))
 
 
 def together(a: Wrench, b: Wrench) -> Wrench:

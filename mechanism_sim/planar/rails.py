@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import heyoka as hy
 
-from mechanism_sim.numerics.symbolic import add, dense, mul, polynomial
+from mechanism_sim.numerics.symbolic import dense, polynomial
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, StraightLine
@@ -113,12 +113,7 @@ class Rail:
             away = away - height
         way = ux * cosine - uy * sine, uy * cosine + ux * sine
         longer = slope.chain(1.0 / c, t * c, c * c * c)
-        slip = Jet(
-            None,
-            {n: mul(longer.value, g) for n, g in place.gradient.items()},
-            mul(longer.value, place.rate),
-            add(mul(longer.value, place.curvature), mul(longer.rate, place.rate)),
-        )
+        slip = longer.times_rate(place)
         if self.sense < 0.0:
             away, slip, way = -away, -slip, (-way[0], -way[1])
         return Foot(away, cosine, sine, way, slip)

@@ -128,7 +128,7 @@ class TurningTouch:
         first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.first')
         second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.second')
         turned = (second - first) * lift(dense(frames.parameters(f'{self.name}.arm', self.arm)))
-        return Jet(None, turned.gradient, turned.rate, turned.curvature)
+        return turned.as_rate
 
     def wrench(self, frames: Frames, T: Term) -> Wrench:
         """A moment."""

@@ -21,7 +21,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.derivatives.flow import DerivativeLimit, Flow, Flows
 from mechanism_sim.derivatives.influences import NUMBERS, influences
 from mechanism_sim.derivatives.numeric_keys import WEIGHTS, NumericKey, numeric_keys
-from mechanism_sim.engine.audit import Work, work_in
+from mechanism_sim.engine.audit import work_in
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.snapshot import Snapshot
@@ -357,7 +357,7 @@ class _Ideal(RunDerivative):
     @cached_property
     def _others(self) -> list[Piece]:
         end = self._piece.motion.curve.end
-        return [_whole(machine, end) for machine in self._key.beside]
+        return [Piece.joined([*Runner(machine).to(end)]) for machine in self._key.beside]
 
     def of(self, taken: _Taken, seen: _Taken | None = None) -> Array:
         """Of runs with other values."""
@@ -371,14 +371,6 @@ class _Ideal(RunDerivative):
         for weight, piece in zip(WEIGHTS, self._others, strict=True):
             found = found + weight * (taken(piece) - base)
         return np.asarray(found / self._key.step)
-
-
-def _whole(machine: Machine, end: float) -> Piece:
-    """A run of a machine without events up to a time [s], as one piece."""
-    pieces = [*Runner(machine).to(end)]
-    work = Work(*np.concatenate([piece.balance.work for piece in pieces], axis=1))
-    motion = Motion.joined([piece.motion for piece in pieces])
-    return Piece(machine, motion, EnergyTerms(work, []), [], [])
 
 
 def _plain(piece: Piece) -> Piece:

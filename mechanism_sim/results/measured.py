@@ -13,8 +13,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.derivatives import RunDerivative
 from mechanism_sim.results.run import Piece, run
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.sensing.chain import QUANTITIES
 from mechanism_sim.sensing.channel import Analogue
 from mechanism_sim.sensing.indicators import FEWEST, features
@@ -115,8 +114,7 @@ class SensorRecord:
     def repeat(self, overrides: dict[str, float], seed: int) -> Array:
         """Samples (N,) of the same experiment on a machine with other values and other noise."""
         given = overrides | {f'sensors.{self.sensor}.noise.seed': seed}
-        content = self.machine.scene.to_document()
-        machine = build(self.machine.name, check_scene(self.machine.name, content, given))
+        machine = rebuilt(self.machine.name, self.machine.scene.to_document(), given)
         wanted = len(self.samples)
         end = self.start + (wanted + 1) / self.rate
         channel, blocks = machine.channel(self.sensor), []

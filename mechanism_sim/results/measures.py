@@ -20,7 +20,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.events import Impact, Mode
+from mechanism_sim.engine.events import Impact
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import ratio
@@ -35,7 +35,7 @@ from mechanism_sim.results.measure_text import (
     as_row,
     read_all,
 )
-from mechanism_sim.results.run import IMPACT_UNITS, Piece, Solution
+from mechanism_sim.results.run import IMPACT_UNITS, Piece, Solution, is_loss
 from mechanism_sim.results.turns import DriveTurns
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.sensing.channel import Channel
@@ -456,9 +456,7 @@ class EventSeries:
         if not self._parts:
             return
         self._impacts += piece.impacts
-        for c in piece.modes:
-            lost = c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
-            self._changes.append((c.t, c.joint, lost))
+        self._changes += [(c.t, c.joint, is_loss(c)) for c in piece.modes]
         for name, channel in self._channels.items():
             channel.take(piece.motion if history is None else history)
             self._take(name)

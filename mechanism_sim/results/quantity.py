@@ -240,6 +240,25 @@ def evaluated(quantities: Mapping[str, Quantity], view: View) -> dict[str, Array
     return {name: found[name] for name in quantities}
 
 
+def magnitude(
+    name: str, unit: str, words: str, of: str, evaluate: Callable[[View], Array], shown: Shown
+) -> Quantity:
+    """Size ``.size`` of a vector, of which `evaluate` gives (2, N)."""
+    return Quantity(
+        f'{name}.size', unit, words, of, lambda view: np.hypot(*evaluate(view)), shown, 'size'
+    )
+
+
+def direction(
+    name: str, words: str, of: str, evaluate: Callable[[View], Array], shown: Shown
+) -> Quantity:
+    """Direction ``.direction`` [rad] of a vector, of which `evaluate` gives (2, N)."""
+    return Quantity(
+        f'{name}.direction', 'rad', f'direction of the {words}', of,
+        lambda view: np.arctan2(*evaluate(view)[::-1]), shown, 'direction',
+    )  # fmt: skip
+
+
 def vector(
     name: str,
     unit: str,

@@ -23,7 +23,7 @@ from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.event_loop import EventLoop
-from mechanism_sim.engine.events import Impact, ModeChange, StopReason
+from mechanism_sim.engine.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot
@@ -467,6 +467,11 @@ class Runner:
             self._balance = EnergyTerms(own, piece.impacts, *self._balance.after)
             first = end
         return self._balance
+
+
+def is_loss(change: ModeChange) -> bool:
+    """True if a contact is lost; false of a mode that is announced when a run begins."""
+    return change.mode == Mode.FREE_FLIGHT and change.previous > Mode.FREE_FLIGHT
 
 
 def allowed_penetration(machine: Machine) -> float:

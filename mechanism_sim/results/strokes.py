@@ -255,17 +255,7 @@ def _zeros(
 
 def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
     """Runs put together that go the same way; what is rounding goes to a motion beside it."""
-
-    def joined(runs: list[_Run]) -> list[_Run]:
-        out = runs[:1]
-        for run in runs[1:]:
-            if run.way == out[-1].way:
-                out[-1] = out[-1]._replace(end=run.end, stop=run.stop)
-            else:
-                out.append(run)
-        return out
-
-    runs = joined(runs)
+    runs = _joined(runs)
     while len(runs) > 1:
         small = [
             n for n, run in enumerate(runs)
@@ -276,8 +266,27 @@ def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
         n = min(small, key=lambda n: runs[n].end - runs[n].begin)
         beside = [runs[k].way for k in (n - 1, n + 1) if 0 <= k < len(runs)]
         runs[n] = runs[n]._replace(way=next((way for way in beside if way), 0))
-        runs = joined(runs)
+        runs = _joined(runs)
     return runs
+
+
+def _joined(runs: list[_Run]) -> list[_Run]:
+    """Neighbours that go the same way as one."""
+    found = runs[:1]
+    for run in runs[1:]:
+        if run.way == found[-1].way:
+            found[-1] = found[-1]._replace(end=run.end, stop=run.stop)
+        else:
+            found.append(run)
+    return found
+
+
+def _around(runs: list[_Run], period: float, gained: float) -> list[_Run]:
+    """Runs of a period, of which one that goes on beyond its end is the last."""
+    if len(runs) < 2 or runs[0].way != runs[-1].way:
+        return runs
+    first, *middle, last = runs
+    return [*middle, last._replace(end=first.end + period, stop=first.stop + gained)]
 
 
 def _without_ripples(
@@ -297,10 +306,7 @@ def _without_ripples(
         begin, end = run.begin + period, run.end + period
         return run._replace(begin=begin, end=end, start=run.start + gained, stop=run.stop + gained)
 
-    around = list(runs)
-    if len(around) > 1 and around[0].way == around[-1].way:  # the period ends within a run
-        first, last = later(around.pop(0)), around.pop()
-        around.append(last._replace(end=first.end, stop=first.stop))
+    around = _around(runs, period, gained)
     small = [not run.way or abs(run.stop - run.start) <= most for run in around]
     if all(small) or not any(run.way and s for run, s in zip(around, small, strict=True)):
         return runs, 0.0
@@ -338,23 +344,10 @@ def _strokes(
     """
     if not any(run.way for run in runs):
         return (), tuple(Dwell(run.begin, run.end, run.start) for run in runs)
-    if len(runs) > 1 and runs[0].way == runs[-1].way:
-        # what goes on beyond the end of the period is one run
-        first, *middle, tail = runs
-        after = first._replace(end=first.end + period, stop=first.stop + gained)
-        runs = [*middle, tail._replace(end=after.end, stop=after.stop)]
+    runs = _around(runs, period, gained)
     dwells = tuple(Dwell(run.begin, run.end, run.start) for run in runs if not run.way)
-    moving = [run for run in runs if run.way]
     # a stop on the way does not end a stroke: only a reversal does
-    whole: list[_Run] = []
-    for run in moving:
-        if whole and whole[-1].way == run.way:
-            whole[-1] = whole[-1]._replace(end=run.end, stop=run.stop)
-        else:
-            whole.append(run)
-    if len(whole) > 1 and whole[0].way == whole[-1].way:
-        first, *middle, tail = whole
-        whole = [*middle, tail._replace(end=first.end + period, stop=first.stop + gained)]
+    whole = _around(_joined([run for run in runs if run.way]), period, gained)
     if len(whole) < 2:
         return (), dwells
     return tuple(Stroke(*run[1:]) for run in whole), dwells

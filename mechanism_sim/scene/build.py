@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import combinations
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +20,7 @@ from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.files import check_scene
 from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
@@ -46,6 +50,13 @@ def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
         _check_oscillators(machine)
         _check_sensors(machine)
     return machine
+
+
+def rebuilt(
+    name: str, content: Mapping[str, Any], values: Mapping[str, Any] = MappingProxyType({})
+) -> Machine:
+    """The machine of a scene as a file gives it, with other values by dotted path."""
+    return build(name, check_scene(name, content, values))
 
 
 def _check_freedom(machine: Machine) -> None:

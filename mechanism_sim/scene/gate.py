@@ -97,6 +97,18 @@ def admit_turning(machine: Machine, duration: float) -> None:
         admit(machine, duration)
 
 
+def admit_loose(machine: Machine, what: str) -> None:
+    """Refuse a machine without clearance, or whose main drive does not turn steadily.
+
+    Parameters
+    ----------
+    what : that is asked for, with its verb: ``statistics need``
+    """
+    steady = _turns_steadily(machine) and machine.drive.fastest and not machine.torque_driven
+    if not (steady and machine.plan.clearances):
+        raise InputError(f'{machine.name}: {what} clearance and a crank at constant speed')
+
+
 def _turns_steadily(machine: Machine) -> bool:
     """True if the main drive turns at constant speed, whatever else is driven."""
     turns = machine.plan.main not in machine.mechanism.displacements

@@ -66,7 +66,14 @@ PerPosition = Annotated[float, si('N/m')]
 Vector = Annotated[tuple[Position, Position], BeforeValidator(plain)]
 
 
-class AffineTorque(Part):
+class _Affine(Part):
+    @model_validator(mode='before')
+    @classmethod
+    def _alone(cls, data: Any) -> Any:
+        return {'formula': data} if isinstance(data, str | int | float) else data
+
+
+class AffineTorque(_Affine):
     """``constant + per_angle * angle + per_speed * speed``; all zero is a free crank.
 
     A text or a number alone is a formula, or the constant.
@@ -80,11 +87,6 @@ class AffineTorque(Part):
     """Times its speed; negative brakes."""
     formula: TorqueOrFormula | None = None
     """More torque by a formula, as "0.2*current": of t, links, LINK_rate, states, springs."""
-
-    @model_validator(mode='before')
-    @classmethod
-    def _alone(cls, data: Any) -> Any:
-        return {'formula': data} if isinstance(data, str | int | float) else data
 
 
 class InductionPart(Part):
@@ -381,7 +383,7 @@ def _merged(preset: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-class AffineForce(Part):
+class AffineForce(_Affine):
     """``constant + per_position * displacement + per_speed * speed``.
 
     A text or a number alone is a formula, or the constant.
@@ -395,11 +397,6 @@ class AffineForce(Part):
     """Times its speed; negative brakes."""
     formula: ForceOrFormula | None = None
     """More force by a formula, as "area*p": of t, links, LINK_rate, states, springs."""
-
-    @model_validator(mode='before')
-    @classmethod
-    def _alone(cls, data: Any) -> Any:
-        return {'formula': data} if isinstance(data, str | int | float) else data
 
 
 class DrivePart(Part, metaclass=PartMaker):

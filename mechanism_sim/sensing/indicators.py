@@ -22,7 +22,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.sensing.spectra import envelope, power
+from mechanism_sim.sensing.spectra import autocorrelation, envelope, power
 
 FEWEST = 4096
 """Fewest samples of a stretch."""
@@ -200,8 +200,7 @@ def _of_stretch(x: Array, bursts: Array) -> Array:
     rank = np.minimum((_HIGHEST * len(x)).astype(int), max(len(heights) - 1, 0))
     level = _log(bursts)
     level -= level.mean()
-    lines = np.abs(np.fft.rfft(level, 2 * len(level))) ** 2
-    correlation = np.fft.irfft(lines)
+    correlation = autocorrelation(level)
     highest = heights[rank] if len(heights) else np.zeros(len(rank))
     ratios = correlation[list(_LAGS)] / max(correlation[0], np.finfo(float).tiny)
     return np.concatenate([_log(bands), _log(highest), ratios])

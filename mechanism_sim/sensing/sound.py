@@ -34,7 +34,7 @@ _STILL = 1e-9  # of a change of velocity: what is less is rounding
 
 @dataclass(frozen=True)
 class Air:
-    """Medium that the sound travels in; by default air at 20 degrees Celsius and 101.325 kPa."""
+    """Air at 20 degrees Celsius and 101.325 kPa, in which the sound travels."""
 
     density: float = 1.204  #: [kg/m^3]
     speed: float = 343.2  #: [m/s] of sound
@@ -42,7 +42,7 @@ class Air:
 
 @dataclass(frozen=True)
 class SoundMaterial:
-    """Material of both spheres; steel by default."""
+    """Steel, of which both spheres are."""
 
     density: float = 7850.0  #: [kg/m^3]
     modulus: float = 206e9  #: [Pa] of elasticity
@@ -66,7 +66,7 @@ class Listener:
 AIR, STEEL = Air(), SoundMaterial()
 
 
-def sphere_modes(radius: Array, distance: Array, air: Air = AIR) -> tuple[Array, Array]:
+def sphere_modes(radius: Array, distance: Array) -> tuple[Array, Array]:
     """Pressure straight ahead of an accelerated sphere, as modes of its impulse response.
 
     The wave equation outside of a rigid sphere of radius a that moves to and fro along its axis
@@ -84,10 +84,10 @@ def sphere_modes(radius: Array, distance: Array, air: Air = AIR) -> tuple[Array,
     -------
     poles (N, 2) [1/s] and residues (N, 2) [Pa / (m/s^2) / s], of angle 0
     """
-    corner = air.speed / radius
+    corner = AIR.speed / radius
     poles = corner[:, None] * np.array([-1.0 + 1.0j, -1.0 - 1.0j])
-    numerator = 1.0 + poles * (distance / air.speed)[:, None]
-    gain = air.density * radius**3 / distance**2 * corner**2
+    numerator = 1.0 + poles * (distance / AIR.speed)[:, None]
+    gain = AIR.density * radius**3 / distance**2 * corner**2
     residues = gain[:, None] * numerator / (poles - poles[:, ::-1])
     return poles, residues
 
@@ -116,10 +116,8 @@ def half_sine_response(poles: Array, residues: Array, duration: float, t: Array)
     return np.where(t > 0.0, response.real, 0.0)
 
 
-def contact_time(
-    mass: float, radius: float, speed: float, material: SoundMaterial = STEEL
-) -> float:
-    """How long a Hertzian contact lasts [s].
+def contact_time(mass: float, radius: float, speed: float) -> float:
+    """How long a Hertzian contact of steel lasts [s].
 
     From ``mass x'' = -4/3 E sqrt(radius) x^(3/2)``, E being the modulus of two equal materials.
 
@@ -128,7 +126,7 @@ def contact_time(
     mass, radius : [kg], [m] reduced: ``1 / (1/m1 + 1/m2)``
     speed : [m/s] of approach
     """
-    modulus = material.modulus / (2.0 * (1.0 - material.poisson**2))
+    modulus = STEEL.modulus / (2.0 * (1.0 - STEEL.poisson**2))
     deepest = (15.0 * mass * speed**2 / (16.0 * modulus * math.sqrt(radius))) ** 0.4
     return float(0.8 * scipy.special.beta(0.4, 0.5) * deepest / speed)
 
@@ -219,8 +217,6 @@ def pressure(
     end: float,
     listener: Listener,
     pulse: float | None = None,
-    air: Air = AIR,
-    material: SoundMaterial = STEEL,
 ) -> Array:
     """Sound pressure of a train of impacts [Pa], at the multiples of ``1 / rate``.
 
@@ -238,13 +234,9 @@ def pressure(
     samples = np.zeros(int(end * rate) + 1)
     for strike in train:
         moved = np.array(strike.mass) > 0.0
-        radius = np.cbrt(0.75 * np.array(strike.mass)[moved] / (math.pi * material.density))
-        lasting = pulse or contact_time(
-            strike.reduced_mass,
-            float(1.0 / np.sum(1.0 / radius)),
-            strike.approach_speed,
-            material,
-        )
+        radius = np.cbrt(0.75 * np.array(strike.mass)[moved] / (math.pi * STEEL.density))
+        reduced = float(1.0 / np.sum(1.0 / radius))
+        lasting = pulse or contact_time(strike.reduced_mass, reduced, strike.approach_speed)
         turn = strike.normal_angle - listener.direction
         way = np.array([-1.0, 1.0])[moved]
         ahead = listener.distance * math.cos(turn) * way - radius
@@ -255,9 +247,9 @@ def pressure(
                 f'radius of {radius.max():.3g} m'
             )
         strength = np.array(strike.jump)[moved] * ahead / distance
-        modes = sphere_modes(radius, distance, air)
+        modes = sphere_modes(radius, distance)
         for k, (poles, residues) in enumerate(zip(*modes, strict=True)):
-            begins = strike.t + (distance[k] - radius[k]) / air.speed
+            begins = strike.t + (distance[k] - radius[k]) / AIR.speed
             lasts = lasting + math.log(_FAINT) / poles[0].real
             n = np.arange(
                 int(begins * rate) + 1, min(int((begins + lasts) * rate) + 2, len(samples))

@@ -104,6 +104,12 @@ def power(
     return LineSpectrum(_lines(length, rate), sums / weight)
 
 
+def autocorrelation(x: Array) -> Array:
+    """Sums (N,) of products of samples (N,) so many places apart, those beyond the end being 0."""
+    lines = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
+    return np.asarray(np.fft.irfft(lines)[: len(x)])
+
+
 def _lines(length: int, rate: float) -> Array:
     """Frequencies [Hz] of the transform of so many real samples."""
     return np.asarray(np.arange(length // 2 + 1) * (rate / length))

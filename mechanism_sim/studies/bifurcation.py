@@ -20,7 +20,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.snapshot import State
-from mechanism_sim.errors import InputError, RunError, check_options, nearest
+from mechanism_sim.errors import InputError, RunError, check_known, check_options
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.configuration import converted
@@ -30,7 +30,7 @@ from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.parameters import Parameter, parameters
-from mechanism_sim.studies.periodic import CLOCK
+from mechanism_sim.studies.periodic import CLOCK, without_turns
 from mechanism_sim.studies.runs import OF_WORKERS, Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
@@ -265,19 +265,11 @@ def section(
     if not machine.level.dynamic or not machine.equations.system.free:
         raise InputError(f'{machine.name}: without a free motion every turn is like the other')
     if joint is not None:
-        known = list(machine.physics.clearances)
-        if joint not in known:
-            raise InputError(
-                f'{machine.name}: there is no loose joint {joint!r}{nearest(joint, known)}; '
-                f'loose: {", ".join(known) or "none"}'
-            )
+        wrong = f"{machine.name}: there is no loose joint '{joint}'"
+        check_known(joint, machine.physics.clearances, wrong, 'loose:')
         names = tuple(of) or ('approach_speed',)
         for name in names:
-            if name not in OF_IMPACTS:
-                raise InputError(
-                    f'{name!r} is not of impacts{nearest(name, OF_IMPACTS)}; known are '
-                    f'{", ".join(OF_IMPACTS)}'
-                )
+            check_known(name, OF_IMPACTS, f"'{name}' is not of impacts", 'known are')
         found = [OF_IMPACTS[name] for name in names]
     else:
         names = tuple(of) or (f'velocity.{machine.equations.system.free[-1]}',)
@@ -399,8 +391,7 @@ class _Course:
     @staticmethod
     def _between(old: Ends, new: Ends, at: int) -> tuple[Array, int]:
         """The step to a turn of a response from the nearest of the one before, and its place."""
-        steps = new.states[at] - old.states
-        steps -= new.turns * np.round(steps / np.where(new.turns, new.turns, 1.0))
+        steps = without_turns(new.states[at] - old.states, new.turns)
         nearest_one = int(np.abs(steps / new.near).max(axis=1).argmin())
         return steps[nearest_one], nearest_one
 
@@ -455,26 +446,28 @@ def _settled(
     turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
     if seen < _SEEN:
         turns = max(3 * seen, plan.transient // 4)
+
+    def go_on(final: bool = False) -> None:
+        for _ in runner.to(turns * machine.drive.period, [tally.add], final):
+            pass
+
     keep = 0
     while turns < most and not keep:
-        for piece in runner.to(turns * machine.drive.period, final=False):
-            tally.add(piece)
+        go_on()
         keep = tally.settled(seen)
         turns += 0 if keep else turns // 2 if seen == _SEEN else 1
     if seen < _SEEN and not keep:
         return None
     turns, converges = min(turns, most), False
     while not keep:
-        for piece in runner.to(turns * machine.drive.period, final=False):
-            tally.add(piece)
+        go_on()
         keep = tally.settled(seen)
         more = 0 if keep else tally.due()
         converges = turns + more > _PATIENT * most
         if converges or not more:
             break
         turns += more
-    for piece in runner.to(turns * machine.drive.period):
-        tally.add(piece)
+    go_on(final=True)
     found = tally.found(turns, keep)
     if converges:
         found |= {'period': 0, 'settled': False}
@@ -644,9 +637,7 @@ class _SectionTally:
 
     def _off(self, states: Array, p: int) -> Array:
         """By how much sections differ from those p turns before (N - p, 2 f)."""
-        off = states[p:] - states[:-p]
-        off -= self._turns * np.round(off / np.where(self._turns, self._turns, 1.0))
-        return np.asarray(np.abs(off))
+        return np.abs(without_turns(states[p:] - states[:-p], self._turns))
 
     def _period(self, states: Array) -> int:
         """Fewest turns after which all sections come back, 0 if none."""

@@ -27,7 +27,7 @@ from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.studies.bifurcation import APART, ONE, Bifurcation, measure
-from mechanism_sim.studies.periodic import PoincareMap
+from mechanism_sim.studies.periodic import PoincareMap, without_turns
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 _RESIDUAL = 1e-10
@@ -207,8 +207,7 @@ class _Shooting:
                     return None
                 if rows is None or basis is None or size > _FASTER * before:
                     M, _ = section.growth(state, self.period)
-                    basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
-                    inner = basis.T @ (wide[:, None] * M / wide) @ basis
+                    basis, inner = self._allowed(section, state, M)
                     column = np.zeros((len(inner), 1))
                     if base:  # in the present basis
                         column = basis.T @ base.basis @ base.rows[:, -1:]
@@ -264,8 +263,7 @@ class _Shooting:
         section = PoincareMap(self.machine(value), [path])
         M, by, _ = section.sensitivity(state, self.period)
         wide = section.scale / self.scale
-        basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
-        inner = basis.T @ (wide[:, None] * M / wide) @ basis
+        basis, inner = self._allowed(section, state, M)
         seat = section.seated(state)[:, 0]
         by = self.span * wide * (by[:, 0] + M @ seat - seat)
         seat *= self.span * wide
@@ -275,6 +273,12 @@ class _Shooting:
         tangent /= np.linalg.norm(tangent)
         pieces, _ = self.run(state, value, self.period)
         return _Orbit(state, value, tangent, np.linalg.eigvals(inner), pieces, rows, basis, seat)
+
+    def _allowed(self, section: PoincareMap, state: State, M: Array) -> tuple[Array, Array]:
+        """Basis (2 f, r) of changes that contacts allow, over the scales, and M along it."""
+        wide = section.scale / self.scale
+        basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
+        return basis, basis.T @ (wide[:, None] * M / wide) @ basis
 
     def step(self, base: _Orbit, ahead: float) -> _Orbit | None:
         """The fixed point so far along the tangent of another."""
@@ -629,5 +633,4 @@ def _places(branch: ResponseBranch, value: float, turns: Array) -> Iterator[tupl
 def _ways(a: Array, b: Array, turns: Array) -> Iterator[Array]:
     """From each state of one period to those of another, which begins at each of its turns."""
     for k in range(len(b)):
-        way = np.roll(b, k, axis=0) - a
-        yield way - turns * np.round(way / np.where(turns, turns, 1.0))
+        yield without_turns(np.roll(b, k, axis=0) - a, turns)

@@ -27,6 +27,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.plan import restart
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
+from mechanism_sim.studies.periodic import flow_at_end, without_turns
 
 _TURNS = 400  # after which a machine that has not settled is given up
 _NEAR = 1e-2  # change from turn to turn from which Newton's method takes over
@@ -99,8 +100,7 @@ class FloquetMap:
         pieces = list(Runner(self._machine, self._run, audited=audited).to(period))
         end = self._run.state
         moved = np.array(end.q)[self._own] + 2.0 * np.pi * np.array(end.turns)[self._own]
-        moved -= np.array(begun.q)[self._own]
-        moved -= 2.0 * np.pi * self.angles * np.round(moved / (2.0 * np.pi))
+        moved = without_turns(moved - np.array(begun.q)[self._own], 2.0 * np.pi * self.angles)
         faster = np.array(end.v)[self._own] - np.array(begun.v)[self._own]
         return np.asarray(np.concatenate([moved, faster]) / self.scale), pieces
 
@@ -122,9 +122,7 @@ class FloquetMap:
                 q, v = self._motion(x + offset * _STEP * direction)
                 begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[self._whole_state]
         rows = [*self._own, *(f + i for i in self._own)]
-        last, at = np.array([len(motion) - 1]), motion.curve.duration[-1:]
-        rates = [motion.curve.local(last, at, order)[0, self._free] for order in (1, 2)]
-        flow = np.concatenate(rates)[rows] / self.scale
+        flow = flow_at_end(motion, self._free)[rows] / self.scale
         return np.asarray((J @ begun)[rows] / self.scale[:, None]), np.asarray(flow)
 
     @cached_property

@@ -25,15 +25,21 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import Branch, FourBar
 from mechanism_sim.linkages.grashof import full_turns, transmission_range
 from mechanism_sim.results.path_distance import TargetPath, read_path
-from mechanism_sim.studies.synthesis import PathFourBar, path_four_bars, worst_transmission
+from mechanism_sim.studies.synthesis import (
+    KEPT,
+    PathFourBar,
+    path_four_bars,
+    unlike,
+    worst_transmission,
+)
 from mechanism_sim.units import argument
 
 _STARTS, _STEPS = 1 << 11, 40
 _REACH = 8.0
 """Of points and centres from the first position, in sizes of all."""
 _SAME = 1e-5
-_DYADS, _NEAR, _KEPT = 48, 10, 5
-"""Points that are combined, if exact and if near to circles only, and four-bars that are shown."""
+_DYADS, _NEAR = 48, 10
+"""Points that are combined, if exact and if near to circles only."""
 _EXACT = 1e-9
 _TURN = 2.0 * math.pi
 
@@ -143,19 +149,13 @@ def _guided(poses: Array, transmission: float) -> list[PathFourBar]:
             found.append(one)
         else:
             refused['are wrong after the fit'] += 1
-    small = 1e-6 * size
-    found.sort(key=lambda one: (max(one.rms, small), -worst_transmission(one.transmission)))
-    kept: list[PathFourBar] = []
-    for one in found:
-        if all(not np.allclose(one.lengths, k.lengths, rtol=1e-3) for k in kept):
-            kept.append(one)
-    if not kept:
+    if not found:
         reasons = ', '.join(f'{n} {why}' for why, n in refused.most_common())
         raise InputError(
             f'no four-bar with a turning crank takes these positions: {len(dyads.point)} points '
             f'stay on circles; of {sum(refused.values())} linkages {reasons or "none is left"}'
         )
-    return kept[:_KEPT]
+    return unlike(sorted(found, key=lambda one: one.worth(size)))[:KEPT]
 
 
 def _lengths(centres: Array, pins: Array) -> Array:

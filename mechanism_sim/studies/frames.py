@@ -21,6 +21,7 @@ from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.vibration.periodic_forces import SteadyVibration, known_harmonics
 from mechanism_sim.vibration.shaken_frame import Shaking
+from mechanism_sim.vibration.systems import impedance
 
 _LONGER = 1.95  # periods that are run, to compare the forces in them
 LOOKS = np.array([0.0, 0.1373, 0.2914, 0.4435, 0.6181, 0.7772, 0.9103])  # of a period
@@ -74,8 +75,7 @@ class Vibrating(NamedTuple):
 
     def impedance(self, w: Array) -> ComplexArray:
         """Forces per displacement (N, n, n) at frequencies w (N,) [rad/s]; refuses resonances."""
-        each, size = w[:, None, None], np.sqrt(np.abs(np.diag(self.M)))
-        Z = np.asarray(self.K + 1j * each * self.C - each**2 * self.M, complex)
+        Z, size = impedance(self.M, self.C, self.K, w), np.sqrt(np.abs(np.diag(self.M)))
         scale = np.outer(size, size) if size.all() else np.ones_like(self.M)
         values = np.linalg.svd(Z / scale, compute_uv=False)
         M, C, K = (np.abs(x / scale).max(initial=0.0) for x in self[:3])

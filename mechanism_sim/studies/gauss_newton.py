@@ -35,8 +35,8 @@ from mechanism_sim.results.derivatives import RunDerivative
 from mechanism_sim.results.measured import Measured
 from mechanism_sim.results.run import Piece
 from mechanism_sim.results.simulate import simulate
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.build import rebuilt
+from mechanism_sim.sensing.spectra import autocorrelation
 from mechanism_sim.studies.parameters import Parameter
 
 LEVEL = 0.95
@@ -443,7 +443,7 @@ class LeastSquares:
         self.runs += 1
         name, content = measured.machine.name, measured.machine.scene.to_document()
         try:
-            machine = build(name, check_scene(name, content, given))
+            machine = rebuilt(name, content, given)
             # a run ends a little after the last sample, which rounding may put behind it
             run = simulate(machine, duration=end * (1.0 + 1e-9) + 1e-9, derivatives=paths)
         except (RunError, InputError):
@@ -512,10 +512,7 @@ def _blocks(r: Array, count: int = _BLOCKS) -> list[Array]:
 
 def _memory(r: Array) -> float:
     """Integrated autocorrelation time, up to where correlations are as small as chance's."""
-    n = len(r)
-    r = r - r.mean()
-    lines = np.abs(np.fft.rfft(r, 2 * n)) ** 2
-    correlation = np.fft.irfft(lines)[:n]
+    n, correlation = len(r), autocorrelation(r - r.mean())
     if not correlation[0] > 0.0:
         return 1.0
     correlation /= correlation[0]

@@ -18,8 +18,7 @@ from mechanism_sim.results.measure_text import Measure, read
 from mechanism_sim.results.measures import Measured, Measurement, measure
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.units import to_si_like
 
 LEAST, GREATEST, EQUAL, BELOW, ABOVE = 'least', 'greatest', '=', '<', '>'
@@ -149,7 +148,7 @@ class CycleTrial:
         RunError
             Also if a measure has no finite value.
         """
-        machine = build(self.name, check_scene(self.name, self.content, values))
+        machine = rebuilt(self.name, self.content, values)
         found = measures_of(cycle(machine, **self.how), list(self.measures), silent=True)
         for measured in found:
             if not math.isfinite(measured.value):
@@ -168,7 +167,7 @@ class CycleTrial:
         RunError
             If there are none at these values.
         """
-        machine = build(self.name, check_scene(self.name, self.content, values))
+        machine = rebuilt(self.name, self.content, values)
         machine, begin, end = cycle_window(machine, **self.how)
         if not machine.level.dynamic:
             raise InputError(f'{machine.name}: its motion follows from its drives')

@@ -33,8 +33,9 @@ from mechanism_sim.studies.modes import (
 from mechanism_sim.studies.response import (
     FrequencyResponse,
     HarmonicSource,
+    differentiated,
     frame_units,
-    unit_of,
+    units_of,
 )
 from mechanism_sim.vibration.periodic_forces import FourierSeries, SteadyVibration, known_harmonics
 
@@ -154,18 +155,15 @@ def unbalance_response(
     found = {}
     for name in units:
         kind, _, rest = name.partition('.')
-        amplitude = z[:, one.derivatives.coordinates.index(rest)]
-        found[name] = (1j * w) ** DERIVATIVES[kind] * amplitude
+        found[name] = differentiated(z[:, one.derivatives.coordinates.index(rest)], w, kind)
     source = HarmonicSource(f'rotation of {main}', '')
     return FrequencyResponse(source, w / (2.0 * np.pi), found, units)
 
 
 def _own_units(one: LinearMachine, quantities: Sequence[str]) -> dict[str, str]:
     """Units of quantities of coordinates; of the positions of the independent ones if empty."""
-    coordinates = one.derivatives.coordinates
-    names = quantities or [f'position.{coordinates[i]}' for i in one.independent]
-    units = {name: unit_of(one, name) for name in names}
-    for name in names:
+    units = units_of(one, quantities)
+    for name in units:
         if name.partition('.')[0] not in DERIVATIVES:
             raise InputError(
                 f"{one.machine.name}: '{name}': harmonics are available for coordinates only"

@@ -34,7 +34,7 @@ import scipy
 
 from mechanism_sim import strict_json
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, RunError, check_options, nearest
+from mechanism_sim.errors import InputError, RunError, check_known, check_options
 from mechanism_sim.joints.contact_keys import Clearance, WearPart
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
@@ -49,8 +49,7 @@ from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine, Source, load_scene
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.studies.columns import PER_TURN
 from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
@@ -306,10 +305,9 @@ def _asked(
     asked = list(dict.fromkeys([*forces, *sensed, *machine.scene.measures.values(), *given]))
     if ends and ends.figure.partition('.')[0] in OWN:
         joint = ends.figure.partition('.')[2]
-        if joint and joint not in worn:
-            raise InputError(
-                f"--until: '{joint}' is not a bearing that wears{nearest(joint, worn)}; known "
-                f'are {", ".join(worn)}'
+        if joint:
+            check_known(
+                joint, worn, f"--until: '{joint}' is not a bearing that wears", 'known are'
             )
     elif ends and ends.figure not in asked:
         asked.append(ends.figure)
@@ -357,7 +355,7 @@ def wear_in(
     name: str, content: dict[str, Any], joints: tuple[str, ...], plan: LifePlan, asked: list[str]
 ) -> Row:
     """Depths that a run wears off in a cycle, by joint, as plain data."""
-    machine = build(name, check_scene(name, content))
+    machine = rebuilt(name, content)
     solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
     count, size = batches(plan.revolutions)
     period = machine.drive.period
@@ -440,10 +438,10 @@ def worn_scene(content: dict[str, Any], depths: Mapping[str, Array]) -> dict[str
 
 def _record(name: str, content: dict[str, Any], file: Path, plan: LifePlan) -> None:
     """A bag of a run at a stage."""
-    machine = build(name, check_scene(name, content))
+    machine = rebuilt(name, content)
     solution = simulate(machine, revolutions=plan.skip + plan.revolutions)
     with RunBag(file, machine, solution.duration) as bag:
-        bag.add(solution.motion, solution.impacts, solution.modes)
+        bag.add(solution)
 
 
 # --- steps ---------------------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
-from mechanism_sim.studies.frames import Vibrating
+from mechanism_sim.studies.frames import PARTS, Vibrating
 from mechanism_sim.vibration.systems import ROUNDING, LinearSystem, state_matrix
 
 #: of damped roots, against the largest, below which one is that of a rigid-body mode: a double
@@ -477,7 +477,7 @@ def _frame_modes(machine: Machine, name: str) -> list[NormalMode]:
     """The modes of a frame, which the machine does not feel."""
     frame = machine.frame(name)
     scale = np.array([machine.plan.ideal.size, machine.plan.ideal.size, 1.0])[: frame.freedom]
-    names = [f'{name}.{part}' for part in ('x', 'y', 'angle')[: frame.freedom]]
+    names = [f'{name}.{part}' for part in PARTS[: frame.freedom]]
     return [
         NormalMode(roots, _shape(names, z, scale))
         for roots, z in natural_modes(frame.M, frame.C, frame.K)

@@ -11,8 +11,10 @@ from typing import Any
 from mechanism_sim.errors import InputError, check_known, nearest
 from mechanism_sim.ranges import check_order, named_ranges
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.facts import COMPONENTS, unit_at
+from mechanism_sim.scene.facts import unit_at, value_at
 from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.schema import Scene
+from mechanism_sim.units import QuantityValue
 
 OF_JOINT = ('restitution', 'friction', 'radial')
 NOISE = 'noise'
@@ -114,7 +116,7 @@ def parameters(
         elif name in _LIMITS:
             low, high = _LIMITS[name]
         elif name in _FACTORS:
-            low, high = (factor * _at(content, path) for factor in _FACTORS[name])
+            low, high = (factor * _at(machine.scene, path) for factor in _FACTORS[name])
         else:
             raise InputError(
                 f"'{name}' has no limits of its own: give --range '{name}=LOW:HIGH'; short names: "
@@ -181,9 +183,7 @@ def _choices(
 ) -> tuple[Any, ...]:
     """The values of a list as the scene has them, whole numbers between limits, or none."""
     listed = _listed(given)
-    understood = [
-        _value(check_scene(machine.name, content, {path: x}).to_document(), path) for x in listed
-    ]
+    understood = [_value(check_scene(machine.name, content, {path: x}), path) for x in listed]
     if isinstance(given, Mapping) or len(listed) != 2:
         if len(listed) < 2:
             raise InputError(f'the values of {path}: there must be at least two')
@@ -207,22 +207,19 @@ def _written(limits: Any, values: Sequence[float]) -> tuple[str, float]:
 
 def _read(machine: Machine, content: Mapping[str, Any], path: str, text: Any) -> float:
     """A value in SI units, as the scene understands it."""
-    scene = check_scene(machine.name, content, {path: text})
-    return _at(scene.to_document(), path)
+    return _at(check_scene(machine.name, content, {path: text}), path)
 
 
-def _value(content: Mapping[str, Any], path: str) -> Any:
-    place: Any = content
-    for part in path.split('.'):
-        if isinstance(place, tuple | list):
-            place = place[COMPONENTS.index(part) if part in COMPONENTS else int(part)]
-        else:
-            place = place.get(part) if isinstance(place, Mapping) else None
+def _value(scene: Scene, path: str) -> Any:
+    """Of a quantity its number, of a point the first of its coordinates."""
+    place, _ = value_at(scene, path)
+    if isinstance(place, QuantityValue):
+        return place.value
     return place[0] if isinstance(place, tuple | list) and place else place
 
 
-def _at(content: Mapping[str, Any], path: str) -> float:
-    value = _value(content, path)
+def _at(scene: Scene, path: str) -> float:
+    value = _value(scene, path)
     if isinstance(value, bool) or not isinstance(value, float | int) or not math.isfinite(value):
         raise InputError(f"'{path}' is not a number of the scene")
     return float(value)

@@ -66,6 +66,20 @@ CLOCK = (
 """Advice where nothing turns steadily."""
 
 
+def without_turns(way: Array, turns: Array) -> Array:
+    """Changes (..., k) of coordinates less as many turns (k,) as bring them nearest to 0.
+
+    A turn is 0 of what never comes back.
+    """
+    return np.asarray(way - turns * np.round(way / np.where(turns, turns, 1.0)))
+
+
+def flow_at_end(motion: Motion, free: Sequence[int]) -> Array:
+    """Rates and accelerations (2 f,) of some coordinates at the end of a motion."""
+    curve, last = motion.curve, np.array([len(motion) - 1])
+    return np.concatenate([curve.local(last, curve.duration[last], k)[0, free] for k in (1, 2)])
+
+
 class PoincareMap:
     """The map of a machine from one passage of its start angle to a later one.
 
@@ -167,10 +181,10 @@ class PoincareMap:
         J, limits = self._flows.transition(motion, impacts)
         if ends := [limit for limit in limits if limit.ends]:
             raise RunError(f'{self._machine.name}: {ends[0]}')
-        last, f = np.array([len(motion) - 1]), len(state.q)
-        free = self._flows.free
-        flow = [motion.curve.local(last, motion.curve.duration[last], k)[0, free] for k in (1, 2)]
-        J[:, 2 * f :] += np.outer(np.concatenate(flow), revolutions * self._longer)
+        f = len(state.q)
+        J[:, 2 * f :] += np.outer(
+            flow_at_end(motion, self._flows.free), revolutions * self._longer
+        )
         J /= self.scale[:, None]
         return J[:, : 2 * f] * self.scale, J[:, 2 * f :], self.state
 
@@ -178,14 +192,12 @@ class PoincareMap:
         """Derivatives (2f, P) of a state that is brought into contact, in that measure."""
         found: Array = np.zeros((2 * len(state.q), len(self._keys)))
         begin = replace(state, turns=(0,) * len(state.turns))
-        turns = self._turns / float(TWO_PI)
         for k, key in enumerate(self._keys):
             ends = []
             for machine in key.beside:
                 run = machine.start(state=begin)
                 assert isinstance(run, EventLoop)  # noqa: S101 - it has a map
-                q = np.array(run.state.q) - np.array(state.q)
-                q -= float(TWO_PI) * np.round(turns * q / float(TWO_PI))
+                q = without_turns(np.array(run.state.q) - np.array(state.q), self._turns)
                 ends.append(np.concatenate([q, run.state.v]))
             found[:, k] = WEIGHTS @ np.array(ends) / key.step / self.scale
         return found
@@ -213,8 +225,7 @@ class PoincareMap:
 
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
-        angle = np.array(b.q) - np.array(a.q)
-        angle -= self._turns * np.round(angle / float(TWO_PI))
+        angle = without_turns(np.array(b.q) - np.array(a.q), self._turns)
         return np.asarray(np.concatenate([angle, np.array(b.v) - np.array(a.v)]) / self.scale)
 
     def displace(self, state: State, by: Array) -> State:

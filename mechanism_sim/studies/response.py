@@ -20,6 +20,7 @@ from mechanism_sim.results.quantities.motion import DERIVATIVES, RATES
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies import frames
 from mechanism_sim.studies.modes import LinearMachine, derivatives, kept, linearised, turning
+from mechanism_sim.vibration.systems import impedance
 
 _AXES = ('x', 'y')
 
@@ -134,17 +135,16 @@ def response(
         turning(machine, '--speed')
         known = derivatives(machine, source.excitation, kept(machine))
     one = linearised(machine, source.excitation, speed=speed, known=known)
-    names = quantities or [f'position.{one.derivatives.coordinates[i]}' for i in one.independent]
-    units = {name: unit_of(one, name) for name in names}
+    units = units_of(one, quantities)
     w = 2.0 * np.pi * np.asarray(frequency, float)
-    reactions = any(name.startswith('reaction.') for name in names)
+    reactions = any(name.startswith('reaction.') for name in units)
     if source.excitation and not reactions and not (one.B.T @ one.linear.input).any():
         raise InputError(
             f'{machine.name}: a {source.name} moves nothing: drives or guides hold the link '
             'against it; choose another link or direction'
         )
     moved, forces = _steady(one, source, w)
-    found = {name: _amplitudes(one, name, w, moved, forces, source) for name in names}
+    found = {name: _amplitudes(one, name, w, moved, forces, source) for name in units}
     return FrequencyResponse(source, np.asarray(frequency, float), found, units)
 
 
@@ -161,7 +161,7 @@ def _frame_response(
     found = {}
     for quantity in units:
         kind, _, c = quantity.partition('.')
-        found[quantity] = (1j * w) ** DERIVATIVES[kind] * u[:, known[c]]
+        found[quantity] = differentiated(u[:, known[c]], w, kind)
     return FrequencyResponse(source, frequency, found, units)
 
 
@@ -196,8 +196,7 @@ def _steady(
         others = [i for i in free if i not in one.independent]
         if others:
             D[others] = -np.linalg.lstsq(linear.J[:, others], linear.J[:, k])[0]
-    each = w[:, None, None]
-    Z = np.asarray(linear.K + 1j * each * linear.C - each**2 * linear.M, complex)
+    Z = impedance(linear.M, linear.C, linear.K, w)
     push = linear.input - Z @ D
     z = np.linalg.solve(one.system.impedance(w), (push @ B)[:, :, None])[:, :, 0]
     moved = np.asarray(z @ B.T + D, complex)
@@ -208,7 +207,19 @@ def _steady(
     return moved, np.asarray(forces, complex)
 
 
-def unit_of(one: LinearMachine, name: str) -> str:
+def differentiated(amplitude: ComplexArray, w: Array, kind: str) -> ComplexArray:
+    """Amplitudes (N,) of a position, velocity or acceleration by those of the position."""
+    return np.asarray((1j * w) ** DERIVATIVES[kind] * amplitude)
+
+
+def units_of(one: LinearMachine, quantities: Sequence[str]) -> dict[str, str]:
+    """Units of quantities; of the positions of the independent coordinates if empty."""
+    coordinates = one.derivatives.coordinates
+    names = quantities or [f'position.{coordinates[i]}' for i in one.independent]
+    return {name: _unit_of(one, name) for name in names}
+
+
+def _unit_of(one: LinearMachine, name: str) -> str:
     """Unit of a quantity; refuses those that are not known."""
     kind, _, rest = name.partition('.')
     machine, coordinates = one.machine, one.derivatives.coordinates
@@ -244,7 +255,7 @@ def _amplitudes(
     kind, _, rest = name.partition('.')
     if kind in DERIVATIVES:
         k = one.derivatives.coordinates.index(rest)
-        return np.asarray((1j * w) ** DERIVATIVES[kind] * moved[:, k])
+        return differentiated(moved[:, k], w, kind)
     joint, _, axis = rest.rpartition('.')
     q, v, a, f, size = (x[_AXES.index(axis)] for x in one.derivatives.reaction(joint, one.at))
     found = moved @ q + 1j * w * (moved @ v) - w**2 * (moved @ a) + forces @ f

@@ -67,7 +67,7 @@ class SweepTask:
         with ExitStack() as files:
             if self.bag:
                 bag = files.enter_context(RunBag(self.bag, machine, figures.edges[-1]))
-                observers.append(lambda p: bag.add(p.motion, p.impacts, p.modes))
+                observers.append(bag.add)
             pieces: list[Piece] = []
             if self.keep:
                 observers.append(pieces.append)

@@ -6,17 +6,15 @@ The motion is polynomials, so samples are not recorded: they follow at any rate.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Self
 
-from mechanism_sim.engine import events as happened
-from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.messages import events, message_class, serialize
 from mechanism_sim.messages.segments import pack, row_names
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
+from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies.runs import file_errors
 
@@ -60,19 +58,15 @@ class RunBag:
                 final = until >= end
                 self._write('/drive', events.drive_law(law, n, until, final, 0.0), 0.0)
 
-    def add(
-        self,
-        motion: Motion,
-        impacts: Sequence[happened.Impact],
-        changes: Sequence[happened.ModeChange],
-    ) -> None:
-        """Append a batch of steps."""
-        for change in changes:
+    def add(self, piece: Piece) -> None:
+        """Append the piece that follows."""
+        motion = piece.motion
+        for change in piece.modes:
             self._write('/mode_changes', events.mode_change(change), change.t)
         if len(motion):
             message = pack(motion, *self._names, motion.curve.end)
             self._write('/motion', message, float(motion.curve.start[0]))
-        for impact in impacts:
+        for impact in piece.impacts:
             self._write('/impacts', events.impact(impact, self._impacts), impact.t)
             self._impacts += 1
 

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.energy_terms import work_since_start
-from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import BATCHES, ratio
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.results.measure_text import Measure
 from mechanism_sim.results.measures import Measurement, per_turn
-from mechanism_sim.results.run import Piece
+from mechanism_sim.results.run import Piece, is_loss
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.gate import admit_loose
 from mechanism_sim.studies.columns import MEANS
 
 
@@ -63,11 +63,7 @@ class StatisticsTally:
         for i, k in zip(impacts, self._intervals([i.t for i in impacts]), strict=True):
             self.table[k, :2] += 1.0, i.normal_impulse
             self.table[k, 4] += i.sudden_loss  # that of a touch is part of what its steps lose
-        lost = [
-            c.t
-            for c in piece.modes
-            if c.mode == Mode.FREE_FLIGHT and c.previous > Mode.FREE_FLIGHT
-        ]
+        lost = [c.t for c in piece.modes if is_loss(c)]
         np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
         curve, lost_in = motion.curve, piece.balance.work.friction
         k = self._intervals(curve.start)
@@ -135,11 +131,7 @@ def statistics(
     The confidence intervals are those of 20 batch means: right if a batch is much longer than the
     memory of the motion. Flight counts each loose joint by itself.
     """
-    loose, period = machine.plan.clearances, machine.drive.period
-    if machine.torque_driven or not loose or not np.isfinite(period):
-        raise InputError(
-            f'{machine.name}: statistics need clearance and a crank at constant speed'
-        )
+    admit_loose(machine, 'statistics need')
     if skip < 0:
         raise InputError(f'the revolutions to leave out must be at least 0, not {skip}')
     if revolutions < skip + BATCHES:

@@ -14,6 +14,7 @@ A solution is on one branch and circuit, since its crank turns, and takes the po
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +36,7 @@ _TURN = 2.0 * math.pi
 _HARMONICS = np.array([k for k in range(-10, 11) if k])
 _ARCS = np.linspace(0.08, 0.88, 9)
 """Parts of curves with which open paths are compared."""
-_TRIED, _KEPT = 60, 5
+_TRIED, KEPT = 60, 5
 """Curves from which least squares go on, and solutions that are shown."""
 _POLISHED = 20
 _EXACT = 1e-6
@@ -87,6 +88,13 @@ class PathFourBar:
     orientation: float = 0.0
     turned: float = 0.0
 
+    def worth(self, size: float) -> tuple[float, float]:
+        """Order of four-bars for a path of a size [m], the best first.
+
+        Of those that are exact the one with the best transmission is first.
+        """
+        return max(self.rms, _EXACT * size), -worst_transmission(self.transmission)
+
     def scene(self, file: str) -> dict[str, Any]:
         """A scene of uniform bars of 1 kg/m, with the distance from a file as a measure."""
         ground, crank, coupler, rocker = self.lengths
@@ -129,6 +137,15 @@ def _lengths(shapes: Array) -> Array:
 def worst_transmission(transmission: tuple[float, float]) -> float:
     """Distance of a transmission angle from 0 and from pi, at the worst."""
     return min(transmission[0], math.pi - transmission[1])
+
+
+def unlike(found: Iterable[PathFourBar]) -> list[PathFourBar]:
+    """Those whose lengths are not those of one before."""
+    kept: list[PathFourBar] = []
+    for one in found:
+        if all(not np.allclose(one.lengths, k.lengths, rtol=1e-3) for k in kept):
+            kept.append(one)
+    return kept
 
 
 def _misfit(z: Array, curves: Array) -> Array:
@@ -304,6 +321,11 @@ class _Fit:
             )
         return np.asarray(found.x)
 
+    def polished(self, x: Array) -> Array:
+        """Unknowns after many more evaluations, if they are right."""
+        exact = self.solve(x, 400)
+        return exact if self.is_right(exact) else x
+
     def is_right(self, x: Array) -> bool:
         """True if the crank turns, and the points come in order within one turn."""
         with np.errstate(all='ignore'):
@@ -352,20 +374,16 @@ def path_four_bars(path: TargetPath, transmission: float = 0.0) -> list[PathFour
             if fit.is_right(x):
                 found.append((float((fit.rest(x) ** 2).sum()), fit, x, mirrored))
     found.sort(key=lambda one: one[0])
-    kept: list[PathFourBar] = []
-    for _, fit, x, mirrored in found[:_POLISHED]:
-        exact = fit.solve(x, 400)
-        one = _placed(fit, exact if fit.is_right(exact) else x, centre, size, mirrored)
-        if all(not np.allclose(one.lengths, k.lengths, rtol=1e-3) for k in kept):
-            kept.append(one)
+    kept = unlike(
+        _placed(fit, fit.polished(x), centre, size, mirrored)
+        for _, fit, x, mirrored in found[:_POLISHED]
+    )
     if not kept:
         raise InputError(
             'no four-bar with a turning crank and a transmission angle of at least '
             f'{math.degrees(transmission):g} deg passes these points in their order'
         )
-    small = _EXACT * size  # of those that are exact the one with the best transmission is first
-    kept.sort(key=lambda one: (max(one.rms, small), -worst_transmission(one.transmission)))
-    return kept[:_KEPT]
+    return sorted(kept, key=lambda one: one.worth(size))[:KEPT]
 
 
 def _placed(fit: _Fit, x: Array, centre: complex, size: float, mirrored: bool) -> PathFourBar:

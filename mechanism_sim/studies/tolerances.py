@@ -18,8 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.build import build
-from mechanism_sim.scene.files import check_scene
+from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.studies.design import SIGMAS
 from mechanism_sim.studies.effects import Effect, FactorLevel, number
 from mechanism_sim.studies.plan import SweepPlan
@@ -215,4 +214,4 @@ def _run(plan: SweepPlan, values: Sequence[float]) -> Machine:
     """The machine with these values of the factors."""
     one = plan.runs[0]
     given = dict(zip((f.path for f in plan.factors), values, strict=True))
-    return build(one.name, check_scene(one.name, one.scene.to_document(), given))
+    return rebuilt(one.name, one.scene.to_document(), given)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats
+from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats, mm, rpm
 
 MORE, LESS, UNDECIDED = 'more', 'less', 'not decided'
 SAME = 'the same'
@@ -123,9 +123,9 @@ def _by_clearance(found: Experiment) -> Iterator[Claim]:
               'largest', {1: LESS, 2: SAME, 3: MORE}, ''),
         (350, 'severity falls slightly with clearance', {}, LESS),
     )  # fmt: skip
-    for rpm, text, by_step, expected in stated:
+    for at, text, by_step, expected in stated:
         for speed, runs in rows.items():
-            if round(speed * 30.0 / math.pi) != rpm:
+            if round(speed * 30.0 / math.pi) != at:
                 continue
             for figure in (_SUM, _SHOWN) if by_step or expected == LESS else (_SUM, _I_N, _SHOWN):
                 if by_step:
@@ -134,7 +134,7 @@ def _by_clearance(found: Experiment) -> Iterator[Claim]:
                     against = _steps(figure, runs, names, '', wanted)
                 else:
                     against = _ends(figure, {speed: runs}, lambda _: '', _mm, expected)
-                yield Claim(f'{rpm} rpm: {text}', figure.words, figure.scale, against)
+                yield Claim(f'{at} rpm: {text}', figure.words, figure.scale, against)
 
 
 def _by_speed(found: Experiment) -> Iterator[Claim]:
@@ -173,11 +173,11 @@ def spans_of_turns(found: Experiment) -> list[tuple[int, int]]:
 
 
 def _rpm(x: Repeats) -> str:
-    return f'{x.condition.speed * 30.0 / math.pi:.0f} rpm'
+    return f'{rpm(x.condition.speed)} rpm'
 
 
 def _mm(x: Repeats) -> str:
-    return f'{1e3 * x.condition.radial:.4g} mm'
+    return f'{mm(x.condition.radial)} mm'
 
 
 def _ends(

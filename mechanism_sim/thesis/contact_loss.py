@@ -49,12 +49,12 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.events import Mode
-from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.gate import admit_loose
 from mechanism_sim.strict_json import plain
 from mechanism_sim.thesis.force_cycle import (
     TURN,
@@ -410,10 +410,8 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
 
     The criteria of the clearance link are known for the joint between coupler and rocker only.
     """
+    admit_loose(machine, 'criteria need')
     angle, speed = machine.drive.start
-    steady = machine.drive.steady and not machine.torque_driven
-    if not steady or not speed or not machine.plan.clearances:
-        raise InputError(f'{machine.name}: criteria need clearance and a crank at constant speed')
     linkage = machine.nominal.linkage
     solution = simulate(machine, revolutions=revolutions)
     found = []
@@ -432,7 +430,7 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
         turns = [
             m.t * abs(speed) / (2.0 * math.pi)
             for m in solution.modes
-            if m.joint == joint and m.mode == Mode.FREE_FLIGHT and m.previous > Mode.FREE_FLIGHT
+            if m.joint == joint and is_loss(m)
         ]
         found.append(Losses(joint, tuple(predictions), tuple(turns)))
     return found

@@ -29,7 +29,6 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.sensing.chain import Instrument
-from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.thesis.reconstruction import Error
 from mechanism_sim.thesis.swing import (
     LINKS,
@@ -59,7 +58,6 @@ MESH = MESHES[-1]
 """[deg] of the crank: what cycles are drawn with, and alpha is made of."""
 QUANTITIES = 'acceleration', 'velocity'
 _AT_FIRST = 4  # turns
-_SEGMENT = 4  # turns under the window of spectra, if there are as many
 
 
 class BearingContact(NamedTuple):
@@ -75,6 +73,16 @@ class BearingContact(NamedTuple):
         return f'restitution {self.restitution:g}, friction {self.friction:g}'
 
 
+def rpm(speed: float) -> str:
+    """Of a speed [rad/s], without its unit."""
+    return f'{speed * 30.0 / math.pi:.4g}'
+
+
+def mm(radial: float) -> str:
+    """Of a clearance [m], without its unit."""
+    return f'{1e3 * radial:.4g}'
+
+
 class Condition(NamedTuple):
     """Condition of a run of the experiment: all in which they differ but for their start."""
 
@@ -85,7 +93,7 @@ class Condition(NamedTuple):
     @property
     def place(self) -> str:
         """Speed and clearance in words."""
-        return f'{self.speed * 30.0 / math.pi:.4g} rpm, clearance {1e3 * self.radial:.4g} mm'
+        return f'{rpm(self.speed)} rpm, clearance {mm(self.radial)} mm'
 
     def __str__(self) -> str:
         return f'{self.place}, {self.bearing}'
@@ -564,9 +572,7 @@ def order_amplitudes(of: Trial) -> Array:
     record = read_record(of.bag)
     sensor = next(iter(sensors_across(record.machine, 'coupler')))
     shown = deviation(record, sensor, skip=of.turns[0] - record.turns[0])
-    longest = min(_SEGMENT, max(map(len, TurnSegments(shown.values, shown.own.first).series()))
-                  // shown.values.shape[1])  # fmt: skip
-    return np.asarray(np.sqrt(shown.order_power(longest)[:ORDERS]))
+    return np.asarray(np.sqrt(shown.order_power(shown.segment)[:ORDERS]))
 
 
 def bags_of(folders: Sequence[Path]) -> list[Path]:

@@ -22,6 +22,8 @@ from mechanism_sim.thesis.experiment import (
     Interval,
     Repeats,
     Trial,
+    mm,
+    rpm,
 )
 from mechanism_sim.thesis.swing import LINKS
 
@@ -157,7 +159,7 @@ def _severity(found: Experiment, over: int, scale: float, words: str, unit: str)
         curves = []
         for k, other in enumerate(others):
             here = {at[over]: t for at, t in found.measured.items() if at[1 - over] == other}
-            name = f'{other * 30.0 / math.pi:.0f} rpm' if over else f'{1e3 * other:.4g} mm'
+            name = f'{rpm(other)} rpm' if over else f'{mm(other)} mm'
             y, half = size * np.array([read(group) for group in here.values()]).T
             curves.append(
                 ChartCurve(

@@ -32,6 +32,8 @@ from mechanism_sim.thesis.experiment import (
     Interval,
     Repeats,
     Trial,
+    mm,
+    rpm,
 )
 from mechanism_sim.thesis.swing import LINKS, MESHES
 
@@ -160,7 +162,7 @@ def _rounded(x: float, places: int) -> str:
 
 def _place(c: Condition) -> tuple[str, str]:
     """Speed [rpm] and clearance [mm]."""
-    return f'{c.speed * 30.0 / math.pi:.0f}', f'{1e3 * c.radial:.4g}'
+    return rpm(c.speed), mm(c.radial)
 
 
 def _bearing(group: Repeats) -> tuple[str, str, str]:
@@ -310,7 +312,7 @@ def _other_places(found: Experiment) -> Iterator[ExperimentTable]:
         clearances = sorted({radial for _, radial in places})
         rows = [
             (
-                f'{speed * 30.0 / math.pi:.0f}',
+                rpm(speed),
                 *(
                     figure(places[speed, c].shown()) if (speed, c) in places else ''
                     for c in clearances
@@ -323,7 +325,7 @@ def _other_places(found: Experiment) -> Iterator[ExperimentTable]:
             f'places of {bearing}',
             f'Deviation of the coupler as shown [rad/s^2], {bearing}; at most {most:.3g} impacts '
             'a turn',
-            ('rpm', *(f'{1e3 * c:.4g} mm' for c in clearances)),
+            ('rpm', *(f'{mm(c)} mm' for c in clearances)),
             rows,
         )
 

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.report.sections import Section, text
+from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.gate import admit_loose
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.strict_json import plain
@@ -50,8 +51,7 @@ def starts(
     show: Show | None = None,
 ) -> list[StartAngle]:
     """Seated starts at so many crank angles around the turn, in the order of the angles."""
-    if machine.torque_driven or not machine.drive.steady or not machine.plan.clearances:
-        raise InputError(f'{machine.name}: this needs clearance and a crank at constant speed')
+    admit_loose(machine, 'start angles need')
     if angles < 1:
         raise InputError('at least one start angle is needed')
     places = [2.0 * math.pi * k / angles for k in range(angles)]
@@ -73,9 +73,7 @@ def _follow(name: str, scene: Scene, revolutions: float) -> Row:
     """When contact is first lost in any joint [s], and the impacts of the run."""
     run = stream(Machine(name, scene), revolutions=revolutions)
     lost: list[float] = []
-    run.finish([
-        lambda piece: lost.extend(x.t for x in piece.modes if x.mode == Mode.FREE_FLIGHT)
-    ])  # fmt: skip
+    run.finish([lambda piece: lost.extend(x.t for x in piece.modes if is_loss(x))])
     return {'lost': min(lost, default=None), 'impacts': run.totals.impacts}
 
 

@@ -18,12 +18,11 @@ from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes
-from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.sensing.chain import Converter, Instrument, Noise
-from mechanism_sim.sensing.channel import Channel, SensorSource
+from mechanism_sim.sensing.channel import Channel, DirectSource, SensorSource
 from mechanism_sim.thesis import reconstruction as angular
 from mechanism_sim.thesis.reconstruction import Error, band_pass, both, error, fade, invert
 from mechanism_sim.vibration.shaken_frame import VelocitySteps
@@ -452,7 +451,7 @@ def all_samples(
     return np.concatenate([b.samples for b in blocks]), sum(b.overloads for b in blocks)
 
 
-class TurningLink:
+class TurningLink(DirectSource):
     """A source as `mechanism_sim.sensing.channel.Channel` takes it: exact, impacts included.
 
     Parameters
@@ -466,15 +465,9 @@ class TurningLink:
         If no coordinate is the angle of that link.
     """
 
-    inputs = 1
-
     def __init__(self, mechanism: Mechanism, link: str) -> None:
         self._index = mechanism.coordinates.index(link)
         self._steps = VelocitySteps()
-
-    def through(self, chain: Rational) -> Modes:
-        """The system from the angular acceleration to what comes out of a chain."""
-        return chain.modes()
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Angular acceleration (1, N) [rad/s^2], as ``motion.curve.at(segments, dt, 2)``."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.fourier import PeriodicSpectrum
-from mechanism_sim.vibration.systems import state_matrix
+from mechanism_sim.vibration.systems import impedance, state_matrix
 
 _BEYOND = 4.0  # times the largest root: from there on a system is all but its masses
 _EACH = 20000  # harmonics that are looked at one by one, in search of the largest response
@@ -110,8 +110,7 @@ class SteadyVibration:
         """Amplitudes (N, n) of a coordinate per force in N harmonics; infinite at resonances."""
         found = []
         for first in range(0, len(k), _BLOCK):
-            w = (self._w * k[first : first + _BLOCK])[:, None, None]
-            Z = np.asarray(self._K + 1j * w * self._C - w**2 * self._M, complex)
+            Z = impedance(self._M, self._C, self._K, self._w * k[first : first + _BLOCK])
             with np.errstate(invalid='ignore'):
                 own = np.einsum('i,kij->kj', self._B[row], _inverses(Z))
             found.append(np.where(np.isnan(own), np.inf, own))

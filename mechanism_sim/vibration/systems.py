@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.errors import InputError
 
 #: what is smaller, against the largest of its kind, is rounding
@@ -104,6 +104,12 @@ class LinearSystem:
 def _coupling(matrix: Array) -> float:
     """Largest entry off the diagonal."""
     return float(np.abs(matrix - np.diag(np.diag(matrix))).max())
+
+
+def impedance(mass: Array, damping: Array, stiffness: Array, w: Array) -> ComplexArray:
+    """Forces per displacement ``K + i w C - w^2 M`` (N, n, n) at frequencies w (N,) [rad/s]."""
+    each = w[:, None, None]
+    return np.asarray(stiffness + 1j * each * damping - each**2 * mass, complex)
 
 
 def state_matrix(mass: Array, damping: Array, stiffness: Array) -> Array:

@@ -534,7 +534,7 @@ def test_a_run_that_ended_before_its_end_is_told_from_a_whole_one(tmp_path, shar
     solution = ms.simulate('four_bar_nominal', duration=0.05)
     planned = solution.duration / share
     with RunBag(tmp_path / 'run.mcap', solution.machine, planned) as bag:
-        bag.add(solution.motion, solution.impacts, [])
+        bag.add(solution)
     found = analyze(tmp_path / 'run.mcap')
     assert (found.complete, found.planned_end) == (True, planned)
     said = [line for line in render(found).splitlines() if 'ENDED EARLY' in line]

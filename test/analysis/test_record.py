@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def recorded(path, record):
     with RunBag(path, record.machine, solution.duration) as bag:
         half = len(solution.motion) // 2
         for part in (slice(None, half), slice(half, None)):
-            bag.add(*_cut(solution, part))
+            bag.add(_cut(solution, part))
     return path
 
 
@@ -48,7 +49,7 @@ def _cut(solution, part):
     begin, end = curve.start[0], curve.end if part.stop is None else curve.start[-1]
     inside = [i for i in solution.impacts if (i.t > begin or part.start is None)
               and (i.t <= end or part.stop is None)]  # fmt: skip
-    return type(motion)(curve, *rest), inside, []
+    return replace(solution, motion=type(motion)(curve, *rest), impacts=inside, modes=[])
 
 
 @pytest.fixture(scope='module')
@@ -314,8 +315,8 @@ def test_a_bag_without_its_scene_or_with_a_hole(tmp_path, rough):
     with pytest.raises(InputError, match='does not hold its scene'):
         read_record(tmp_path / 'empty.mcap')
     with RunBag(tmp_path / 'hole.mcap', rough.machine, rough.end) as writer:
-        writer.add(*_cut(rough.piece, slice(None, 100)))
-        writer.add(*_cut(rough.piece, slice(200, None)))
+        writer.add(_cut(rough.piece, slice(None, 100)))
+        writer.add(_cut(rough.piece, slice(200, None)))
     with pytest.raises(InputError, match='is missing'):
         read_record(tmp_path / 'hole.mcap')
 

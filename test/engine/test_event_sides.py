@@ -164,7 +164,7 @@ def test_a_bag_says_the_same(name, tmp_path):
     """To the last bit, by a machine made anew; but for sums of the drive's work at impacts."""
     machine, solution = solved(name)
     with RunBag(tmp_path / 'run.mcap', machine, solution.duration) as bag:
-        bag.add(solution.motion, solution.impacts, solution.modes)
+        bag.add(solution)
     t, _ = boundaries(solution)
     read = read_record(tmp_path / 'run.mcap').piece
     expected, found = without_work(solution, t), without_work(read, t)

@@ -38,7 +38,7 @@ def of_a_sweep(machine, texts, extent):
 
 def of_a_bag(machine, solution, texts, folder):
     with RunBag(folder / 'run.mcap', machine, solution.duration) as bag:
-        bag.add(solution.motion, solution.impacts, solution.modes)
+        bag.add(solution)
     record = read_record(folder / 'run.mcap')
     taken = Measurement(record.machine, texts, record.start, record.end)
     taken.add(record.piece)

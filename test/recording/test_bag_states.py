@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -221,7 +222,8 @@ def states(ended, simulated, tmp_path_factory):
     found['early'].write_bytes(whole[: within_first_chunk(whole)])
     found['late'].write_bytes(whole[: 9 * len(whole) // 10])
     with RunBag(found['one'], machine, 0.1) as bag:
-        bag.add(solution.motion.between(0.0, float(solution.motion.curve.start[1])), [], [])
+        first = solution.motion.between(0.0, float(solution.motion.curve.start[1]))
+        bag.add(replace(solution, motion=first, impacts=[], modes=[]))
     sets = [x for key, value in SOFT.items() for x in ('--set', f'{key}={value}')]
     run = 'run', 'slider_crank', *sets, '--duration', '6', '--record', str(found['failed'])
     done = command(*run)

@@ -165,6 +165,10 @@ def test_contact_is_lost_where_the_thesis_has_its_disturbance():
 def test_studies_refuse_what_they_cannot_say(study):
     with pytest.raises(InputError, match=r'constant speed|clearance|free motion'):
         study(ms.load_scene('four_bar_nominal'))
+    faster = {'points': [['0 s', '100 rpm'], ['1 s', '350 rpm']]}
+    for speed in (faster, 0.0):
+        with pytest.raises(InputError, match='constant speed'):
+            study(ms.load_scene('four_bar_clearance', {'drive.speed': speed}))
     torque = {'drive': {'speed': 36.0, 'torque': {'constant': 0.1}}}
     with pytest.raises(InputError, match='constant speed'):
         study(ms.load_scene('four_bar_clearance', torque))

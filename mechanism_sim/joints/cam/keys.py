@@ -46,6 +46,7 @@ from mechanism_sim.keys.quantities import (
     AnyPosition,
     Coefficient,
     Displacement,
+    Hypothesis,
     Length,
     Part,
     Position,
@@ -263,7 +264,7 @@ class LiftOffPart(Part):
 
     restitution: Coefficient
     """Coefficient of restitution: 0 without rebound, 1 without loss."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    hypothesis: Hypothesis = 'newton'
     """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
     """Coefficient of Coulomb friction."""
@@ -280,7 +281,7 @@ class GroovePart(Part):
     """Width of the groove less the roller's diameter; 0 for an ideal one."""
     restitution: Coefficient | None = None
     """Of both walls; required with a clearance."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    hypothesis: Hypothesis = 'newton'
     """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
     """Coefficient of Coulomb friction, on the pin of the roller."""

@@ -17,13 +17,13 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
 from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
 from mechanism_sim.planar.view import Draft, Side, circle
 
 _ACROSS = 48
@@ -167,13 +167,10 @@ class DiscGap:
         self, frames: Frames, x: Jet, y: Jet
     ) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet], tuple[hy.expression, hy.expression]]:
         """Of a bar, the first's middle along and across it; from its end; flags of both ends."""
-        end, m = self.pair.end, self.mechanism
-        assert end is not None  # noqa: S101 - it is a bar
-        start = self.pair.on_second
-        way = math.atan2(end[1] - start[1], end[0] - start[0])
-        ux, uy = frames.position(m.direction(self.pair.second, way), f'{self.name}.bar')
+        ux, uy = self._bar(frames)
         along, across = ux * x + uy * y, ux * y - uy * x
-        length = dense(frames.parameters(f'{self.name}.bar_length', math.dist(start, end)))
+        ends = self.pair.on_second, self.pair.end or self.pair.on_second
+        length = dense(frames.parameters(f'{self.name}.bar_length', math.dist(*ends)))
         before = frames.switch(f'{self.name}.start', -dense(along.value))
         after = frames.switch(f'{self.name}.end', dense(along.value) - length)
         return (along, across), (x - ux * length, y - uy * length), (before, after)
@@ -194,15 +191,19 @@ class DiscGap:
         )
 
     def _bar(self, frames: Frames) -> tuple[Jet, Jet]:
+        """Unit vector along the second's segment."""
         end, start = self.pair.end, self.pair.on_second
         assert end is not None  # noqa: S101 - it is a bar
         way = math.atan2(end[1] - start[1], end[0] - start[0])
         return frames.position(self.mechanism.direction(self.pair.second, way), f'{self.name}.bar')
 
+    def _minus(self, frames: Frames) -> hy.expression:
+        return -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
+
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the first's middle to the second, ``-Q/R``."""
         x, y = self._nearest(frames)
-        minus = -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
+        minus = self._minus(frames)
         return x * minus, y * minus
 
     def slip(self, frames: Frames) -> Jet:
@@ -212,7 +213,7 @@ class DiscGap:
         has no value.
         """
         x, y = self._apart(frames)
-        minus = -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
+        minus = self._minus(frames)
         (r1, r2), ends = self.pair.radii, self.pair.points
         m, name = self.mechanism, self.name
 
@@ -226,20 +227,11 @@ class DiscGap:
         beyond = rolling(ex.across(ey) * minus, (r1, r2), '')
         # the side on which it lies is the sign of `across`, which in contact is R or -R
         side = -(across * minus)
-        flat = Jet(
-            None,
-            {c: mul(side.value, g) for c, g in along.gradient.items()},
-            mul(side.value, along.rate),
-            add(mul(side.value, along.curvature), mul(side.rate, along.rate)),
-        )
-        flat = rolling(flat, (r1, -r1), '.flat')
+        flat = rolling(side.times_rate(along), (r1, -r1), '.flat')
         slip: Jet = flat * (1.0 - before - after) + whole * before + beyond * after
         return slip
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """On the second-named link, about its point: it acts at the first's surface."""
-        force = contact_wrench(self.normal(frames), N, T)
-        x, y = self._apart(frames)
         arm = frames.parameters(f'{self.name}.first_radius', self.pair.radii[0])
-        moment = moment_of((x.value, y.value), (force.x, force.y))
-        return Wrench(force.x, force.y, add(moment, neg(mul(arm, T))))
+        return contact_wrench(self.normal(frames), N, T, arm, self._apart(frames))

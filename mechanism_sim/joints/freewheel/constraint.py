@@ -55,7 +55,7 @@ class Overrun(Wall):
         (ahead,) = self.closure.values(frames)
         ahead = ahead if self.side == 'right' else -ahead
         if not joint.teeth:
-            return Jet(None, ahead.gradient, ahead.rate, ahead.curvature)
+            return ahead.as_rate
         size = dense(frames.parameters(f'{self.joint}.size', self.closure.mechanism.size))
         away: Jet = frames.past_tooth(self.joint, ahead / size, joint.teeth) * size
         return away

@@ -40,7 +40,7 @@ from mechanism_sim.joints.mesh.reading import GearReading, read_mesh
 from mechanism_sim.linkages.springs import never_against
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, slid
-from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.frames import Frames, Jet, lift, wrapped
 from mechanism_sim.planar.mechanism import Bar, Coupling, Mechanism
 from mechanism_sim.planar.points import GROUND, LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import ForceElement, Load, Wrench, moment_of
@@ -76,7 +76,7 @@ class MeshClosure(HigherClosure[PlacedMesh]):
         u = lift(dense(neg(frames.parameters(f'{self.name}.phase', joint.phase))))
         for place, wave in zip(places, joint.waves, strict=True):
             u = u + place * wave
-        h = u.chain(per * hy.atan2(hy.sin(u.value), hy.cos(u.value)), per, None)
+        h = wrapped(u, per)
         for e, jet in self._errors(frames):
             h = h + places[e.member].chain(*jet)
         return [h]

@@ -21,7 +21,7 @@ from mechanism_sim.joints.mesh.sheet import MeshParts
 from mechanism_sim.joints.mesh.wheels import Placed, Wheel, place, read_wheel
 from mechanism_sim.keys.gear_keys import GearPart
 from mechanism_sim.keys.names import Names
-from mechanism_sim.keys.quantities import Coefficient, Displacement, Length, Part, si
+from mechanism_sim.keys.quantities import Coefficient, Displacement, Hypothesis, Length, Part, si
 from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.planar.joint_friction import TeethFriction
 from mechanism_sim.planar.mechanism import Mechanism
@@ -50,7 +50,7 @@ class BacklashPart(Part):
     """Of a transmission of links that turn: free angle of the second from stop to stop."""
     restitution: Coefficient | None = None
     """Coefficient of restitution: 0 without rebound, 1 without loss."""
-    hypothesis: Literal['newton', 'poisson', 'stronge'] = 'newton'
+    hypothesis: Hypothesis = 'newton'
     """Hypothesis of restitution: the ratio of velocities, of impulses or of energies."""
     friction: FrictionCoefficient = 0.0
     """Coefficient of friction of rigid flanks, at the mean distance from the pitch point."""

@@ -17,7 +17,7 @@ from mechanism_sim.planar.frames import Frames, Jet, lift
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
 from mechanism_sim.planar.play import SIDES, MeasuredGap, corner_name
 from mechanism_sim.planar.points import Vector2, rotate
-from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench, moment_of
+from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Side
 
@@ -90,8 +90,7 @@ class GuideClearance(MeasuredGap):
         x, y = self._off(frames, self._guide.on_first, self._guide.first, 'axis')
         ux, uy = self._along(frames, 0.0, 'along')
         way = ux * x + uy * y
-        way = -way if self.side == 'left' else way
-        return Jet(None, way.gradient, way.rate, way.curvature)
+        return (-way if self.side == 'left' else way).as_rate
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
         """From the wall to the axis."""
@@ -101,9 +100,8 @@ class GuideClearance(MeasuredGap):
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench of the wall on the block, at the corner."""
-        force = contact_wrench(self.normal(frames), N, T)
-        x, y = self._off(frames, self._guide.on_second, self._guide.second, 'block')
-        return Wrench(force.x, force.y, moment_of((x.value, y.value), (force.x, force.y)))
+        place = self._off(frames, self._guide.on_second, self._guide.second, 'block')
+        return contact_wrench(self.normal(frames), N, T, place=place)
 
 
 def corners(

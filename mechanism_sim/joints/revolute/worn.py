@@ -124,7 +124,7 @@ class WornSurface:
         if np.ptp(reach) <= 4.0 * np.spacing(reach.max()):  # a circle
             r = float(reach[0])
             return cls(c, 0j, _SOFT * r, (0.5 * r + 0j, *none), (c / r + 0j, *none))
-        turn = np.exp(2j * np.pi / m * np.arange(m))
+        turn = _evenly(m)
         ahead, behind = ([np.roll(reach, -sign * k) for k in (1, 2)] for sign in (1, -1))
         slope = (8.0 * (ahead[0] - behind[0]) - ahead[1] + behind[1]) * m / (24.0 * np.pi)
         z, normal = reach * turn - centre, (reach - 1j * slope) * turn
@@ -147,7 +147,7 @@ class WornSurface:
         q[0] = s[0] = 0.0
         found = replace(shell, a=tuple(c * (p + 1j * q)), b=tuple(r + 1j * s))
         value, gradient = found.measure(z)
-        error = float(np.abs(value / (gradient * normal.conj()).real).max())
+        error = _farthest(value, gradient, normal)
         tilt = float(np.abs(gradient + normal).max())
         return replace(found, centre=centre, error=error, tilt=tilt)
 
@@ -222,6 +222,16 @@ class WornSurface:
                 for n, f, f_rate, u, v in zip(signs, slope, slope_rate, z, z_rate, strict=True)
             ),
         )
+
+
+def _evenly(count: int) -> ComplexArray:
+    """Unit vectors in so many directions, evenly from that of x on."""
+    return np.asarray(np.exp(2j * np.pi / count * np.arange(count)))
+
+
+def _farthest(value: Array, gradient: ComplexArray, way: ComplexArray) -> float:
+    """How far zeros of a function are from places (N,), to first order along unit vectors."""
+    return float(np.abs(value / (gradient * way.conj()).real).max())
 
 
 def product(f: _Pair, g: _Pair) -> _Pair:
@@ -306,7 +316,7 @@ class WornShape:
 
     def inside(self, relative: float) -> tuple[float, float]:
         """The least of the gap well inside its edge, and the largest [m], by the links' turn."""
-        turn = np.exp(2j * np.pi / 72 * np.arange(72))
+        turn = _evenly(72)
         ways = [np.exp(1j * relative), 1.0][2 - len(self.surfaces) :]
         edge = self._edge(turn, ways)
         values = self.measure((np.linspace(0.0, 0.95, 20)[:, None] * edge).ravel(), ways)[0]
@@ -347,7 +357,7 @@ class FilmProfile:
         bushing, pin = (2.0 / LOOKS * np.fft.rfft(x)[: degree + 1] for x in depths)
         bushing[0], pin[0] = 0.5 * (bushing[0] + pin[0]), 0.0
         least, k = np.inf, np.arange(degree + 1)
-        turn = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS))
+        turn = _evenly(_DIRECTIONS)
         for way in np.exp(1j * np.linspace(0.0, 6.0, 7 if shape.pin else 1)):
             worn = (turn[:, None] ** k * (bushing + pin * way**-k)).real.sum(axis=1)
             known = zip((shape.pin, shape.bushing), (way, 1.0), strict=True)
@@ -430,7 +440,7 @@ def worn_shape(
 
 def _middle(reach: Array) -> complex:
     """The middle of a locus (m,) [m] along its longest radius: narrow ones are fitted best so."""
-    z = reach * np.exp(2j * np.pi / len(reach) * np.arange(len(reach)))
+    z = reach * _evenly(len(reach))
     way = z[int(reach.argmax())] / float(reach.max())
     along = (z * np.conj(way)).real
     return complex(0.5 * (along.max() + along.min()) * way)
@@ -440,10 +450,10 @@ def _error_of_both(
     shape: WornShape, clearance: float, radius: float, bushing: Array, pin: Array
 ) -> float:
     """How far the sum of both functions is from where the pin can be [m], at worst."""
-    turn, found = np.exp(2j * np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)), 0.0
+    turn, found = _evenly(_DIRECTIONS), 0.0
     for shift in range(0, LOOKS, LOOKS // 16):
         reach = locus(bushing + np.roll(pin, shift), clearance, radius)
         ways = np.exp(2j * np.pi / LOOKS * shift), 1.0
         value, gradient = shape.measure(reach * turn, ways)
-        found = max(found, float(np.abs(value / (gradient * turn.conj()).real).max()))
+        found = max(found, _farthest(value, gradient, turn))
     return found

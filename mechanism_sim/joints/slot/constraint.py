@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
+from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, StraightLine
@@ -121,14 +121,11 @@ class SlotWall(Wall):
             return with_turning(slip, frames, mechanism, self.name, ends[1:], arms[1:], bent)
         nx, ny = self.normal(frames)
         x, y = frames.position(mechanism.separation(self.joint), self.joint)
-        along = nx * y - ny * x
-        slip = Jet(None, along.gradient, along.rate, along.curvature)
+        slip = (nx * y - ny * x).as_rate
         return with_turning(slip, frames, mechanism, self.name, ends, arms)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench of the pin on the slot, where it touches."""
-        force = contact_wrench(self.normal(frames), N, T)
-        x, y = frames.position(self.closure.mechanism.separation(self.joint), self.joint)
+        place = frames.position(self.closure.mechanism.separation(self.joint), self.joint)
         arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)
-        moment = moment_of((x.value, y.value), (force.x, force.y))
-        return Wrench(force.x, force.y, add(moment, neg(mul(arm, T))))
+        return contact_wrench(self.normal(frames), N, T, arm, place)

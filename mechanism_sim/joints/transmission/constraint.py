@@ -20,7 +20,7 @@ import numpy as np
 from mechanism_sim.joints.mesh.reading import GearReading, read_ratio
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered, slid
-from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.frames import Frames, Jet, wrapped
 from mechanism_sim.planar.mechanism import Coupling, HigherPair, Mechanism, Prismatic
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import Load, Wrench
@@ -145,7 +145,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
         constant = frames.parameters(f'{self.name}.phase', math.remainder(rest, 2.0 * math.pi))
         u = u if constant is None else u + constant
         size = dense(frames.parameters(f'{self.name}.size', m.size / q))
-        return [u.chain(size * hy.atan2(hy.sin(u.value), hy.cos(u.value)), size, None)]
+        return [wrapped(u, size)]
 
     def _slid(self, frames: Frames) -> Jet:
         """How far the second is off [m], of links that slide."""

@@ -28,13 +28,9 @@ def of_contacts(machine: Machine) -> Iterator[Quantity]:
 
 def _of_contact(i: int, joint: str) -> Iterator[Quantity]:
     yield Quantity(
-        f'gap.{joint}',
-        'm',
-        f'gap in {joint}',
-        joint,
-        lambda view: view.observed.gap[i],
+        f'gap.{joint}', 'm', f'gap in {joint}', joint, lambda view: view.observed.gap[i],
         difference=True,
-    )
+    )  # fmt: skip
     yield Quantity(
         f'normal_force.{joint}', 'N', f'normal force in {joint}', joint,
         lambda view: view.observed.normal_force[i],

@@ -14,7 +14,7 @@ from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import MotionBound
-from mechanism_sim.results.quantity import Quantity, Shown, View, vector
+from mechanism_sim.results.quantity import Quantity, Shown, View, direction, magnitude, vector
 from mechanism_sim.scene import Machine
 
 
@@ -62,13 +62,8 @@ def _of_joint(i: int, joint: str, transmits_moment: bool) -> Iterator[Quantity]:
             f'{name}.moment', 'N m', f'moment in {joint}', joint,
             lambda view: view.observed.reaction_moment[i], part='moment',
         )  # fmt: skip
-    yield Quantity(
-        f'{name}.size', 'N', words, joint, lambda view: np.hypot(*force(view)), Shown.CYCLE, 'size'
-    )
-    yield Quantity(
-        f'{name}.direction', 'rad', f'direction of the {words}', joint,
-        lambda view: np.arctan2(*force(view)[::-1]), Shown.CYCLE, 'direction',
-    )  # fmt: skip
+    yield magnitude(name, 'N', words, joint, force, Shown.CYCLE)
+    yield direction(name, words, joint, force, Shown.CYCLE)
 
 
 def _loss(i: int, friction: JointFriction) -> Quantity:

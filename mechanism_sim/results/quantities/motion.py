@@ -19,7 +19,7 @@ from mechanism_sim.planar.protocols import EndGap, moment_of
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.planar.unknowns import Unknowns
 from mechanism_sim.planar.virtual_work import located
-from mechanism_sim.results.quantity import Quantity, Shown, View, vector
+from mechanism_sim.results.quantity import Quantity, Shown, View, direction, magnitude, vector
 from mechanism_sim.scene import Machine
 
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
@@ -190,9 +190,7 @@ def _of_tilting_joint(joint: str, ends: list[tuple[int, EndGap]]) -> Iterator[Qu
 
     name, words = f'bearing_moment.{joint}', f'moment out of the plane in {joint}'
     yield from vector(name, 'N m', words, joint, moment)
-    yield Quantity(
-        f'{name}.size', 'N m', words, joint, lambda view: np.hypot(*moment(view)), part='size'
-    )
+    yield magnitude(name, 'N m', words, joint, moment, Shown.RUN)
     if any(gap.thrust for _, gap in ends):
 
         def thrust(view: View) -> Array:
@@ -212,16 +210,13 @@ def of_frame(machine: Machine) -> Iterator[Quantity]:
     def rows(view: View) -> Array:
         return view.once('shaking', lambda: shaking(view))
 
-    words = 'shaking force on the frame'
-    yield from vector('shaking_force', 'N', words, '', rows, Shown.CYCLE)
-    yield Quantity(
-        'shaking_force.size', 'N', words, '', lambda view: np.hypot(*rows(view)[:2]),
-        Shown.CYCLE, 'size',
-    )  # fmt: skip
-    yield Quantity(
-        'shaking_force.direction', 'rad', f'direction of the {words}', '',
-        lambda view: np.arctan2(*rows(view)[1::-1]), Shown.ASKED, 'direction',
-    )  # fmt: skip
+    def force(view: View) -> Array:
+        return rows(view)[:2]
+
+    name, words = 'shaking_force', 'shaking force on the frame'
+    yield from vector(name, 'N', words, '', force, Shown.CYCLE)
+    yield magnitude(name, 'N', words, '', force, Shown.CYCLE)
+    yield direction(name, words, '', force, Shown.ASKED)
     yield Quantity(
         'shaking_moment', 'N m', 'shaking moment on the frame about the origin', '',
         lambda view: rows(view)[2], Shown.CYCLE,

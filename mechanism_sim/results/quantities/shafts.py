@@ -13,7 +13,7 @@ from mechanism_sim.planar.mechanism import HigherPair, Joint, Revolute
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.planar.view import TOOTH_PARTS, ToothLoad
-from mechanism_sim.results.quantity import Quantity, Shown, View, vector
+from mechanism_sim.results.quantity import Quantity, Shown, View, magnitude, vector
 from mechanism_sim.scene import Machine
 
 
@@ -74,9 +74,7 @@ def _of_bearing(shaft: str, i: int, bearing: str) -> Iterator[Quantity]:
         return np.asarray(bearing_loads(view)[shaft].force[i])
 
     yield from vector(name, 'N', words, shaft, force, Shown.PARTS)
-    yield Quantity(
-        f'{name}.size', 'N', words, shaft, lambda view: np.hypot(*force(view)), Shown.PARTS, 'size'
-    )
+    yield magnitude(name, 'N', words, shaft, force, Shown.PARTS)
 
 
 def _axial(shaft: str, i: int, bearing: str) -> Quantity:
