@@ -15,6 +15,8 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.studies import periodic as periodic_text
+from mechanism_sim.report.studies import statistics as statistics_text
+from mechanism_sim.results.measure_text import read_all
 from mechanism_sim.studies.periodic import PeriodicResponse, PoincareMap, find_periodic
 from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.statistics import statistics
@@ -229,6 +231,21 @@ def test_a_run_of_a_loose_machine_has_means_with_intervals():
     (line,) = (x for x in text.splitlines() if 'impacts per revolution' in x and '95 %' in x)
     assert f' {own["impacts"]["mean"]:.6g} +- ' in line
     assert run_json('solve', 'four_bar_nominal', '--revolutions', '3')['per_revolution'] is None
+
+
+def test_measures_of_statistics_are_said_to_be_means_of_those_of_each_revolution():
+    """A second route: windows of one run, turn by turn, and all turns at once."""
+    machine = ms.load_scene('four_bar_clearance')
+    solution, text = ms.simulate(machine, revolutions=20), 'rms(drive_torque)'
+    windows = [f'{text[:-1]}, from {k} revolutions to {k + 1} revolutions)' for k in range(20)]
+    *each, whole = (m.value for m in ms.measure(machine, solution, *windows, text))
+    found = statistics(machine, 20, 0, measures=read_all([text], 'measures'))
+    assert found.measures[0].mean == pytest.approx(np.mean(each), rel=1e-9)
+    assert np.sqrt(np.mean(np.square(each))) == pytest.approx(whole, rel=1e-9)
+    assert found.measures[0].mean < 0.9999 * whole
+    head, row = statistics_text(found).splitlines()[-2:]
+    assert head == 'measures of each revolution, the mean of them:'
+    assert row.startswith(f'  {text}  {np.mean(each):.6g} +- ')
 
 
 def test_stability_is_not_told_where_a_multiplier_is_one_but_for_its_error():
