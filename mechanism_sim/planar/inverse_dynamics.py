@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import heyoka as hy
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -237,6 +238,29 @@ class InverseDynamics:
             ]
         second = SwitchedFunction(frames, groups, [*motion, *closing, *sizes])
         return first, second
+
+    @cached_property
+    def _damping(self) -> SwitchedFunction:
+        frames = self.equations.frames
+        loads = [x for e in self.elements for x in e.loads(frames)]
+        forces = generalised(loads, frames, self.mechanism)
+        terms = [dense(neg(forces.get(c))) for c in self.mechanism.coordinates]
+        slopes = [hy.diff(x, v) for x in terms for v in frames.v.values()]
+        motion = [*frames.q.values(), *frames.v.values(), *frames.outside.values()]
+        return SwitchedFunction(frames, [slopes], motion)
+
+    def damping(self, q: Array, v: Array) -> Array:
+        """How springs, dampers and loads resist a change of rates, (n, n, N) ``-dQ/dv``.
+
+        Of forces Q that depend on nothing but the motion.
+
+        Parameters
+        ----------
+        q, v : (n, N) angles [rad] or displacements [m], and rates
+        """
+        none = np.zeros((len(self.outside), q.shape[1]))
+        (found,) = self._damping(np.concatenate([q, v, none]))
+        return found.reshape(len(q), len(q), -1)
 
     def __call__(
         self,

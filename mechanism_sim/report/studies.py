@@ -69,6 +69,8 @@ def statistics(found: Statistics) -> str:
         if math.isfinite(found.I_n)
         else '  no impacts'
     )
+    if found.measures:
+        lines.append('measures of each revolution, the mean of them:')
     for m in found.measures:
         unit, scale = for_people(m.unit, abs(m.mean))
         lines.append(f'  {m.name}  {m.shown(scale)} {unit}'.rstrip())

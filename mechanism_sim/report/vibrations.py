@@ -223,7 +223,10 @@ def response_text(found: FrequencyResponse) -> str:
     """For people: a row for each frequency."""
     units = {name: _per(found, name) for name in found.amplitudes}
     rows = _amplitude_rows(found.frequency, found.amplitudes, units)
-    return '\n'.join(text_table.lines(rows, indent=''))
+    lines = text_table.lines(rows, indent='')
+    if not found.source.unit:
+        lines.append(f'{found.source.name}; phases before cos(w t), from its start at t = 0')
+    return '\n'.join(lines)
 
 
 def _amplitude_rows(

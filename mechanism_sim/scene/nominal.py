@@ -13,7 +13,7 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.keys.names import SceneError
 from mechanism_sim.linkages.drive_range import DriveRange, drive_range
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.linkages.four_bar import FourBar, FourBarLoop
 from mechanism_sim.linkages.ideal import FourBarMotion, IdealMotion, LinkageMotion
 from mechanism_sim.linkages.mobility import PART, RANK_TOLERANCE
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
@@ -48,15 +48,20 @@ class Nominal:
     forces: bool
 
     @property
-    def linkage(self) -> FourBar:
-        """Lengths and branch of a four-bar whose links' angles are those from joint to joint."""
+    def four_bar(self) -> FourBarLoop:
+        """The four-bar that it is, whose links' angles are those from joint to joint."""
         loop = self.assembly.loop
         if loop is None or any(loop.turned):
             raise SceneError(
                 f'{self.name}: this is for four-bars only, whose links have their joints on their '
                 'x axes'
             )
-        return loop.linkage
+        return loop
+
+    @property
+    def linkage(self) -> FourBar:
+        """Lengths and branch of `four_bar`."""
+        return self.four_bar.linkage
 
     @cached_property
     def motion(self) -> IdealMotion:

@@ -134,17 +134,23 @@ def unbalance_response(
 ) -> FrequencyResponse:
     """The vibration at the frequency of rotation over steady speeds (N,) [rad/s] of the drive.
 
+    Phases are those before cos(w t), where the drive is at its start at t = 0.
+
     Parameters
     ----------
     quantities : as those of `harmonics`
+    speeds : all positive, or all negative for a drive that turns clockwise
     """
     main = turning(machine, '--speeds')
     one = linearised(machine, known=derivatives(machine, held=kept(machine)))
     units = _own_units(one, quantities)
     driven = [*machine.plan.prescribed, *kept(machine)]
-    w = np.abs(np.asarray(speeds, float))
-    if not w.all():
-        raise InputError('--speeds: without rotation there is no vibration: begin above 0')
+    w, senses = np.abs(np.asarray(speeds, float)), set(np.sign(speeds).tolist())
+    if senses not in ({1.0}, {-1.0}):
+        raise InputError(
+            '--speeds: without rotation there is no vibration: begin above 0, or end below it for '
+            'a drive that turns clockwise'
+        )
     z = np.array([
         _harmonics(
             one, driven, np.array([x if c == main else 0.0 for c in driven]), 2.0 * np.pi / abs(x),
@@ -156,7 +162,8 @@ def unbalance_response(
     for name in units:
         kind, _, rest = name.partition('.')
         found[name] = differentiated(z[:, one.derivatives.coordinates.index(rest)], w, kind)
-    source = HarmonicSource(f'rotation of {main}', '')
+    sense = 'counterclockwise' if senses == {1.0} else 'clockwise'
+    source = HarmonicSource(f'{sense} rotation of {main}', '')
     return FrequencyResponse(source, w / (2.0 * np.pi), found, units)
 
 

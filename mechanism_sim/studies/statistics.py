@@ -29,7 +29,12 @@ from mechanism_sim.studies.columns import MEANS
 
 @dataclass(frozen=True)
 class Statistics:
-    """Means over the revolutions after those skipped; `I_n` is impulse per impact ([SB] 7.3)."""
+    """Means over the revolutions after those skipped; `I_n` is impulse per impact ([SB] 7.3).
+
+    Attributes
+    ----------
+    measures : the mean of what each of them is in every revolution by itself
+    """
 
     revolutions: int
     skipped: int

@@ -52,6 +52,8 @@ _LONGEST, _FARTHEST = 12.0, 3.0
 """Of lengths in cranks, or cranks in lengths; of the point in couplers."""
 _LEAST_TURN = 0.3
 """[rad] of the crank along a path; pieces that are found begin with half a radian or more."""
+_NEAR = 1e-6
+"""Weight of unknowns, less those where least squares begin: it moves exact points by 1e-12."""
 _STEP = 1e-6
 """Of central differences: the third root of the rounding."""
 
@@ -274,8 +276,7 @@ class _Fit:
         """Distances that are left, as real numbers; large where nothing can be assembled."""
         off, (shape, angles) = self.linear(x)[2], self.unpack(x)
         both = np.concatenate([off.real, off.imag, self.beyond(shape), [self.short(angles)]])
-        none = np.zeros(max(0, len(x) - len(both)))  # MINPACK wants as many
-        return np.append(np.nan_to_num(both, nan=10.0), none)
+        return np.asarray(np.nan_to_num(both, nan=10.0))
 
     def beyond(self, shapes: Array) -> Array:
         """By how much transmission angles and proportions (7, ...) are beyond their limits."""
@@ -310,14 +311,21 @@ class _Fit:
         if self.at is None and self.short(angles):
             way = math.copysign(_WEIGHT, angles[-1] - angles[0])
             beyond[5, 7], beyond[-1, 7] = way, -way
-        both = np.nan_to_num(np.hstack([columns.real, columns.imag, beyond]).T)
-        return np.vstack([both, np.zeros((max(0, len(x) - len(both)), len(x)))])
+        return np.asarray(np.nan_to_num(np.hstack([columns.real, columns.imag, beyond]).T))
 
     def solve(self, x: Array, most: int) -> Array:
-        """Unknowns after so many evaluations at most."""
+        """Unknowns after so many evaluations at most, of many that fit the nearest ones."""
+        # few points leave unknowns open; without full rank MINPACK steps otherwise at every call
+        near = _NEAR * np.eye(len(x))
         with np.errstate(all='ignore'):
             found = scipy.optimize.least_squares(
-                self.rest, x, self.slopes, method='lm', max_nfev=most, xtol=1e-13, ftol=1e-13
+                lambda y: np.append(self.rest(y), _NEAR * (y - x)),
+                x,
+                lambda y: np.vstack([self.slopes(y), near]),
+                method='lm',
+                max_nfev=most,
+                xtol=1e-13,
+                ftol=1e-13,
             )
         return np.asarray(found.x)
 

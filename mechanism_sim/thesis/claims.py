@@ -7,9 +7,9 @@ which is the larger. So a conclusion that is drawn here holds for other starts a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats, mm, rpm
 
@@ -139,8 +139,13 @@ def _by_clearance(found: Experiment) -> Iterator[Claim]:
 
 def _by_speed(found: Experiment) -> Iterator[Claim]:
     rows = {
-        radial: [x for (_, c), x in found.measured.items() if c == radial]
+        (radial, sense): [
+            x
+            for (s, c), x in found.measured.items()
+            if c == radial and math.copysign(1, s) == sense
+        ]
         for radial in found.clearances
+        for sense in (1.0, -1.0)
     }
     for text, figure, expected in (
         ('more speed: more severity', _SUM, MORE),
@@ -182,7 +187,7 @@ def _mm(x: Repeats) -> str:
 
 def _ends(
     figure: _Figure,
-    rows: dict[float, list[Repeats]],
+    rows: Mapping[Any, list[Repeats]],
     where: Callable[[Repeats], str],
     name: Callable[[Repeats], str],
     expected: str,

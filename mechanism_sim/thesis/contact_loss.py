@@ -18,10 +18,12 @@ bushing and pin ([3], [8]), which can only press ([8]). How they judge it is der
 that stands off by Q = c n, n = u(eta), t = v(eta), displaces the free links by B Q; B inverts the
 Jacobian J of the clearance vector. With the inertias I of the free links, to leading order in c,
 
-    m (c eta'' t - c eta'^2 n) + H c eta' t = F - N n,   m = B^T I B,   H = 2 B^T I B'
+    m (c eta'' t - c eta'^2 n) + H c eta' t = F - N n,   m = B^T I B,   H = 2 B^T I B' + B^T D B
 
-The left side moves the pin against the bushing; the right side is what the contact force N leaves
-of the force of the ideal mechanism. Across and along the link, a pendulum in the field of F:
+by which free links of the rates w resist: D = -dQ/dw, from the generalised forces Q of dampers
+and loads. The left side moves the pin against the bushing; the right side is what the contact
+force N leaves of the force of the ideal mechanism. Across and along the link, a pendulum in the
+field of F:
 
     m_tt c eta'' = F.t + m_tn c eta'^2 - H_tt c eta'
     N = F.n + m_nn c eta'^2 - m_nt c eta'' - H_nt c eta'
@@ -35,8 +37,8 @@ swings of the link by a part of their own size that does not shrink with the cle
 - `lagging_link`: the lag of a link that turns as the force does, ``R sin(lag) = m_tt c gamma'' -
   m_tn c gamma'^2 + H_tt c gamma'``. Where the sine would have to exceed 1, the link falls behind.
   Below that contact may be lost all the same, by swings that add up.
-- `free_link`: the pendulum itself, integrated until N falls through zero. No friction damps it, so
-  it depends on its start as the machine does.
+- `free_link`: the pendulum itself, integrated until N falls through zero. It has no friction; with
+  little damping it depends on its start as the machine does.
 """
 
 from __future__ import annotations
@@ -49,7 +51,9 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.linkages.four_bar import FourBar, FourBarLoop
+from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import simulate
@@ -90,24 +94,40 @@ class ClearanceLink:
     radial : clearance [m], the length of the link
     inertia : at crank angles (N,) the mass m [kg] felt by the pin as it moves against the bushing,
         and 2 B^T I dB/d(crank angle) [kg/rad], both (2, 2, N) in fixed axes
+    damping : at crank angles (N,) the force that it feels by its rate, B^T D B (2, 2, N) [N s/m]
     """
 
     radial: float
     inertia: Callable[[Array], tuple[Array, Array]]
+    damping: Callable[[Array], Array] | None = None
+
+    def felt(self, angle: Array, speed: float) -> tuple[Array, Array]:
+        """At crank angles (N,) the mass m [kg], and H over the speed of the crank [kg/rad]."""
+        m, transport = self.inertia(angle)
+        if self.damping is not None:
+            transport = transport + self.damping(angle) / speed
+        return m, transport
 
     @classmethod
     def four_bar(
-        cls, radial: float, linkage: FourBar, coupler_inertia: float, rocker_inertia: float
+        cls,
+        radial: float,
+        linkage: FourBar,
+        coupler_inertia: float,
+        rocker_inertia: float,
+        resistance: Callable[[Array], Array] | None = None,
     ) -> ClearanceLink:
         """Between coupler and rocker of a four-bar whose crank is held to its law.
 
         Parameters
         ----------
         coupler_inertia, rocker_inertia : [kg m^2] about the crank pin and the pivot in the frame
+        resistance : D (2, 2, N) [N m s] of coupler and rocker at crank angles (N,), if any
         """
         links = np.diag([coupler_inertia, rocker_inertia])
 
-        def inertia(angle: Array) -> tuple[Array, Array]:
+        def displacing(angle: Array) -> tuple[Array, Array]:
+            """B and dJ/d(crank angle), (N, 2, 2)."""
             one = np.ones_like(angle)
             (_, th3, th4), (_, w3, w4), _ = linkage.motion(angle, one, 0.0 * one)
             l3, l4 = linkage.coupler, linkage.rocker
@@ -120,13 +140,23 @@ class ClearanceLink:
                     [-l3 * np.sin(th3) * w3, l4 * np.sin(th4) * w4],
                 ]
             )
-            J, dJ = jacobian.transpose(2, 0, 1), change.transpose(2, 0, 1)
-            B = np.linalg.inv(J)
+            return np.linalg.inv(jacobian.transpose(2, 0, 1)), change.transpose(2, 0, 1)
+
+        def inertia(angle: Array) -> tuple[Array, Array]:
+            B, dJ = displacing(angle)
             left = B.transpose(0, 2, 1) @ links
             m, transport = left @ B, -2.0 * left @ B @ dJ @ B
             return m.transpose(1, 2, 0), transport.transpose(1, 2, 0)
 
-        return cls(radial, inertia)
+        if resistance is None:
+            return cls(radial, inertia)
+
+        def damping(angle: Array) -> Array:
+            B, _ = displacing(angle)
+            D = resistance(angle).transpose(2, 0, 1)
+            return np.asarray((B.transpose(0, 2, 1) @ D @ B).transpose(1, 2, 0))
+
+        return cls(radial, inertia, damping)
 
 
 @dataclass(frozen=True)
@@ -302,25 +332,20 @@ def follow(
     turns : of the crank, after which to give up
     rate : of the link [rad/s]; without it that of free links that have their ideal rates, which is
         -t.(J B') n
-
-    Raises
-    ------
-    ValueError
-        If no force gives the link a direction at the start.
     """
     here = np.array([start])
     speed = cycle.speed
     way = math.copysign(1.0, speed)
     force = cycle.curve(here, 0)[:, 0]
     if not math.hypot(*force) > _EPS * cycle.maximum[1]:
-        raise ValueError(f'no force gives the clearance link a direction at {start:.9g} rad')
+        raise InputError(f'no force gives the clearance link a direction at {start:.9g} rad')
     eta = math.atan2(force[1], force[0])
     m, transport = (x[:, :, 0] for x in link.inertia(here))
     if rate is None:
         n, t = np.array([math.cos(eta), math.sin(eta)]), np.array([-math.sin(eta), math.cos(eta)])
         rate = float(-t @ np.linalg.solve(m, 0.5 * speed * transport @ n))
     inertia = resolve(
-        lambda x: np.concatenate([part.reshape(4, -1) for part in link.inertia(x)]),
+        lambda x: np.concatenate([part.reshape(4, -1) for part in link.felt(x, speed)]),
         'the inertia of the clearance link',
     )
 
@@ -368,7 +393,7 @@ def follow(
             highest = tip(pull, x[max(i - 1, 0)], x[min(i + 1, len(x) - 1)])[1]
             least = -max(highest, float(values[i]))
     if solver.status == 'failed':
-        raise ArithmeticError(f'the clearance link could not be followed to {solver.t:.9g} rad')
+        raise RunError(f'the clearance link could not be followed to {solver.t:.9g} rad')
     return PinFollowing(None, None, least)
 
 
@@ -377,7 +402,7 @@ def _turning(cycle: ForceCycle, link: ClearanceLink, angle: Array) -> tuple[Arra
     rates = cycle.rates(angle)
     rate, turn = rates.turn()
     force = rates.magnitude
-    m, transport = link.inertia(angle)
+    m, transport = link.felt(angle, cycle.speed)
     H = cycle.speed * transport
     with np.errstate(invalid='ignore'):
         n = rates.force / force
@@ -412,28 +437,68 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
     """
     admit_loose(machine, 'criteria need')
     angle, speed = machine.drive.start
-    linkage = machine.nominal.linkage
+    predictions = _predicted(machine, angle, speed, revolutions)
     solution = simulate(machine, revolutions=revolutions)
     found = []
-    about = [
-        body.inertia + body.mass * body.cog[0] ** 2
-        for body in (machine.mechanism.body(link) for link in ('coupler', 'rocker'))
-    ]
-    for joint, clearance in machine.plan.clearances.items():
-        cycle = ForceCycle.nominal(linkage, machine.nominal.inverse_dynamics, joint, speed)
-        link = (
-            ClearanceLink.four_bar(clearance.radial, linkage, about[0], about[1])
-            if (joint,) == machine.plan.closing
-            else None
-        )
-        predictions = contact_loss(cycle, link, start=angle, turns=revolutions)
+    for joint, predicted in predictions.items():
         turns = [
             m.t * abs(speed) / (2.0 * math.pi)
             for m in solution.modes
             if m.joint == joint and is_loss(m)
         ]
-        found.append(Losses(joint, tuple(predictions), tuple(turns)))
+        found.append(Losses(joint, tuple(predicted), tuple(turns)))
     return found
+
+
+def _predicted(
+    machine: Machine, angle: float, speed: float, revolutions: float
+) -> dict[str, list[Prediction]]:
+    """Criteria for every loose joint of a four-bar, from a crank angle [rad] on at a speed."""
+    loop, dynamics = machine.nominal.four_bar, machine.nominal.inverse_dynamics
+    acting = ', '.join(e.name for e in dynamics.elements)
+    beside = {'time' if x == 'time' else 'states' for x in dynamics.outside if '.turns' not in x}
+    if beside:
+        raise InputError(
+            f'{machine.name}: criteria need forces that follow from the crank angle, which those '
+            f'of {acting} do not: they depend on {" and ".join(sorted(beside))}; leave them out, '
+            f'or give them by {loop.links[0]}'
+        )
+    if np.isnan(loop.linkage.positions(np.array([0.0, math.pi]))).any():
+        raise InputError(f'{machine.name}: criteria need a crank that makes full turns')
+    between = {j.name: {j.first, j.second} for j in dynamics.mechanism.joints}
+    predictions = {}
+    try:
+        for joint, clearance in machine.plan.clearances.items():
+            cycle = ForceCycle.nominal(loop, dynamics, joint, speed)
+            link = None
+            if between[joint] == {*loop.links[1:]}:
+                link = _clearance_link(clearance.radial, loop, dynamics, speed)
+            predictions[joint] = contact_loss(cycle, link, start=angle, turns=revolutions)
+    except InputError as error:
+        advice = f'; of {acting} leave out, or smooth, what steps, has corners or counts turns'
+        raise InputError(
+            f'{machine.name}: criteria cannot be judged, for {error}{advice if acting else ""}'
+        ) from error
+    return predictions
+
+
+def _clearance_link(
+    radial: float, loop: FourBarLoop, dynamics: InverseDynamics, speed: float
+) -> ClearanceLink:
+    """Between coupler and rocker of an ideal four-bar at a speed of its crank [rad/s]."""
+    bodies = [dynamics.mechanism.body(link) for link in loop.links[1:]]
+    about = [b.inertia + b.mass * (b.cog[0] ** 2 + b.cog[1] ** 2) for b in bodies]
+    coordinates = dynamics.mechanism.coordinates
+    order = [loop.links.index(c) for c in coordinates]
+    free = np.array([coordinates.index(link) for link in loop.links[1:]])
+
+    def resistance(angle: Array) -> Array:
+        q, v, _ = loop.motion(angle, np.full_like(angle, speed), np.zeros_like(angle))
+        return np.asarray(dynamics.damping(q[order], v[order])[free[:, None], free])
+
+    return ClearanceLink.four_bar(
+        radial, loop.linkage, about[0], about[1], resistance if dynamics.elements else None
+    )
 
 
 def render(found: Sequence[Losses]) -> str:

@@ -99,6 +99,11 @@ class Condition(NamedTuple):
         return f'{self.place}, {self.bearing}'
 
 
+def pace(speed: float) -> tuple[float, float]:
+    """Key that sorts speeds by their size, of equal ones the clockwise first."""
+    return abs(speed), speed
+
+
 class Interval(NamedTuple):
     """A mean, and half of its confidence interval (`CONFIDENCE`); nan where nothing tells it."""
 
@@ -148,7 +153,7 @@ class CrankTurn:
 
     Attributes
     ----------
-    angle : of the crank in the middle of the steps [deg]
+    angle : of the crank in the middle of the steps [deg], falling where it turns clockwise
     acceleration, velocity : of coupler and rocker (2, n), accelerations as means over the steps
     force : of the coupler on the rocker (2, n) [N], with impulses spread over their step
     torque : of the drive (n,) [N m], likewise
@@ -358,8 +363,9 @@ def _cycle(record: Record, ideal: Record, turn: int) -> CrankTurn:
             without['drive_torque'],
         ]
     )
+    travelled = np.asarray((np.arange(len(middle)) + 0.5) * MESH, float)
     return CrankTurn(
-        np.asarray((np.arange(len(middle)) + 0.5) * MESH, float),
+        travelled if record.sense > 0.0 else 360.0 - travelled,
         (np.diff(curve(edges, 1), axis=0) / width[:, None]).T[rows],
         v.T[rows],
         force,
@@ -458,18 +464,18 @@ class Experiment:
 
     @cached_property
     def measured(self) -> dict[tuple[float, float], Repeats]:
-        """The runs of that machine by speed [rad/s] and clearance [m], in rising order."""
+        """The runs of that machine by speed [rad/s] and clearance [m], rising in size."""
         return self.places(self.bearing)
 
     def places(self, bearing: BearingContact) -> dict[tuple[float, float], Repeats]:
-        """The runs of a bearing by speed [rad/s] and clearance [m], in rising order."""
+        """The runs of a bearing by speed [rad/s] and clearance [m], rising in size."""
         found = {x.condition[:2]: x for x in self.groups if x.condition.bearing == bearing}
-        return dict(sorted(found.items()))
+        return dict(sorted(found.items(), key=lambda x: (*pace(x[0][0]), x[0][1])))
 
     @property
     def speeds(self) -> list[float]:
-        """At which it was run [rad/s]."""
-        return sorted({speed for speed, _ in self.measured})
+        """At which it was run [rad/s], the slowest first."""
+        return sorted({speed for speed, _ in self.measured}, key=pace)
 
     @property
     def clearances(self) -> list[float]:
@@ -479,7 +485,7 @@ class Experiment:
     @property
     def reference(self) -> Repeats:
         """The runs at the highest speed, there with the largest clearance."""
-        return self.measured[max(self.measured)]
+        return [*self.measured.values()][-1]
 
     @property
     def bearings(self) -> list[Repeats]:

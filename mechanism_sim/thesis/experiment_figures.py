@@ -107,10 +107,12 @@ def _unlike_chapter_8(group: Repeats) -> tuple[float, float]:
 
 def _last_turn(trial: Trial, link: str) -> tuple[slice, Array]:
     """Samples of the last whole turn, and the crank's angle at them [deg]."""
-    angle = trial.swings[link].angle
+    sense = math.copysign(1.0, trial.condition.speed)
+    angle = sense * trial.swings[link].angle
     begin = 360.0 * (math.floor(angle[-1] / 360.0 + 1e-3) - 1.0)
     chosen = slice(*np.searchsorted(angle, [begin, begin + 360.0]))
-    return chosen, angle[chosen] - begin
+    travelled = angle[chosen] - begin
+    return chosen, travelled if sense > 0.0 else 360.0 - travelled
 
 
 def _spectrum(trial: Trial) -> Chart:

@@ -33,6 +33,7 @@ from mechanism_sim.thesis.experiment import (
     Repeats,
     Trial,
     mm,
+    pace,
     rpm,
 )
 from mechanism_sim.thesis.swing import LINKS, MESHES
@@ -318,7 +319,7 @@ def _other_places(found: Experiment) -> Iterator[ExperimentTable]:
                     for c in clearances
                 ),
             )
-            for speed in sorted({speed for speed, _ in places})
+            for speed in dict.fromkeys(speed for speed, _ in places)
         ]
         most = max(x.impacts('count').mean for x in places.values())
         yield ExperimentTable(
@@ -359,7 +360,7 @@ def _limits(found: Experiment) -> ExperimentTable:
     """Effect of the lower limit of the amplifiers on what [SB] did."""
     rows = []
     for (limit, condition), errors in sorted(
-        (found.limits or {}).items(), key=lambda item: (item[0][1].speed, -item[0][0])
+        (found.limits or {}).items(), key=lambda item: (pace(item[0][1].speed), -item[0][0])
     ):
         cells = [
             figure(Interval.over([_relative(e[quantity, link]['thesis'], key) for e in errors]))

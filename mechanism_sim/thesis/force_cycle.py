@@ -13,7 +13,8 @@ import scipy
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.linkages.four_bar import FourBar
+from mechanism_sim.errors import InputError
+from mechanism_sim.linkages.four_bar import FourBarLoop
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 
 Curve = Callable[[Array, int], Array]
@@ -38,13 +39,18 @@ class Fourier:
 
 
 def resolve(function: Callable[[Array], Array], what: str) -> Fourier:
-    """The Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding."""
+    """The Fourier series of a periodic function (N,) -> (k, N), with all terms above rounding.
+
+    Parameters
+    ----------
+    what : names the function in the sentence that refuses one which is not smooth and periodic
+    """
     n = 512  # a pulse of a force as narrow as that is met
     check = TURN * np.array([0.0123, 0.2718, 0.5772, 0.9159])  # at no fraction of the turn
     while n <= _MOST_SAMPLES:
         values = np.asarray(function(TURN * np.arange(n, dtype=np.float64) / n), dtype=np.float64)
         if not np.isfinite(values).all():
-            raise ValueError(f'{what} is not finite everywhere')
+            raise InputError(f'{what} is not finite at all angles of the crank')
         size = float(np.abs(values).max())
         terms = np.fft.rfft(values) / n
         height = np.abs(terms).max(axis=0)
@@ -55,9 +61,8 @@ def resolve(function: Callable[[Array], Array], what: str) -> Fourier:
             if np.abs(series(check) - function(check)).max() <= 1e-10 * size:
                 return series
         n *= 2
-    raise ValueError(
-        f'{what} is not a smooth function of the crank angle with period 2 pi; '
-        'a force may be given as samples instead'
+    raise InputError(
+        f'{what} is not a smooth function of the crank angle that repeats with every turn'
     )
 
 
@@ -170,41 +175,40 @@ class ForceCycle:
     resolution: int
 
     @classmethod
-    def resolved(cls, force: Callable[[Array], Array], speed: float) -> ForceCycle:
+    def resolved(
+        cls, force: Callable[[Array], Array], speed: float, what: str = 'the force'
+    ) -> ForceCycle:
         """A force known at every crank angle: as a Fourier series resolved to rounding.
 
         Parameters
         ----------
         force : components (2, N) [N] at crank angles (N,) [rad], of period 2 pi
         speed : of the crank [rad/s], with its sign
-
-        Raises
-        ------
-        ValueError
-            If the force is not finite, smooth and periodic, or the crank is at rest.
+        what : as of `resolve`
         """
-        series = resolve(force, 'the force')
+        series = resolve(force, what)
         points = max(360, 16 * series.order.size)
         if speed == 0.0 or not math.isfinite(speed):
-            raise ValueError(f'the crank must turn: its speed cannot be {speed:g} rad/s')
+            raise InputError(f'the crank must turn: its speed cannot be {speed:g} rad/s')
         return cls(series, speed, points)
 
     @classmethod
     def nominal(
-        cls, linkage: FourBar, dynamics: InverseDynamics, joint: str, speed: float
+        cls, loop: FourBarLoop, dynamics: InverseDynamics, joint: str, speed: float
     ) -> ForceCycle:
         """The force in a joint of an ideal four-bar at constant speed of the crank [rad/s].
 
         It is that of the first-named on the second-named link of the joint.
         """
         index = [j.name for j in dynamics.mechanism.joints].index(joint)
+        order = [loop.links.index(c) for c in dynamics.mechanism.coordinates]
 
         def force(angle: Array) -> Array:
             rate = np.full_like(angle, speed)
-            motion = linkage.motion(angle, rate, np.zeros_like(angle))
-            return np.asarray(dynamics(*motion).reaction[index])
+            motion = loop.motion(angle, rate, np.zeros_like(angle))
+            return np.asarray(dynamics(*(x[order] for x in motion)).reaction[index])
 
-        return cls.resolved(force, speed)
+        return cls.resolved(force, speed, f'the force in {joint}')
 
     def rates(self, angle: Array) -> ForceRates:
         """Force and derivatives in time at crank angles (N,) [rad]."""
@@ -286,7 +290,7 @@ class ForceCycle:
         forces = self.magnitude(x)
         largest = float(forces.max())
         if largest == 0.0:
-            raise ValueError('there is no force in this bearing')
+            raise InputError('there is no force in this bearing')
         if largest - float(forces.min()) <= 1e-12 * largest:
             return []
         values = slope(x)

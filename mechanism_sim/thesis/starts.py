@@ -17,6 +17,9 @@ from mechanism_sim.scene.schema import Scene
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
+_SAME = 1e-9
+"""Of times until contact is lost: a difference that symmetrical starts may have by rounding."""
+
 
 @dataclass(frozen=True)
 class StartAngle:
@@ -78,16 +81,22 @@ def _follow(name: str, scene: Scene, revolutions: float) -> Row:
 
 
 def render(found: Sequence[StartAngle]) -> str:
-    """Start angles for people, the best one named."""
+    """Start angles for people, the best ones named."""
     rows = []
     for s in found:
         kept = math.isinf(s.followed)
         followed = 'all of it' if kept else f'{s.followed:.4f} rev'
         lost = '' if kept else f'{math.degrees(s.lost_at):.1f} deg'
         rows.append((f'{math.degrees(s.angle):.1f} deg', followed, lost, s.impacts))
-    best = math.degrees(max(found, key=lambda s: s.followed).angle)
+    longest = max(s.followed for s in found)
+    best = [s for s in found if math.isclose(s.followed, longest, rel_tol=_SAME)]
     head = 'start angle', 'follows for', 'loses it at', 'impacts'
-    note = f'of these, contact lasts longest from {best:.1f} deg'
+    if len(best) < len(found):
+        angles = ', '.join(f'{math.degrees(s.angle):.1f}' for s in best)
+        note = f'of these, contact lasts longest from {angles} deg'
+    else:
+        how = 'is kept' if math.isinf(longest) else 'lasts equally long'
+        note = f'contact {how} from all of these'
     return text([Section(table=[head, *rows], notes=[note], left=0)])
 
 

@@ -11,6 +11,7 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.vibrations import response_text
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.scene.check import check
 from mechanism_sim.studies.harmonics import harmonics, unbalance_response
@@ -352,6 +353,28 @@ def disks_of_the_book(**given):
         'drive': {'coordinate': 'disk', 'speed': 100.0, 'start_angle': 0.0},
         'gravity': [0.0, 0.0],
     }, 'book'), mass  # fmt: skip
+
+
+def test_phases_over_speeds_are_those_before_the_cosine_from_the_start():
+    """The unbalance turns from its direction at the start: along x as cos(w t + that)."""
+    w = np.array([60.0, 140.0])
+    direction = math.radians(30.0) + 0.5 * math.pi
+    turned = {'drive.start_angle': '30 deg', 'links.disk.cog': ['0 mm', '0.1 mm']}
+    plain, other = (ms.load_scene('overhung_rotor', x) for x in ({}, turned))
+    straight = unbalance_response(plain, [], w).amplitudes
+    for sense, words in ((1.0, 'counterclockwise'), (-1.0, 'clockwise')):
+        found = unbalance_response(other, [], sense * w)
+        x, y = (found.amplitudes[f'position.disk.{c}'] for c in 'xy')
+        assert x == pytest.approx(straight['position.disk.x'] * np.exp(1j * sense * direction))
+        assert y == pytest.approx(-1j * sense * x)
+        shown = response_text(found).splitlines()[-1]
+        assert (
+            shown == f'{words} rotation of disk; phases before cos(w t), from its start at t = 0'
+        )
+    for span in ('-300 rpm:300 rpm:4', '0 rpm:300 rpm:4'):
+        done = run('response', 'overhung_rotor', f'--speeds={span}')
+        assert done.returncode == 2
+        assert 'begin above 0, or end below it for a drive that turns clockwise' in done.stderr
 
 
 def test_two_disks_have_the_critical_speeds_and_whirl_of_influence_coefficients():

@@ -15,11 +15,15 @@ import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import batches, quotient, ratio
 from mechanism_sim.report.studies import periodic as periodic_text
+from mechanism_sim.report.studies import statistics as statistics_text
+from mechanism_sim.results.measure_text import read_all
+from mechanism_sim.scene.load import started_at
 from mechanism_sim.studies.periodic import PeriodicResponse, PoincareMap, find_periodic
 from mechanism_sim.studies.runs import Workers
 from mechanism_sim.studies.statistics import statistics
 from mechanism_sim.thesis.contact_loss import losses
-from mechanism_sim.thesis.starts import starts
+from mechanism_sim.thesis.starts import StartAngle, starts
+from mechanism_sim.thesis.starts import render as starts_text
 
 JOINT = 'joints.coupler_rocker.clearance'
 SCENES = {
@@ -191,6 +195,48 @@ def test_commands_print_json():
     assert joint['lost_at_revolutions']
 
 
+def test_all_start_angles_from_which_contact_lasts_longest_are_named():
+    inf, pi = math.inf, math.pi
+
+    def note(*followed):
+        rows = [StartAngle(k * pi / 2.0, x, 0) for k, x in enumerate(followed)]
+        return starts_text(rows).splitlines()[-1]
+
+    assert note(0.5, 1.25, 0.75) == 'of these, contact lasts longest from 90.0 deg'
+    assert note(inf, 0.5, inf) == 'of these, contact lasts longest from 0.0, 180.0 deg'
+    assert note(0.5, 0.1, 0.5 + 1e-13) == 'of these, contact lasts longest from 0.0, 180.0 deg'
+    assert note(inf, inf) == 'contact is kept from all of these'
+    assert note(0.5, 0.5) == 'contact lasts equally long from all of these'
+
+
+def test_a_seated_start_takes_off_a_normal_rate_either_way():
+    """Of the pin on its bushing, by vectors of the links: with ideal rates, and at the start."""
+    before = []
+    for angle in np.radians(np.arange(0.0, 360.0, 30.0)):
+        machine = started_at(ms.load_scene('four_bar_clearance'), angle)
+        l = machine.nominal.linkage  # noqa: E741 - the lengths
+        ideal = l.motion(np.array([angle]), np.array([machine.drive.start[1]]), np.zeros(1))[1]
+        start = ms.simulate(machine, duration=1e-4).sample([0.0])
+        arms = np.array(
+            [
+                size * np.exp(1j * start[f'position.{link}'][0])
+                for size, link in (
+                    (l.crank, 'crank'),
+                    (l.coupler, 'coupler'),
+                    (-l.rocker, 'rocker'),
+                )
+            ]
+        )
+        away = arms.sum() - l.ground
+        own = [start[f'velocity.{link}'][0] for link in ('crank', 'coupler', 'rocker')]
+        rates = [
+            float((1j * arms @ w * away.conjugate()).real / abs(away)) for w in (ideal[:, 0], own)
+        ]
+        before.append(rates[0])
+        assert abs(rates[1]) < 1e-12
+    assert min(before) < -1e-3 < 1e-3 < max(before)  # some would leave, some would strike
+
+
 def test_criteria_of_the_four_bar_are_refused_for_other_linkages():
     loose = {'joints.rod_piston.clearance': {'radial': 1e-4, 'restitution': 0.5}}
     with pytest.raises(InputError, match='this is for four-bars only'):
@@ -233,6 +279,21 @@ def test_a_run_of_a_loose_machine_has_means_with_intervals():
     (line,) = (x for x in text.splitlines() if 'impacts per revolution' in x and '95 %' in x)
     assert f' {own["impacts"]["mean"]:.6g} +- ' in line
     assert run_json('solve', 'four_bar_nominal', '--revolutions', '3')['per_revolution'] is None
+
+
+def test_measures_of_statistics_are_said_to_be_means_of_those_of_each_revolution():
+    """A second route: windows of one run, turn by turn, and all turns at once."""
+    machine = ms.load_scene('four_bar_clearance')
+    solution, text = ms.simulate(machine, revolutions=20), 'rms(drive_torque)'
+    windows = [f'{text[:-1]}, from {k} revolutions to {k + 1} revolutions)' for k in range(20)]
+    *each, whole = (m.value for m in ms.measure(machine, solution, *windows, text))
+    found = statistics(machine, 20, 0, measures=read_all([text], 'measures'))
+    assert found.measures[0].mean == pytest.approx(np.mean(each), rel=1e-9)
+    assert np.sqrt(np.mean(np.square(each))) == pytest.approx(whole, rel=1e-9)
+    assert found.measures[0].mean < 0.9999 * whole
+    head, row = statistics_text(found).splitlines()[-2:]
+    assert head == 'measures of each revolution, the mean of them:'
+    assert row.startswith(f'  {text}  {np.mean(each):.6g} +- ')
 
 
 def test_stability_is_not_told_where_a_multiplier_is_one_but_for_its_error():

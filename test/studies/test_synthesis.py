@@ -10,6 +10,7 @@ from running import run, run_json
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.results.path_distance import TargetPath
+from mechanism_sim.studies import synthesis
 from mechanism_sim.studies.synthesis import path_four_bars
 
 GROUND, CRANK, COUPLER, ROCKER = 0.2, 0.05, 0.3, 0.25
@@ -144,6 +145,20 @@ def error(found, z):
         k = np.abs(path_of(found, near) - z[:, None]).argmin(axis=1)
         nearest = near[np.arange(len(z)), k]
     return np.abs(path_of(found, nearest) - z)
+
+
+def test_points_that_leave_a_four_bar_open_give_the_same_one_at_every_call():
+    """Six points have twelve coordinates, four-bars and their angles fifteen unknowns."""
+    z = traced(np.radians([10.0, 70.0, 130.0, 200.0, 260.0, 320.0]))
+    z = (z - z.mean()) / np.sqrt((np.abs(z - z.mean()) ** 2).mean())
+    shape, angles = np.array([4.2, 6.3, 5.1, 0.4, 0.6]), np.arange(1.0, 7.0)
+    fit = synthesis._Fit(z, None, 0.0)
+    rng, found, memory = np.random.default_rng(5), set(), []
+    for _ in range(25):
+        memory += [np.empty(rng.integers(3000)) for _ in range(7)]  # where arrays come to lie
+        found.add(fit.solve(fit.pack(shape, angles), 40).tobytes())
+    assert len(found) == 1
+    assert np.abs(fit.linear(np.frombuffer(found.pop()))[2]).max() < 1e-9
 
 
 def test_a_curve_of_a_four_bar_is_found_again_with_its_cognates():

@@ -7,11 +7,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from builders import made
 from four_bars import RADIAL, SPEED, reference
 from scipy.integrate import quad
 
 import mechanism_sim as ms
 from mechanism_sim.engine.events import Mode
+from mechanism_sim.errors import InputError
 from mechanism_sim.thesis.contact_loss import (
     ClearanceLink,
     contact_loss,
@@ -19,6 +21,7 @@ from mechanism_sim.thesis.contact_loss import (
     free_link,
     index_spans,
     lagging_link,
+    losses,
     polar_plot,
     small_force,
     turn_over_least_force,
@@ -41,7 +44,7 @@ def thesis(speed=SPEED, gravity=True):
     machine = ms.load_scene('four_bar_nominal', overrides)
     speed = machine.scene.drive.speed.value
     cycle = ForceCycle.nominal(
-        machine.nominal.linkage, machine.nominal.inverse_dynamics, 'coupler_rocker', speed
+        machine.nominal.four_bar, machine.nominal.inverse_dynamics, 'coupler_rocker', speed
     )
     inertias = [
         link.inertia + link.mass * link.cog**2
@@ -473,7 +476,91 @@ def test_a_free_link_depends_on_where_it_starts():
     assert len({round(run.angles[0], 3) for run in runs.values()}) == 3
 
 
+TURNED_MASSES = {'links.coupler.cog': ['185 mm', '60 mm'], 'links.rocker.cog': ['134 mm', '70 mm']}
+
+
+def load(**keys):
+    return {'loads.l': {'at': 'rocker', **keys}}
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'turns', 'within'),
+    [
+        pytest.param(TURNED_MASSES, 1.0, 1e-3, id='centres of gravity off the axes'),
+        pytest.param(load(torque='-0.03*rocker_rate'), 1.3, 4e-4, id='linear damper'),
+        pytest.param(
+            load(torque='-0.001*rocker_rate**3'), 2.0, 5e-4, id='cubic', marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_masses_off_the_axes_and_dampers_are_those_of_the_machine(overrides, turns, within):
+    (found,) = losses(ms.load_scene('four_bar_clearance', overrides), turns)
+    link = found.predictions[-1]
+    assert link.criterion == 'free link'
+    assert gap(link.angles[0], TURN * found.turns[0]) < TURN * within
+
+
+def test_a_damper_that_keeps_contact_is_known_to_the_pendulum():
+    damped = ms.load_scene('four_bar_clearance', load(torque='-0.05*rocker_rate'))
+    (found,) = losses(damped, 1.5)
+    assert not found.turns
+    assert not found.predictions[-1].predicts_loss
+    assert found.predictions[-1].figure > 0.0
+
+
+WRITTEN_OUT = """
+links:
+  lever: {length: 312 mm, cog: 134 mm, mass: 0.2334 kg, inertia: 3176 kg mm^2}
+  ground: {points: {pivot: [387 mm, 0 mm]}}
+  bar: {length: 309 mm, cog: 185 mm, mass: 0.2439 kg, inertia: 2950 kg mm^2}
+  crank: {length: 64 mm, cog: 9 mm, mass: 0.6095 kg, inertia: 2645 kg mm^2}
+joints:
+  d: {revolute: [ground.pivot, lever]}
+  c: {revolute: [lever.end, bar.end], clearance: {radial: 0.254 mm, restitution: 0.5}}
+  b: {revolute: [bar, crank.end]}
+  a: {revolute: [ground, crank]}
+guess: {bar: 60 deg, lever: 110 deg}
+gravity: [0 m/s^2, -9.8145 m/s^2]
+drive: {speed: 36.6519 rad/s}
+start: seated
+loads: {l: {at: lever, torque: -0.01*lever_rate}}
+"""
+
+
+def test_a_four_bar_has_its_criteria_in_whatever_order_it_is_written():
+    """Links with other names, coordinates, joints and ends of joints in another order."""
+    (short,) = losses(ms.load_scene('four_bar_clearance', load(torque='-0.01*rocker_rate')), 0.1)
+    (written,) = losses(made(WRITTEN_OUT), 0.1)
+    assert [p.criterion for p in written.predictions] == [p.criterion for p in short.predictions]
+    np.testing.assert_allclose(flat(written.predictions), flat(short.predictions), rtol=1e-9)
+
+
 # --- refusals ---------------------------------------------------------------------------------
+
+
+STEPS = 'is not a smooth function of the crank angle that repeats with every turn; of loads.l'
+
+
+@pytest.mark.parametrize(
+    ('overrides', 'says'),
+    [
+        (load(torque='0.5*sin(31*t)'), 'those of loads.l do not: they depend on time'),
+        (
+            {'states.p': {'rate': '1-p', 'start': 0.0}} | load(torque='0.1*p'),
+            'they depend on states',
+        ),
+        (load(torque='0.5*sin(0.8458*crank)'), STEPS),
+        (load(torque='-0.2*sign(rocker_rate)'), STEPS),
+        (
+            load(torque='1 N m', during={'coordinate': 'crank', 'from': '30 deg', 'to': '1 rad'}),
+            STEPS,
+        ),
+        ({'links.crank.length': '280 mm'}, 'need a crank that makes full turns'),
+    ],
+)
+def test_forces_that_are_no_function_of_the_crank_angle_end_with_one_sentence(overrides, says):
+    with pytest.raises(InputError, match=f'^four_bar_clearance: criteria .*{says}'):
+        losses(ms.load_scene('four_bar_clearance', overrides), 0.1)
 
 
 @pytest.mark.parametrize(

@@ -243,6 +243,45 @@ def test_alpha_by_order_is_that_of_the_bags(found):
     assert found.orders[0].half_width > 0.0
 
 
+@pytest.fixture(scope='module')
+def clockwise(tmp_path_factory):
+    """A crank that turns clockwise, at two speeds."""
+    folder = tmp_path_factory.mktemp('clockwise')
+    for rpm in (250, 350):
+        machine = ms.load_scene('four_bar_measured', {'drive.speed': f'-{rpm} rpm'})
+        task = SweepTask(
+            '', machine.name, machine.scene, Extent(4, None, 0), folder / f'{rpm}.mcap'
+        )
+        assert compute(task).row['status'] == DONE
+    return read_experiment(bags_of([folder]), skip=2)
+
+
+def test_of_two_cranks_that_turn_clockwise_the_faster_one_has_the_highest_speed(clockwise):
+    assert [x.condition.place[:8] for x in clockwise.measured.values()] == ['-250 rpm', '-350 rpm']
+    assert 'compared at -350 rpm' in summary(clockwise)
+    faster = [x for x in claims(clockwise) if x.text.startswith('more speed')]
+    assert len(faster) == 4
+    assert {c.ends for x in faster for c in x.comparisons} == {('-250 rpm', '-350 rpm')}
+
+
+def test_cycles_of_a_clockwise_crank_are_drawn_over_the_angle_that_it_has(clockwise):
+    """The closed form of the ideal linkage at the angles drawn gives the velocities drawn."""
+    trial = clockwise.reference.first
+
+    def coupler(degrees):
+        speed = np.full_like(degrees, trial.condition.speed)
+        linkage = trial.machine.nominal.linkage
+        return linkage.motion(np.radians(degrees), speed, 0.0 * speed)[1][1]
+
+    angle = trial.first.angle
+    assert (angle[0], angle[-1]) == pytest.approx((360.0 - 0.5 * MESH, 0.5 * MESH))
+    np.testing.assert_allclose(trial.first.nominal[2], coupler(angle), atol=1e-8)
+    swing = trial.swings['coupler']
+    turn, angle = experiment_figures._last_turn(trial, 'coupler')
+    assert len(angle) == pytest.approx(60.0 / 350.0 * trial.sample_rate, abs=1.0)
+    np.testing.assert_allclose(swing.nominal[1][turn], coupler(angle), atol=1e-8)
+
+
 def test_a_figure_has_the_digits_of_its_interval():
     shown = [figure(Interval(*x)) for x in (
         (2433.2, 321.4), (60.7182, 3e-9), (0.15512, 0.0214), (20.43, 9.94), (0.0, 0.0),
