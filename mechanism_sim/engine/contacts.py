@@ -38,7 +38,7 @@ from mechanism_sim.engine.rubbing_contacts import (
     iterate_friction_modes,
     set_trial_modes,
 )
-from mechanism_sim.engine.switching import Switching
+from mechanism_sim.engine.switching import Switching, jammed_joints
 from mechanism_sim.errors import RunError
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -197,7 +197,7 @@ class Contacts:
     def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""
         if guard == Guard(-1, 0):
-            raise self.switching.jammed_joints()
+            raise jammed_joints(self.present)
         if guard.pin is not None:
             self.switching.update_pin_direction(guard.pin)
         elif guard.side is not None:
