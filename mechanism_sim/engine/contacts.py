@@ -140,10 +140,10 @@ class Contacts:
 
     # --- events -------------------------------------------------------------------------------
 
-    def handle(self, guard: int, t: float) -> None:
-        """A guard fell through zero at a time [s]."""
+    def handle(self, guard: int, t: float, earlier: int) -> None:
+        """A guard fell through zero at a time [s], after some others at this very instant."""
         found = self._system.guards[guard]
-        self.state.begin_event(t)
+        self.state.begin_event(t, earlier)
         self._respond(found, guard)
         if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
