@@ -137,6 +137,8 @@ class ContactTolerances(NamedTuple):
     cone_force: float = 1e-9
     #: roundings of a guard: one that fell farther did not fall at the same instant
     same_instant: float = 1e3
+    #: events at one instant: what then falls at rest does so by rounding
+    again: int = 2
     #: of the friction bound, by which a slip that other contacts hold stays within
     held_slip: float = 1e-9
     #: gaps at rest beside joint friction up to which all combinations of modes are tried

@@ -133,10 +133,14 @@ class ContactState:
     def horizon(self, longest: float) -> None:
         self._reals[respond.HORIZON] = longest
 
-    def begin_event(self, t: float) -> None:
-        """Tell the arrays when an event happens [s], and how fast the drives are then."""
+    def begin_event(self, t: float, earlier: int = 0) -> None:
+        """Tell the arrays when an event happens [s], after how many others at this very instant.
+
+        And how fast the drives are then.
+        """
         self._reals[respond.TIME] = t
         self.stages.counters[respond.ROUNDS] = 0
+        self.stages.counters[respond.AGAIN] = earlier
         laws, tau = self.present.base.laws, self.present.integrator.time
         for k, law in enumerate(laws, start=respond.DRIVES):
             self._reals[k] = rate_of(law, tau)

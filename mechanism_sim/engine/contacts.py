@@ -38,7 +38,7 @@ from mechanism_sim.engine.rubbing_contacts import (
     iterate_friction_modes,
     set_trial_modes,
 )
-from mechanism_sim.engine.switching import Switching
+from mechanism_sim.engine.switching import Switching, jammed_joints
 from mechanism_sim.errors import RunError
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -140,10 +140,10 @@ class Contacts:
 
     # --- events -------------------------------------------------------------------------------
 
-    def handle(self, guard: int, t: float) -> None:
-        """A guard fell through zero at a time [s]."""
+    def handle(self, guard: int, t: float, earlier: int) -> None:
+        """A guard fell through zero at a time [s], after some others at this very instant."""
         found = self._system.guards[guard]
-        self.state.begin_event(t)
+        self.state.begin_event(t, earlier)
         self._respond(found, guard)
         if not self._resolves_all and len(self._system.guards) > 1:
             self._respond_to_missed()
@@ -197,7 +197,7 @@ class Contacts:
     def _resolve(self, guard: Guard, index: int) -> None:
         """Tell apart by its guard what happened."""
         if guard == Guard(-1, 0):
-            raise self.switching.jammed_joints()
+            raise jammed_joints(self.present)
         if guard.pin is not None:
             self.switching.update_pin_direction(guard.pin)
         elif guard.side is not None:

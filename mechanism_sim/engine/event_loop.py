@@ -248,7 +248,7 @@ class EventLoop:
     def _respond(self, guard: int, tau: float) -> None:
         """Handle the event at which a guard fell, at the end of the last step."""
         self._ta.time = tau
-        self._contacts.handle(guard, self._count_event(tau))
+        self._contacts.handle(guard, self._count_event(tau), self._simultaneous)
         self._ta.reset_cooldowns()
         if self._gaps.status is not self._marked:
             self._mark()

@@ -46,22 +46,26 @@ def acting(
     Parameters
     ----------
     switches : k that may hold
-    rates : (k,) of their functions, linear in the flags of loads and in every T
+    rates : (k,) of their functions, linear in each flag of a load, and in every T
     forces : (k,) the T of a friction, None of a load
     bounds : (k,) their terms, likewise linear; none of a load
     """
     unknowns = [s.flag if T is None else T for s, T in zip(switches, forces, strict=True)]
     components = [dense(c) for b in bounds for p in b for c in p.components]
     every = [*rates, *components]
-    none = dict.fromkeys(unknowns, hy.expression(0.0))
-    A = substitute(every, none)
     n = len(unknowns)
     rubs = any(T is not None for T in forces)
+    none = dict.fromkeys(unknowns, hy.expression(0.0))
+    factors = _factors(switches, rates, unknowns)
+    none |= {x: (1.0 - z) * x for x, z in factors.items()}  # known where they do not hold
+    A = substitute(every, none)
     if rubs:
         # flanks of teeth bear as they would without
-        slopes = [substitute([hy.diff(x, T) for T in unknowns], none) for x in every]
+        share = {x: factors.get(x, hy.expression(1.0)) for x in unknowns}
+        slopes = [substitute([share[T] * hy.diff(x, T) for T in unknowns], none) for x in every]
     else:  # the same of shorter expressions, whose roundings are those of long ago
-        B = [substitute(every, none | {x: hy.expression(1.0)}) for x in unknowns]
+        most = {x: none[x] + factors.get(x, hy.expression(1.0)) for x in unknowns}
+        B = [substitute(every, none | {x: most[x]}) for x in unknowns]
         slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
@@ -117,6 +121,20 @@ def acting(
             pressed += forces_of
     values = dict(zip(unknowns, found, strict=True))
     return Acting(values, parts, residual, pressed, carried, jam)
+
+
+def _factors(
+    switches: Sequence[Switch], rates: Sequence[hy.expression], unknowns: Sequence[hy.expression]
+) -> dict[hy.expression, hy.expression]:
+    """Flags that stand in slopes of other unknowns, with whether they hold.
+
+    Such as of a brake on what is fast enough: the product of two conditions.
+    """
+    flags = [s for s in switches if s.flag in unknowns]
+    if not flags or len(unknowns) < 2:
+        return {}
+    named = {v for x in rates for y in unknowns for v in hy.get_variables(hy.diff(x, y))}
+    return {s.flag: dense(s.holds) for s in flags if str(s.flag) in named}
 
 
 def _tangent(

@@ -28,7 +28,7 @@ from mechanism_sim.engine.contact.problem import (
 from mechanism_sim.engine.contact.rubbing import loss, rubs_of, with_friction
 from mechanism_sim.engine.contact_state import ContactState, chosen
 from mechanism_sim.engine.guards import Guard
-from mechanism_sim.engine.switching import Switching
+from mechanism_sim.engine.switching import Switching, jammed_joints
 from mechanism_sim.numerics.complementarity import Indices
 from mechanism_sim.tolerances import TOLERANCES
 
@@ -75,7 +75,7 @@ def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> f
         T = with_friction(state.problem, rubs, x, T)
     else:
         if left > _IMPACTS.joint_rough:
-            raise switching.jammed_joints()
+            raise jammed_joints(state.present)
     return lost
 
 

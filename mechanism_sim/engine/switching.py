@@ -90,6 +90,7 @@ class Switching:
             return
         self._turned[switch] = self.places()[switch], rows[switch]
         self._set_row(switch, after)
+        self._let_go()  # what it may have left without any force
 
     def pass_edges(self) -> None:
         """Let switches turn over that are at their edge now, where their guards fall too late.
@@ -118,6 +119,7 @@ class Switching:
         known = enumerate(zip(before, rows, seen(), strict=True))
         passed = (own.get(k, new if guard > 0.0 else old) for k, (old, new, guard) in known)
         self.set_rows(tuple(passed))
+        self._let_go()
 
     def places(self, ahead: float = 0.0) -> list[float]:
         """Where the switches are."""
@@ -179,15 +181,6 @@ class Switching:
                 seen.append(float(self._now.evaluate(function)[own]))
         self._now.parameters[:] = kept
         return [*seen, part]
-
-    def jammed_joints(self) -> RunError:
-        """The error of friction in ideal joints that no finite forces overcome."""
-        joints = dict.fromkeys(rub.friction.name for rub in self._system.dynamics.rubs)
-        return RunError(
-            f'friction jams at t = {self._now.time:.9g} s{self._now.where}: in '
-            f'{", ".join(joints)} no finite forces can continue the motion; reduce the '
-            'coefficient of friction or the radius'
-        )
 
     @property
     def rubbing(self) -> tuple[float, ...]:
@@ -255,10 +248,7 @@ class Switching:
         -------
         Of the impulse that stops it.
         """
-        while (k := self.idle()) is not None:
-            place = self.places()[k]
-            side = place if abs(place) > _SWITCHES.rest else self._rates_of(k)[0]
-            self._set_row(k, int(side > 0.0))
+        self._let_go()
         places = self.places()
         moved = [k for k in self._held if abs(places[k]) > _SWITCHES.rest]
         near, slow = 2.0 * self._now.system.rounding, []
@@ -271,12 +261,19 @@ class Switching:
                 self._set_row(k, int(places[k] > 0.0))
         return stop(self._now, slow, places) if slow else ImpulseWork()
 
+    def _let_go(self) -> None:
+        """Let switches hold no more that are `idle`."""
+        while (k := self.idle()) is not None:
+            place = self.places()[k]
+            side = place if abs(place) > _SWITCHES.rest else self._rates_of(k)[0]
+            self._set_row(k, int(side > 0.0))
+
     def idle(self) -> int | None:
-        """A switch that holds what others hold without it: its part is not determined."""
-        for k in self._held:
-            if not self._holding[k].acts(self._rates_of(k)):
-                return k
-        return None
+        """A switch whose part is not determined: others hold without it, or it has no force."""
+        seen = {k: self._rates_of(k) for k in self._held}
+        # those without a force come first: what others do cannot be solved for beside them
+        forceful = sorted(seen, key=lambda k: self._holding[k].steps(seen[k]))
+        return next((k for k in forceful if not self._holding[k].acts(seen[k])), None)
 
     def _set_row(self, switch: int, row: int) -> None:
         """Set the row of one switch."""
@@ -300,3 +297,12 @@ class Switching:
                 'steps against the motion (sign, or a condition on a rate) would hold it at '
                 'rest; write a steep function instead, such as tanh(vx/0.001)'
             )
+
+
+def jammed_joints(now: PresentState) -> RunError:
+    """The error of friction in ideal joints that no finite forces overcome."""
+    joints = dict.fromkeys(rub.friction.name for rub in now.system.dynamics.rubs)
+    return RunError(
+        f'friction jams at t = {now.time:.9g} s{now.where}: in {", ".join(joints)} no finite '
+        'forces can continue the motion; reduce the coefficient of friction or the radius'
+    )

@@ -89,6 +89,10 @@ class Switch(NamedTuple):
         opposed = above < -_SWITCHES.felt and below > _SWITCHES.felt
         return HOLDS if opposed and self.acts(seen) else None
 
+    def steps(self, seen: Sequence[float]) -> bool:
+        """True if it changes the rate of its function at all, by itself; see `holding`."""
+        return seen[2] - seen[3] > _SWITCHES.felt
+
     def acts(self, seen: Sequence[float]) -> bool:
         """True if it changes the rate of its function, which others do not hold; see `holding`."""
         below, above, free_below, free_above, _ = seen

@@ -11,6 +11,7 @@ from builders import made
 from event_solution import Machine, Wall, apart, solve
 from running import run, run_json
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
@@ -321,6 +322,76 @@ def test_dogs_strike_their_stops_as_by_another_integrator(ratio):
     assert final(solution, 'hub', 'wheel') == pytest.approx(
         reference.sample([3.0])[:, 0], abs=1e-9
     )  # fmt: skip
+
+
+TEETH, STROKE, WAVE, TURNED = 24, 2.0, 7.0, 7e-4  # [rad/s], [rad/s], [kg m^2] of the wheel
+
+
+def indexed(brake, restitution):
+    """A wheel with a brake, which a pawl that swings to and fro takes along."""
+    return ms.simulate(
+        made({
+            'links': {'ground': {'points': {'m': [-0.12, 0.0]}},
+                      'motor': {'mass': 0.4, 'inertia': 3e-4},
+                      'crank': {'mass': 0.6, 'inertia': TURNED}},
+            'joints': {'m': {'revolute': ['ground.m', 'motor']},
+                       'c': {'revolute': ['ground', 'crank']},
+                       'own': {'ratchet': ['motor', 'crank'], 'teeth': TEETH,
+                               'restitution': restitution}},
+            'drive': {'coordinate': 'motor', 'speed': f'{STROKE}*sin({WAVE}*t)'},
+            'loads': {'brake': {'at': 'crank', 'torque': f'-{brake}*sign(crank_rate)'}},
+            'gravity': [0.0, 0.0],
+        }),
+        duration=16.0 * 2.0 * math.pi / WAVE,
+    )  # fmt: skip
+
+
+def indexed_by_phases(brake, until):
+    """Angle of the wheel [rad], from one change to the next: taken along, braked, at rest."""
+    pitch, back = 2.0 * math.pi / TEETH, brake / TURNED
+    period = 2.0 * math.pi / WAVE
+    slows = math.acos(max(-back / (STROKE * WAVE), -1.0)) / WAVE  # faster than the brake does
+
+    def pawl(t):
+        return STROKE / WAVE * (1.0 - math.cos(WAVE * t))
+
+    def before(t, leaves, ahead):
+        """Of a wheel that left the pawl, which was so far behind, and is braked until it rests."""
+        speed = STROKE * math.sin(WAVE * leaves)
+        u = min(t - leaves, speed / back)
+        return pawl(leaves) - pawl(t) + ahead + speed * u - 0.5 * back * u * u
+
+    ahead, t = 0.0, 0.0  # of the wheel, while the pawl takes it along
+    while t < until:
+        leaves = max(t, period * math.floor(t / period) + slows)
+        turns = period * math.ceil(leaves / period)  # there the pawl is farthest behind
+        known = leaves, ahead
+        ahead = pitch * math.floor(before(turns, *known) / pitch)
+        t = brentq(
+            lambda s, known, ahead: before(s, *known) - ahead,
+            turns, turns + 0.5 * period, args=(known, ahead), xtol=1e-15,
+        )  # fmt: skip
+    return pawl(until) + before(until, *known)
+
+
+@pytest.mark.parametrize('brake', [0.05, 0.002])
+def test_a_ratchet_takes_a_braked_wheel_on_by_whole_teeth(brake):
+    """Pawl and brake let go together where they stand still, or the wheel flies ahead."""
+    solution = indexed(brake, 0.0)
+    ends = 2.0 * math.pi / WAVE * np.arange(1, 17)
+    expected = [indexed_by_phases(brake, t) for t in ends]
+    seen = solution.sample(ends, 'position.crank')['position.crank']
+    assert seen == pytest.approx(expected, abs=1e-9)
+    assert abs(solution.energy.residual) < 1e-13
+
+
+def test_a_ratchet_without_loss_bounces_to_the_standstill_of_its_pawl():
+    """There the brake undoes bounces by less than places are known."""
+    solution = indexed(0.05, 1.0)
+    angles = solution.sample(np.linspace(0.0, 14.3, 500), 'position.crank')['position.crank']
+    assert (np.diff(angles) > -1e-11).all()
+    assert abs(solution.energy.residual) < 1e-12
+    assert sum(i.energy_loss for i in solution.impacts) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_ratchet_falls_back_to_its_tooth_and_strikes_it():

@@ -9,7 +9,7 @@ import pytest
 from builders import made, weightless, without_work
 
 import mechanism_sim as ms
-from mechanism_sim.planar.drive import TorqueLaw
+from mechanism_sim.planar.drive import DriveLaw, TorqueLaw
 from mechanism_sim.planar.switches import HOLDS
 
 MASS, PULL, RUB = 2.0, 2.0, 5.0  # [kg], [N], [N]
@@ -217,3 +217,133 @@ def test_energy_balances_where_impacts_move_what_a_belt_holds():
     )
     energy = ms.simulate(machine, duration=1.3).energy
     assert abs(energy.residual) < 1e-11
+
+
+# --- strengths that end ----------------------------------------------------------------------
+
+HALF, SPIN, STRONG, PUSH = math.pi / 3.0, 0.02, 2.0, 0.5  # [s], [kg m^2], [N m], [N m]
+ON = 'sin(3*t) > 0'
+
+
+def disks(*names, **parts):
+    """Disks on the ground, each free to turn."""
+    links = {name: {'mass': 1.0, 'inertia': SPIN} for name in names}
+    joints = {f'j{name}': {'revolute': ['ground', name]} for name in names}
+    return weightless(links={'ground': {}, **links}, joints=joints, **parts)
+
+
+@pytest.mark.parametrize(
+    'torque',
+    [
+        f'-({STRONG} if {ON} else 0)*sign(b_rate)',
+        f'-{STRONG}*sign(b_rate) if {ON} else 0',
+        f'-strength(3*t/{math.pi})*sign(b_rate)',
+    ],
+)
+def test_a_brake_that_is_taken_off_lets_go(torque):
+    """Half of the time pushed from rest, then braked down to it again, and held."""
+    steps = [[0.0, STRONG], [1.0, STRONG], [1.0, 0.0], [2.0, 0.0]]
+    machine = disks(
+        'b',
+        tables={'strength': {'points': steps, 'periodic': True}},
+        loads={'push': {'at': 'b', 'torque': PUSH}, 'brake': {'at': 'b', 'torque': torque}},
+    )
+    solution = ms.simulate(machine, duration=10.5 * HALF)
+    rate = PUSH / SPIN * HALF
+    each = 0.5 * rate * HALF + 0.5 * rate**2 / ((STRONG - PUSH) / SPIN)
+    seen = without_work(solution, [0.5 * HALF, 1.5 * HALF, 6.5 * HALF, 10.5 * HALF])
+    gone = [0.0, 0.125 * rate * HALF, 3.0 * each, 5.0 * each]
+    assert seen['position.b'] == pytest.approx(gone, rel=1e-10, abs=1e-10)
+    assert seen['velocity.b'] == pytest.approx([0.0, 0.5 * rate, 0.0, 0.0], rel=1e-10, abs=1e-10)
+    assert abs(solution.energy.residual) < 1e-11
+
+
+@pytest.mark.parametrize('strength', [f'max({STRONG}*sin(3*t), 0)', 'ramp(t)'])
+def test_what_nothing_pushes_rests_while_its_brake_fades_and_comes_back(strength):
+    ends = [[0.0, STRONG], [1.0, STRONG], [1.5, 0.0], [2.0, 0.0], [2.5, STRONG], [3.0, STRONG]]
+    machine = disks(
+        'b',
+        tables={'ramp': {'points': ends, 'periodic': True}},
+        loads={'brake': {'at': 'b', 'torque': f'-{strength}*sign(b_rate)'}},
+    )
+    run = machine.start()
+    run.advance(10.0, final=True)
+    assert [*run.state.q, *run.state.v] == pytest.approx([0.0, 0.0], abs=1e-11)
+
+
+def test_a_clutch_and_a_brake_act_in_turn():
+    """The disk runs up as the clutch drags it, and stops as the brake does: areas of trapezia."""
+    machine = disks(
+        'a',
+        'b',
+        drive={'coordinate': 'a', 'speed': 10.0},
+        loads={
+            'clutch': {
+                'at': 'b',
+                'reaction': 'a',
+                'torque': f'-({STRONG} if {ON} else 0)*sign(b_rate - a_rate)',
+            },
+            'brake': {'at': 'b', 'torque': f'-(0 if {ON} else {STRONG})*sign(b_rate)'},
+        },
+    )
+    solution = ms.simulate(machine, duration=12.0 * HALF)
+    seen = without_work(solution, [0.5 * HALF, 1.5 * HALF, 12.0 * HALF])
+    assert seen['velocity.b'] == pytest.approx([10.0, 0.0, 0.0], abs=1e-10)
+    assert seen['position.b'][-1] == pytest.approx(6 * 10.0 * HALF, rel=1e-9)
+    # each time what the clutch gives the disk, and as much that it loses itself
+    assert solution.energy.drive_work == pytest.approx(6 * SPIN * 10.0**2, rel=1e-9)
+
+
+def test_of_two_that_hold_only_the_one_without_strength_lets_go():
+    """A clutch keeps two disks together when their brake is taken off: both are pushed as one."""
+    machine = disks(
+        'a',
+        'b',
+        loads={
+            'clutch': {'at': 'a', 'reaction': 'b', 'torque': f'-{STRONG}*sign(a_rate - b_rate)'},
+            'brake': {'at': 'b', 'torque': f'-({STRONG} if {ON} else 0)*sign(b_rate)'},
+            'push': {'at': 'a', 'torque': PUSH},
+        },
+    )
+    run = machine.start()
+    run.advance(0.9 * HALF, final=True)
+    held, before = run._contacts.switching.rows, run.events
+    run.advance(1.5 * HALF, final=True)
+    rows = run._contacts.switching.rows
+    turned = [k for k, (old, new) in enumerate(zip(held, rows, strict=True)) if old != new]
+    assert [held[k] for k in turned].count(HOLDS) == 1
+    assert rows.count(HOLDS) == 1
+    rate = 0.5 * PUSH / SPIN * 0.5 * HALF
+    assert run.state.v == pytest.approx([rate, rate], rel=1e-10)
+    assert run.events == before + 1
+
+
+def test_a_brake_lets_go_that_a_new_law_takes_off():
+    """Where the rate that engages it passes its limit just as the law changes."""
+    machine = disks(
+        'a',
+        'b',
+        drive={'coordinate': 'a', 'speed': '6 - t'},
+        loads={
+            'push': {'at': 'b', 'torque': PUSH},
+            'brake': {'at': 'b', 'torque': f'-({STRONG} if a_rate > 5 else 0)*sign(b_rate)'},
+        },
+    )
+    run = machine.start()
+    run.change_law(DriveLaw('a', (5.5, 5.0, -0.5), 1.0, 1.0))
+    run.advance(1.0, final=True)
+    assert run.state.v == pytest.approx([0.0], abs=1e-11)
+    run.advance(2.0, final=True)
+    assert run.state.v == pytest.approx([PUSH / SPIN], rel=1e-9)
+
+
+@pytest.mark.parametrize('on', ['abs(b_rate) < 0.1', 'a_rate > 5'])
+def test_a_brake_holds_by_what_a_condition_on_a_rate_leaves_of_it(on):
+    """Two conditions on rates multiply: what holds has the strength of the other as it is."""
+    brake = {'at': 'b', 'torque': f'-(3 if {on} else {STRONG})*sign(b_rate)'}
+    parts = {'drive': {'coordinate': 'a', 'speed': 6.0}}
+    for push, rate in ((2.5, 0.0), (3.5, 0.05)):
+        loads = {'push': {'at': 'b', 'torque': push}, 'brake': brake}
+        run = disks('a', 'b', loads=loads, **parts).start()
+        run.advance(rate * SPIN / 0.5 or 1.0, final=True)
+        assert run.state.v == pytest.approx([rate], rel=1e-9, abs=1e-11)

@@ -60,14 +60,15 @@ slide is to be stopped by an impact without collision. The last two go on with `
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
 """By stage, the function of the state that is evaluated before."""
 
-(STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, WATCHED, GUARDS,
- SMOOTH, RELATIONS, SIZE, LAYOUT) = range(16)  # fmt: skip
+(STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, AGAIN, WATCHED,
+ GUARDS, SMOOTH, RELATIONS, SIZE, LAYOUT) = range(17)  # fmt: skip
 COUNTERS = LAYOUT + len(Layout._fields)
 """Columns of the counters of a run: the stage to go on from; the guard or gap of it; rows in the
 logs of impacts and of changes; the last stage taken; how often gaps were moved apart; the gap
 whose slip ends, plus 1; whether others are drawn shut, or slides begin, after this stage; guards
-looked at so far, whether it is done here; guards, whether nothing rubs or is known by its rate
-only, whether loops close; numbers of the terms, then their layout."""
+looked at so far, earlier events at this instant, whether guards are looked at here; guards,
+whether nothing rubs or is known by its rate only, whether loops close; numbers of the terms, then
+their layout."""
 
 TIME, HORIZON, FLOOR, MARGIN, LIMITS, DRIVES = 0, 1, 2, 3, 4, 10
 """Columns of the reals: time [s], longest next step [s], what guards of friction may be below
@@ -174,7 +175,8 @@ def set_mode(run: EventArrays, gap: int, mode: int) -> None:
 def fell(run: EventArrays) -> int:
     """A guard of a gap fell through zero."""
     guard, mode = run.counters[GUARD], run.gaps[MODE]
-    if run.marks[SHUT, guard]:
+    run.gaps[BEFORE] = mode
+    if run.marks[SHUT, guard] or _opens(run, guard):
         return _lift(run, guard)
     if not run.gaps[RATED, guard]:
         alone = run.counters[SMOOTH] > 0
@@ -186,6 +188,22 @@ def fell(run: EventArrays) -> int:
     run.marks[TOUCHING, guard] = True
     run.marks[RESTING] = run.marks[TOUCHING]
     return RESTS
+
+
+@kernel
+def _opens(run: EventArrays, gap: int) -> bool:
+    """True of an open gap that turns round before it closes farther than places are known.
+
+    It has just begun its flight, at zero but for rounding, where its guard falls at once. So it
+    goes on to do where it is pressed shut, and drawn open, by rounding only.
+    """
+    if run.gaps[RATED, gap]:
+        return False
+    s = situation_of(run)
+    rate = min(s.c.rate[gap], 0.0)
+    if rate * rate < s.c.acceleration[gap] * s.limits.touching:
+        return True
+    return bool(run.counters[AGAIN] > _CONTACTS.again and rate >= -s.limits.bare)
 
 
 @kernel
@@ -227,7 +245,7 @@ def _would_jam(s: Situation, gap: int, way: int) -> bool:
 
 @kernel
 def _lift(run: EventArrays, gap: int) -> int:
-    """A closed contact opens."""
+    """A closed contact opens, or an open one goes on to."""
     set_mode(run, gap, FLIES)
     flag(run, run.marks[SHUT, :0])
     run.marks[PARTING] = False
@@ -271,6 +289,7 @@ def _bounce(run: EventArrays, i: int) -> int:
 @kernel
 def strikes(run: EventArrays) -> int:
     """Impact in a gap and in all others that touch."""
+    run.gaps[BEFORE] = run.gaps[MODE]
     s = situation_of(run)
     done = impact_of_all(
         s.c,
@@ -366,8 +385,9 @@ def _next(run: EventArrays) -> int:
 def part(run: EventArrays) -> int:
     """Start the flight of gaps a few roundings inside, at rest in the normal direction.
 
-    A flight that started on the wrong side of zero would never be seen to end. Other open
-    gaps that touch at rest are moved along, lest they are pushed out.
+    A flight that started on the wrong side of zero would never be seen to end; one that has
+    begun before, and fell, was not far enough inside to be told from zero. Other open gaps that
+    touch at rest are moved along, lest they are pushed out.
     """
     s = situation_of(run)
     c, limits, m = s.c, s.limits, len(s.c.value)
@@ -380,7 +400,8 @@ def part(run: EventArrays) -> int:
             push(c, i, (limits.bare - c.rate[i]) / c.compliance[i, i], 0.0, s.now.v)
             parting[i] = False
             return _next(run)
-        clear = clear and c.value[i] > 0.0
+        flew = run.gaps[BEFORE, i] == FLIES
+        clear = clear and c.value[i] > (limits.touching if flew else 0.0)
     if tries == 4 or (tries > 0 and clear):
         parting[:] = False
         return _next(run)
