@@ -89,6 +89,7 @@ def plain_kernels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernels, '_spent', -math.inf)
     for k in kernels._KERNELS:
         monkeypatch.setattr(k, 'run', k.function)
+        monkeypatch.setattr(k, 'spent', -math.inf)
 
 
 ENDING = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}

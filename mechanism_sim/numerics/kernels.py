@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache, partial, update_wrapper
 from pathlib import Path
@@ -34,8 +34,13 @@ _spent = 0.0  # [s] by kernels as they are
 LOADING, COMPILING = 0.1, 1.0
 """[s] What it takes to import LLVM and load the code of an event; a part of what it takes to make
 it, for that is done once on a machine."""
+ALONE = 0.05
+"""[s] What it takes to load, or twice to make, the code of one kernel that calls no others."""
 
-_INSTEAD = 'the run continues without it, with the same results, but slower with many contacts'
+_INSTEAD = (
+    'the run continues without it, with the same results, but slower with many contacts or '
+    'filtered sensors'
+)
 
 
 class Kernel:
@@ -52,6 +57,7 @@ class Kernel:
         self.function, self.is_entry = function, is_entry
         self.run: Callable[..., Any] = function
         self.codes: dict[Any, Any] = {}
+        self.spent = 0.0  # [s] as it is, if it is compiled by itself
         _KERNELS.append(self)
 
     def __call__(self, *args: Any) -> Any:
@@ -62,6 +68,12 @@ class Kernel:
     def is_compiled(self) -> bool:
         """True if it runs as machine code by now."""
         return self.run is not self.function
+
+    @property
+    def calls_others(self) -> bool:
+        """True if there are kernels in its code, as in that of events."""
+        known, names = self.function.__globals__, self.function.__code__.co_names
+        return any(isinstance(known.get(name), Kernel) for name in names)
 
     def bind(self, *args: Any) -> Callable[[], Any]:
         """A call with some arrays, which stay where they are, as `run` is now."""
@@ -76,6 +88,15 @@ class Kernel:
         """Let Python call its code from now on, which is made for what it is called with."""
         if self.is_entry:
             self.run = lambda *args: self.bind(*args)()
+
+    def charge(self, seconds: float) -> None:
+        """Tell what it costs as it is: once that is what its own code costs, it alone is compiled.
+
+        That of events takes twenty times as long.
+        """
+        self.spent += seconds
+        if self.spent >= ALONE and not self.is_compiled:
+            compile_kernels([self])
 
     def _bound(self, args: tuple[Any, ...]) -> Callable[[], Any]:
         from mechanism_sim.numerics import machine_code  # noqa: PLC0415 - few runs need it
@@ -140,7 +161,9 @@ def charge(seconds: float) -> None:
 @cache
 def _price() -> float:
     folder = _folder()
-    return LOADING if folder and any(folder.glob('*.o')) else COMPILING
+    kept = {file.name.partition('-')[0] for file in folder.glob('*.o')} if folder else set()
+    made = any(k.calls_others and k.function.__name__ in kept for k in _KERNELS)
+    return LOADING if made else COMPILING
 
 
 @cache
@@ -167,18 +190,24 @@ def _is_kept() -> bool:
     return code_cache.has_room(folder) and code_cache.belongs_to_nobody_else(folder)
 
 
-def compile_kernels() -> None:
+def compile_kernels(some: Sequence[Kernel] = _KERNELS) -> None:
     """Let kernels run as machine code from now on, if LLVM is there and can."""
     if packages.spared('llvmlite', _INSTEAD):
-        for k in _KERNELS:
+        for k in some:
             k.compile()
+    else:
+        _give_up()
 
 
 def _leave_compiled(error: Exception) -> None:
     """Let all kernels run as they are, for this process: LLVM failed."""
     packages.without('llvmlite', error, _INSTEAD)
+    _give_up()
+
+
+def _give_up() -> None:
     for k in _KERNELS:
-        k.run = k.function
+        k.run, k.spent = k.function, -math.inf
 
 
 def foreign_code(code: bytes, *names: str) -> Foreign | None:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.complementarity import Indices
-from mechanism_sim.numerics.kernels import Kernel, charge, entry
+from mechanism_sim.numerics.kernels import Kernel, entry
 from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_powers
 from mechanism_sim.numerics.rational import Modes
 
@@ -119,7 +119,7 @@ def add_forced(forced: Array, terms: Indices, pieces: Indices, x: Array, y: Arra
 def _call(kernel: Kernel, operations: int, *args: Any) -> None:
     """Call a kernel, as machine code if so many operations would cost more than to have it."""
     if not kernel.is_compiled:
-        charge(_OPERATION * operations)
+        kernel.charge(_OPERATION * operations)
     kernel(*args)
 
 

@@ -19,7 +19,7 @@ from mechanism_sim.sensing.channel import Channel, DirectSource
 
 _ROUNDING = 1e-13
 """Of the speed of a point: steps of it that are smaller are none."""
-_TOGETHER = 64  # pieces at whose nodes the acceleration is computed at once
+_TOGETHER = 512  # pieces at whose nodes the acceleration is computed at once
 
 
 def angle_of(axis: float | str) -> float:
@@ -82,17 +82,16 @@ class PointOnLink(DirectSource):
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
         curve = replace(motion.curve, coefficients=motion.curve.coefficients[:, self._used])
-        parts = [slice(k, k + _TOGETHER) for k in range(0, len(segments), _TOGETHER)]
-        found = [
-            self._reading(curve, segments[some], dt if isinstance(dt, Nodes) else dt[some])
-            for some in parts
-        ]
+        if not isinstance(dt, Nodes):  # the curve has blocks of its own for instants
+            return self._reading(curve, segments, dt)[None]
+        parts = [segments[k : k + _TOGETHER] for k in range(0, len(segments), _TOGETHER)]
+        found = [self._reading(curve, some, dt) for some in parts]
         return np.concatenate([np.zeros(0), *found])[None]
 
     def _reading(
         self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> Array:
-        """`read` (N,) of so few instants that they stay in the cache."""
+        """`read` (N,), of nodes on so few pieces that they stay in the cache."""
         q, v, a = (x.T for x in curve.locals(segments, dt, (0, 1, 2)))
         axis = self._axis(q)
         gx, gy = self._gravity

@@ -73,7 +73,7 @@ def test_a_kernel_that_cannot_be_compiled_is_run_as_it_is(case, usual, tmp_path)
     assert {k: found[k] for k in EXACT} == {k: usual[k] for k in EXACT}
     (line,) = done.stderr.splitlines()
     assert line.startswith("mechanism-sim: the Python package 'llvmlite' cannot be used (")
-    assert line.endswith('with the same results, but slower with many contacts')
+    assert line.endswith('the same results, but slower with many contacts or filtered sensors')
 
 
 @pytest.mark.parametrize(

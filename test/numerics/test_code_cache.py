@@ -14,7 +14,9 @@ import heyoka
 import pytest
 from running import TIMEOUT
 
-from mechanism_sim.numerics import code_cache
+from mechanism_sim.engine.contact.respond import resolve
+from mechanism_sim.numerics import code_cache, kernels
+from mechanism_sim.numerics.modal_filter import pass_through
 
 PROGRAM = """
 import sys
@@ -74,6 +76,17 @@ def kept(program, tmp_path_factory):  # noqa: ARG001
     assert run(folder) == ('True 2', '')
     assert run(folder) == ('True 0', '')
     return folder
+
+
+def test_code_of_events_is_only_cheap_where_some_is_kept(tmp_path, monkeypatch):
+    """That of signals is no reason to expect it."""
+    monkeypatch.setattr(kernels, '_folder', lambda: tmp_path)
+    price = kernels._price.__wrapped__
+    assert price() == kernels.COMPILING
+    (tmp_path / f'{pass_through.__name__}-0123.o').touch()
+    assert price() == kernels.COMPILING
+    (tmp_path / f'{resolve.__name__}-0123.o').touch()
+    assert price() == kernels.LOADING
 
 
 def damage(dice, file):

@@ -14,7 +14,8 @@ from scipy.stats import kstest
 
 import mechanism_sim as ms
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.numerics.modal_filter import ModalFilter, add_forced, pass_through
+from mechanism_sim.numerics import kernels
+from mechanism_sim.numerics.modal_filter import _OPERATION, ModalFilter, add_forced, pass_through
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.numerics.rational import Modes
 from mechanism_sim.sensing.chain import (
@@ -557,6 +558,36 @@ def test_responses_as_machine_code_and_as_python_have_the_same_bits(compiled_ker
     assert pass_through.is_compiled
     for mine, other in zip(outputs(), plain, strict=True):
         np.testing.assert_array_equal(mine, other)
+
+
+def test_a_signal_has_machine_code_of_its_own_modes_only(plain_kernels, compiled_kernels):  # noqa: ARG001
+    """That of events takes seconds, so that runs with few events do without."""
+    for k in kernels._KERNELS:
+        k.spent = 0.0
+    one = np.ones((1, 1, 1), complex)
+    system = ModalFilter(Modes(-one[0, 0], one, np.zeros((1, 1))))
+    piece = np.ones((1, 1, 20))
+    system.advance(np.ones(1), piece, np.ones((1, 1)))
+    assert not pass_through.is_compiled
+    count = int(2.0 * kernels.ALONE / (20 * _OPERATION))
+    system.advance(np.ones(count), np.repeat(piece, count, axis=0), np.ones((count, 1)))
+    assert [k for k in kernels._KERNELS if k.is_compiled] == [pass_through]
+
+
+def test_many_instants_are_read_at_once(loose, monkeypatch):
+    """The coefficients of all pieces are gathered once, not for every few instants."""
+    machine, solution, _ = loose
+    source, calls = PointOnLink(machine.mechanism, 'coupler', 0.309, 'across'), []
+    locals_of = PiecewisePolynomial.locals
+    monkeypatch.setattr(
+        PiecewisePolynomial, 'locals', lambda *args: calls.append(args) or locals_of(*args)
+    )
+    segments, dt = solution.motion.curve.find(np.linspace(0.0, solution.duration, 5000))
+    read = source.read(solution.motion, segments, dt)
+    assert len(calls) == 1
+    some = slice(1234, 1244)
+    few = source.read(solution.motion, segments[some], dt[some])
+    assert read[:, some] == pytest.approx(few, rel=1e-12)
 
 
 def test_a_motion_of_months_in_one_step_is_not_sampled_at_10_khz():
