@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
 from decimal import Decimal
 from functools import cache, lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple, overload
 
 from mechanism_sim.errors import InputError, quoted
@@ -412,6 +414,15 @@ def number(value: float, digits: int = 4, sign: str = '') -> str:
         return text
     mantissa, power = text.split('e')
     return f'{Decimal(text):{sign}f}' if abs(int(power)) < 6 else f'{mantissa}e{int(power)}'
+
+
+def digits_apart(values: Iterable[float], least: int = 4) -> int:
+    """Significant digits, of a float at most, of which two tell the closest values apart."""
+    at = sorted({unrounded(x) for x in values if math.isfinite(x)})
+    steps = [b - a for a, b in pairwise(at)]
+    if not steps:
+        return least
+    return min(15, max(least, math.ceil(math.log10(max(map(abs, at)) / min(steps))) + 2))
 
 
 def counted(count: int, noun: str, form: str = 'd') -> str:

@@ -104,6 +104,29 @@ def _legend(axes: Any, panel: Panel, artists: Mapping[str, Any]) -> None:
     )  # fmt: skip
 
 
+class _Beside(MaxNLocator):
+    """Ticks of a panel so wide [in], no more than there is room for their numbers side by side.
+
+    Matplotlib by itself takes numbers to have three letters.
+    """
+
+    def __init__(self, side: Any, wide: float) -> None:
+        super().__init__(steps=[1, 2, 2.5, 5, 10])
+        self._side, self._wide = side, wide
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """Places of the ticks."""
+        most = 4 if self._wide < _NARROW else min(max(self._side.get_tick_space(), 1), 9)
+        room = (self._wide - 0.6) / _LETTER
+        for self._nbins in range(most, 0, -1):
+            ticks = super().tick_values(vmin, vmax)
+            shown = [x for x in ticks if vmin <= x <= vmax]
+            texts = self._side.get_major_formatter().format_ticks(shown)
+            if sum(len(text) + 2 for text in texts) <= room:
+                break
+        return ticks
+
+
 def _scale(axes: Any, panel: Panel, wide: float) -> None:
     """Scales and ticks of both axes of a panel that is so wide [in]."""
     for name, axis in (('x', panel.x), ('y', panel.y)):
@@ -112,8 +135,8 @@ def _scale(axes: Any, panel: Panel, wide: float) -> None:
             getattr(axes, f'set_{name}scale')('log')
         if axis.every:
             side.set_major_locator(MultipleLocator(axis.every))
-        if name == 'x' and wide < _NARROW and not (axis.log or axis.every or axis.names):
-            side.set_major_locator(MaxNLocator(4))
+        if name == 'x' and not (axis.log or axis.every or axis.names):
+            side.set_major_locator(_Beside(side, wide))
         if axis.names:
             getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
             if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:
