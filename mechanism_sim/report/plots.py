@@ -40,8 +40,12 @@ def charts(cycle: Cycle) -> Iterator[Chart]:
 
 def _over(cycle: Cycle, what: str, *names: str) -> tuple[Panel, ...]:
     """The panels of columns over time, the angle of the drive, or another column."""
-    own = numbers(cycle.machine.mechanism)
-    return chart(sampled(cycle, names, cycle.t), '', against(cycle, what), own).panels
+    own, ends = numbers(cycle.machine.mechanism), cycle.extremes()
+    shown = [
+        replace(s, values=ends[s.name].without_rounding(s.values)) if s.name in ends else s
+        for s in sampled(cycle, names, cycle.t)
+    ]
+    return chart(shown, '', against(cycle, what), own).panels
 
 
 def _panels(cycle: Cycle, names: Sequence[str]) -> tuple[Panel, ...]:
