@@ -527,7 +527,9 @@ class _Channels:
         """Read the piece that follows, unless one before it is missing: filters remember."""
         start, end = float(motion.curve.start[0]), self._end
         if end is not None and start - end > 8.0 * np.spacing(abs(start)) and not self.lost:
-            self.lost = f'the motion from {end:g} s to {start:g} s is missing: no vibration after it'
+            self.lost = (
+                f'the motion from {end:g} s to {start:g} s is missing: no vibration after it'
+            )
         self._end = motion.curve.end
         if not self.lost:
             for channel in self._channels:
