@@ -296,7 +296,10 @@ def test_plots_have_labels_with_units(nominal):
         below = [axes for axes in figure.axes if axes.name != 'polar']
         if below:
             assert '[' in below[-1].get_xlabel(), name
-    force = drawn['hodographs'].axes[2].lines[0]
+    round_ones = drawn['hodographs'].axes
+    assert round_ones[2].get_title() == 'coupler_rocker: coupler on rocker\n[N]'
+    assert not any(axes.get_legend() for axes in round_ones)  # each has one line, which is said
+    force = round_ones[2].lines[0]
     np.testing.assert_array_equal(force.get_ydata(), nominal['reaction.coupler_rocker.size'])
 
 
