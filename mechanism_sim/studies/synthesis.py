@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -86,6 +86,10 @@ class PathFourBar:
     transmission: tuple[float, float]
     orientation: float = 0.0
     turned: float = 0.0
+
+    ASSUMED: ClassVar[str] = (
+        'masses, and forces by them, are assumed: uniform bars of 1 kg per metre'  #: in a scene
+    )
 
     def scene(self, file: str) -> dict[str, Any]:
         """A scene of uniform bars of 1 kg/m, with the distance from a file as a measure."""
