@@ -220,10 +220,15 @@ def response_json(found: FrequencyResponse) -> dict[str, Any]:
 
 
 def response_text(found: FrequencyResponse) -> str:
-    """For people: a row for each frequency."""
+    """For people: a row for each frequency, and peaks whose heights the steps do not tell."""
     units = {name: _per(found, name) for name in found.amplitudes}
-    rows = _amplitude_rows(found.frequency, found.amplitudes, units)
-    return '\n'.join(text_table.lines(rows, indent=''))
+    lines = text_table.lines(_amplitude_rows(found.frequency, found.amplitudes, units), indent='')
+    lines += [
+        f'{name}: peaks near {", ".join(f"{f:.4g}" for f in at)} Hz are narrower than the steps: '
+        'take finer ones there; without damping they have no height'
+        for name, at in found.unresolved.items()
+    ]
+    return '\n'.join(lines)
 
 
 def _amplitude_rows(
