@@ -298,7 +298,8 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
         raise
     except UnicodeDecodeError as error:
         raise InputError(
-            f'{where} cannot be read: it is not comma-separated text in UTF-8'
+            f'{where} cannot be read: it is not comma-separated text in UTF-8; save it as '
+            "'CSV UTF-8', or write it by a command with -o NAME.csv"
         ) from error
     except (OSError, csv.Error, ValueError, IndexError) as error:
         reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'

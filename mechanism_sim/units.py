@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Iterable
 from contextlib import suppress
 from decimal import Decimal
 from functools import cache, lru_cache
+from itertools import pairwise
 from typing import Any, NamedTuple, overload
 
 from mechanism_sim.errors import InputError, quoted
@@ -414,6 +416,15 @@ def number(value: float, digits: int = 4, sign: str = '') -> str:
     return f'{Decimal(text):{sign}f}' if abs(int(power)) < 6 else f'{mantissa}e{int(power)}'
 
 
+def digits_apart(values: Iterable[float], least: int = 4) -> int:
+    """Significant digits, of a float at most, of which two tell the closest values apart."""
+    at = sorted({unrounded(x) for x in values if math.isfinite(x)})
+    steps = [b - a for a, b in pairwise(at)]
+    if not steps:
+        return least
+    return min(15, max(least, math.ceil(math.log10(max(map(abs, at)) / min(steps))) + 2))
+
+
 def counted(count: int, noun: str, form: str = 'd') -> str:
     """So many of something: 1 impact, 12 impacts."""
     return f'{count:{form}} {noun}{"s" * (abs(count) != 1)}'
@@ -579,7 +590,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
         except ValueError as error:
             if str(error) == _BEYOND:
                 raise
-            said.append(str(error).partition(':')[0])
+            said.append(str(error).partition(': write for example')[0])
             continue
         bare = unit != units[-1] and not (isinstance(value, str) and _NUMBER.sub(r'\2', value))
         return QuantityValue(found, '' if bare else unit)

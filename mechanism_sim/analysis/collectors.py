@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.chain import QUANTITIES
+from mechanism_sim.sensing.channel import Block, Channel
 from mechanism_sim.sensing.indicators import Indicators, Moments
 from mechanism_sim.sensing.spectra import TurnSegments, at_equal_angles, order_spectrum
 
@@ -199,7 +200,7 @@ class SensorSummary(Indicators):
 
 
 class VibrationCollector:
-    """Gathers SensorBlock messages by sensor."""
+    """Gathers blocks of samples by sensor: those of SensorBlock messages, or of a motion."""
 
     def __init__(self) -> None:
         self._sensors: dict[str, tuple[SignalCollector, Moments]] = {}
@@ -207,12 +208,22 @@ class VibrationCollector:
 
     def add(self, message: Any) -> None:
         """Enter the block that follows."""
-        name = message.sensor
-        if name not in self._sensors:
-            self._sensors[name] = SignalCollector(_KEPT), Moments()
-        signal, moments = self._sensors[name]
+        signal, moments = self._of(message.sensor)
         moments.add(signal.add(message))
-        self._overloads[name] += int(getattr(message, 'overloads', 0))
+        self._overloads[message.sensor] += int(getattr(message, 'overloads', 0))
+
+    def add_blocks(self, machine: Machine, channel: Channel, final: bool = False) -> None:
+        """Enter the blocks of a channel that are full, or all that is left of its run."""
+        for about, block in _blocks(machine, channel, final):
+            signal, moments = self._of(channel.name)
+            signal.add_samples(about, block.time, block.samples, block.triggered)
+            moments.add(block.samples)
+            self._overloads[channel.name] += block.overloads
+
+    def _of(self, sensor: str) -> tuple[SignalCollector, Moments]:
+        if sensor not in self._sensors:
+            self._sensors[sensor] = SignalCollector(_KEPT), Moments()
+        return self._sensors[sensor]
 
     def summary(self, turned: Callable[[Array], Array]) -> tuple[SensorSummary, ...]:
         """The sensors in alphabetical order, those without a sample left out.
@@ -388,14 +399,21 @@ def measured(machine: Machine, motion: Motion, sensor: str) -> Signal:
 
     It is what the node `sensors` publishes, to the last bit.
     """
-    scene, channel = machine.scene.sensors[sensor], machine.channel(sensor)
-    collector = SignalCollector()
+    channel, collector = machine.channel(sensor), SignalCollector()
     channel.take(motion)
-    for block in channel.blocks(final=True):
-        about = sensor, scene.carrier(machine), scene.measures, scene.sample_rate
+    for about, block in _blocks(machine, channel, final=True):
         collector.add_samples(about, block.time, block.samples, block.triggered)
     channel.warn()
     signal = collector.signal()
     if signal is None:
         raise InputError(f'sensor {sensor} takes no sample in this run')
     return signal
+
+
+def _blocks(
+    machine: Machine, channel: Channel, final: bool
+) -> Iterator[tuple[tuple[str, str, str, float], Block]]:
+    """Sensor, link, quantity and rate, and the blocks of a channel."""
+    scene = machine.scene.sensors[channel.name]
+    about = channel.name, scene.carrier(machine), scene.measures, scene.sample_rate
+    yield from ((about, block) for block in channel.blocks(final))

@@ -43,6 +43,7 @@ from mechanism_sim.analysis.record import (
     refuse_empty,
 )
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.engine.peak_shapes import PeakShape
@@ -62,6 +63,7 @@ from mechanism_sim.results.turns import (
     impacts_by_turn,
     turns_at,
 )
+from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
 
 _SLACK = 1e-9  # a revolution that is full but for rounding is full
@@ -449,6 +451,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     energy, vibration, ledger = PublishedEnergies(), VibrationCollector(), LedgerCollector()
     parts = {topic: PublishedParts(topic) for topic in PARTS}
     peaks, unknown = _peaks(bag, namespace) if present['motion'] else (None, '')
+    channels = _Channels(peaks.machine if peaks and not present['sensors'] else None, vibration)
     for piece in pieces(bag, namespace, {
         'linkage_state': energy.add, 'sensors': vibration.add, 'progress': ledger.add,
         **{topic: part.add for topic, part in parts.items()},
@@ -461,10 +464,12 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
                 peaks, unknown = None, str(error)
             else:
                 peaks.add(piece.motion)
+                channels.add(piece.motion)
         impacts.add(piece.impacts)
         modes.add(piece.modes)
         digest.add(piece.motion, piece.impacts)
 
+    channels.end()
     moved = crank.summary()
     start, end = bag.start / 1e9, bag.end / 1e9
     if moved is not None:
@@ -490,14 +495,57 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         loads=loads,
         energy=energy.summary(),
         parts={k: part.summary(of_motion) for k, part in parts.items() if present[k]},
-        vibration=vibration.summary(crank.turned) if present['sensors'] else None,
+        vibration=vibration.summary(crank.turned) if present['sensors'] or channels.any else None,
         ledger=ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
         digest=digest.hexdigest() if moved is not None else None,
         absent=(),
     )
     if bag.library != LIBRARY and not any(present.values()):
         return replace(found, fields=field_ranges(bag))
-    return replace(found, absent=(*_absent(present, found, energy), *filter(None, [unknown])))
+    missing = filter(None, [unknown, channels.lost])
+    return replace(found, absent=(*_absent(present, found, energy), *missing))
+
+
+class _Channels:
+    """Sensors of a machine, read from its motion where their samples are not in the bag.
+
+    Parameters
+    ----------
+    machine : None where there is none, or nothing to be read
+    vibration : gathers the samples
+    """
+
+    def __init__(self, machine: Machine | None, vibration: VibrationCollector) -> None:
+        self.lost = ''  #: why they were read no further
+        self._machine, self._vibration = machine, vibration
+        names = machine.scene.sensors if machine else ()
+        self._channels = [machine.channel(name) for name in names] if machine else []
+        self.any = bool(self._channels)
+        self._end: float | None = None
+
+    def add(self, motion: Motion) -> None:
+        """Read the piece that follows, unless one before it is missing: filters remember."""
+        start, end = float(motion.curve.start[0]), self._end
+        if end is not None and start - end > 8.0 * np.spacing(abs(start)) and not self.lost:
+            self.lost = (
+                f'the motion from {end:g} s to {start:g} s is missing: no vibration after it'
+            )
+        self._end = motion.curve.end
+        if not self.lost:
+            for channel in self._channels:
+                channel.take(motion)
+            self._enter(final=False)
+
+    def end(self) -> None:
+        """Enter what is left when all is read."""
+        self._enter(final=True)
+        for channel in self._channels:
+            channel.warn()
+
+    def _enter(self, final: bool) -> None:
+        if self._machine:
+            for channel in self._channels:
+                self._vibration.add_blocks(self._machine, channel, final)
 
 
 def _peaks(bag: Bag, namespace: str | None) -> tuple[LoadPeaks | None, str]:
@@ -532,6 +580,7 @@ def _planned(bag: Bag, topics: tuple[str, ...]) -> tuple[str | None, float | Non
 
 def _absent(present: dict[str, bool], found: Summary, energy: PublishedEnergies) -> Iterator[str]:
     """Parts that are missing in the bag and therefore here, in sentences."""
+    follows = {'joint_reactions': found.loads, 'sensors': found.vibration}  # from the motion
     lost = {
         'motion': 'revolutions, angles of the drive and digest',
         'impacts': 'impacts',
@@ -541,7 +590,11 @@ def _absent(present: dict[str, bool], found: Summary, energy: PublishedEnergies)
         'sensors': 'vibration',
         'progress': 'comparison of what was sent with what was recorded',
     }
-    yield from (f'no topic {kind}: no {what}' for kind, what in lost.items() if not present[kind])
+    yield from (
+        f'no topic {kind}: no {what}'
+        for kind, what in lost.items()
+        if not present[kind] and follows.get(kind) is None
+    )
     if present['motion'] and found.motion is None:
         yield 'topic motion is empty: no revolutions, angles of the drive and digest'
     if present['joint_reactions'] and found.loads is None:

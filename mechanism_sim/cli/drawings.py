@@ -191,7 +191,8 @@ def _profile(options: argparse.Namespace) -> int:
         tables.check_output(options.table, '--table')
     machine = read_machine(options)
     if options.table:
-        tables.write(options.table, profile.table(machine, options.profile))
+        found = profile.table(machine, options.profile)
+        tables.write(options.table, found, found.units)
     sheet = profile.profile(machine, options.profile, options.gear, options.friction)
     if file:
         profile.write(sheet.outline, file)

@@ -255,6 +255,7 @@ def _path(options: argparse.Namespace) -> int:
     from mechanism_sim.report import found  # noqa: PLC0415
     from mechanism_sim.scene import load_scene  # noqa: PLC0415
     from mechanism_sim.studies.four_bars import find_four_bars  # noqa: PLC0415
+    from mechanism_sim.terminal import print_notice  # noqa: PLC0415
 
     if options.scene is not None:
         raise InputError(f"find --path takes no scene, but '{options.scene}' was given")
@@ -264,7 +265,11 @@ def _path(options: argparse.Namespace) -> int:
     least = quantity('--transmission', options.transmission, 'rad')[0]
     designs = find_four_bars(options.path, least)
     if scene:
-        write_text(scene, load_scene(designs[0].scene(options.path)).scene.to_yaml())
+        assumed = designs[0].ASSUMED
+        write_text(
+            scene, f'# {assumed}\n{load_scene(designs[0].scene(options.path)).scene.to_yaml()}'
+        )
+        print_notice(f'{scene}: {assumed}')
     return print_result(options, designs, found.four_bars_json, found.four_bars_text)
 
 

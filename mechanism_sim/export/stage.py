@@ -116,7 +116,8 @@ class Stage:
     ----------
     low, high : corners (2,) [m] of all that moves and of its usual arrows, and room around it
     force_scale : length of arrows per force [m/N]; 0 where there are no forces
-    widths : of each of `plays`, how far apart its walls are, or how far it parts [m]
+    widths : of each of `plays`, how far apart its walls are, or how far it parts [m]; of those
+        that never do, in `closed`, what is drawn
     """
 
     machine: Machine
@@ -125,6 +126,7 @@ class Stage:
     high: Array
     force_scale: float
     widths: dict[str, float] = field(default_factory=dict)
+    closed: set[str] = field(default_factory=set)
 
     @property
     def links(self) -> list[str]:
@@ -340,6 +342,7 @@ class Stage:
             'at': list(pair.on_second),
             'walls': len(self._walls(pair)),
             'width': self.widths[pair.name],
+            'parts': pair.name not in self.closed,
             'face': index(numbers.get(face, -1)),
             'body': index(numbers.get(body, -1)),
             'tilts': isinstance(pair, Prismatic),
@@ -412,6 +415,7 @@ def stage_of(machine: Machine, observed: Observation, sway: Array | None = None)
         width = float(np.nansum(stage._parted(observed, pair), axis=0).max())
         least = 1e-9 * skeleton.size  # of one that never parts there is but rounding
         stage.widths[pair.name] = width if width > least else 1e-3 * skeleton.symbol
+        stage.closed.update([pair.name] if width <= least else [])
     if not stage.joints:
         return stage
     sizes = np.hypot(*observed.reaction.swapaxes(0, 1)).max(axis=0)

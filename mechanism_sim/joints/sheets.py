@@ -10,6 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.tables import Table
 
 
 @dataclass(frozen=True)
@@ -109,9 +110,9 @@ class JointParts(ABC):
     def sheet(self, gear: str | None, friction: float) -> Sheet:
         """Figures and outline, of one gear only if it is named; speeds are those at the start."""
 
-    def table(self) -> dict[str, Array]:
+    def table(self) -> Table:
         """A cam over its turn or stroke, (N,) by name; empty of others."""
-        return {}
+        return Table({})
 
     def speed(self, link: str) -> float:
         """Of a link at the start [rad/s], or [m/s] if it slides."""

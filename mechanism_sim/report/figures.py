@@ -24,6 +24,7 @@ _STYLE: dict[Any, Any] = {
     'axes.spines.right': False,
     'axes.grid': True,
     'axes.axisbelow': True,
+    'axes.formatter.useoffset': False,  # a number at a tick is the whole number
     'grid.color': '0.9',
     'grid.linewidth': 0.6,
     'svg.hashsalt': 'mechanism_sim',  # the same picture is the same file

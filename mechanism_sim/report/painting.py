@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator, MultipleLocator
+from matplotlib.ticker import LogFormatterSciNotation, MaxNLocator, MultipleLocator
 
 from mechanism_sim.export.palette import GROUND, IMPACT, INK
 from mechanism_sim.report.charts.chart import (
@@ -22,7 +22,7 @@ from mechanism_sim.report.charts.chart import (
     Panel,
 )
 from mechanism_sim.report.picture import Picture
-from mechanism_sim.units import typeset
+from mechanism_sim.units import number, typeset
 
 _SHAPES = dict(zip(MARKERS, 'os^DvPX*<>phd+x1234', strict=True))
 _TOP, _FOOT, _TITLE = 0.27, 0.45, 0.3  # [in] of a legend, of an axis with its words, of titles
@@ -32,6 +32,7 @@ _NAMES = 6.0  # letters of names in an inch that are not slanted
 _LETTER = 0.073  # [in]
 _ALONE = 1.4  # times as high as others is a row that is alone
 _CAP = 2.5  # [points] of bars of error
+_PLAIN = 1e-3, 1e5  # numbers along a logarithmic axis that need no powers of ten
 _NARROW = 3.0  # [in] panel with room for few numbers only
 
 
@@ -104,16 +105,55 @@ def _legend(axes: Any, panel: Panel, artists: Mapping[str, Any]) -> None:
     )  # fmt: skip
 
 
+class _Beside(MaxNLocator):
+    """Ticks of a panel so wide [in], no more than there is room for their numbers side by side.
+
+    Matplotlib by itself takes numbers to have three letters.
+    """
+
+    def __init__(self, side: Any, wide: float) -> None:
+        super().__init__(steps=[1, 2, 2.5, 5, 10])
+        self._side, self._wide = side, wide
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """Places of the ticks."""
+        most = 4 if self._wide < _NARROW else min(max(self._side.get_tick_space(), 1), 9)
+        room = (self._wide - 0.6) / _LETTER
+        for self._nbins in range(most, 0, -1):
+            ticks = super().tick_values(vmin, vmax)
+            shown = [x for x in ticks if vmin <= x <= vmax]
+            texts = self._side.get_major_formatter().format_ticks(shown)
+            if sum(len(text) + 2 for text in texts) <= room:
+                break
+        return ticks
+
+
+class _Decades(LogFormatterSciNotation):
+    """Numbers along a logarithmic axis: powers of ten only where they are far from 1."""
+
+    def __init__(self, side: Any) -> None:
+        super().__init__()
+        self._side = side
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The number at a tick, empty where there is no room for one."""
+        text = super().__call__(x, pos)
+        low, high = sorted(self._side.get_view_interval())
+        return number(x, 3) if text and low >= _PLAIN[0] and high <= _PLAIN[1] else str(text)
+
+
 def _scale(axes: Any, panel: Panel, wide: float) -> None:
     """Scales and ticks of both axes of a panel that is so wide [in]."""
     for name, axis in (('x', panel.x), ('y', panel.y)):
         side = getattr(axes, f'{name}axis')
         if axis.log:
             getattr(axes, f'set_{name}scale')('log')
+            side.set_major_formatter(_Decades(side))
+            side.set_minor_formatter(_Decades(side))
         if axis.every:
             side.set_major_locator(MultipleLocator(axis.every))
-        if name == 'x' and wide < _NARROW and not (axis.log or axis.every or axis.names):
-            side.set_major_locator(MaxNLocator(4))
+        if name == 'x' and not (axis.log or axis.every or axis.names):
+            side.set_major_locator(_Beside(side, wide))
         if axis.names:
             getattr(axes, f'set_{name}ticks')(axis.places, axis.names)
             if name == 'x' and sum(map(len, axis.names)) > _NAMES * wide:

@@ -40,8 +40,12 @@ def charts(cycle: Cycle) -> Iterator[Chart]:
 
 def _over(cycle: Cycle, what: str, *names: str) -> tuple[Panel, ...]:
     """The panels of columns over time, the angle of the drive, or another column."""
-    own = numbers(cycle.machine.mechanism)
-    return chart(sampled(cycle, names, cycle.t), '', against(cycle, what), own).panels
+    own, ends = numbers(cycle.machine.mechanism), cycle.extremes()
+    shown = [
+        replace(s, values=ends[s.name].without_rounding(s.values)) if s.name in ends else s
+        for s in sampled(cycle, names, cycle.t)
+    ]
+    return chart(shown, '', against(cycle, what), own).panels
 
 
 def _panels(cycle: Cycle, names: Sequence[str]) -> tuple[Panel, ...]:
@@ -67,10 +71,11 @@ def _motion(cycle: Cycle) -> Chart:
 
 def _hodographs(cycle: Cycle) -> Chart:
     """The vector of each joint's force over its direction, and of the force on the frame."""
-    forces = {f'reaction.{joint}': joint for joint in cycle.machine.physics.joints}
+    joints = map(cycle.machine.mechanism.joint, cycle.machine.physics.joints)
+    forces = {f'reaction.{j.name}': f'{j.name}: {j.first} on {j.second}' for j in joints}
     forces['shaking_force'] = 'all on the frame'
     found = [
-        replace(panel, title=title)
+        replace(panel, title=title, curves=tuple(replace(c, label='') for c in panel.curves))
         for name, title in forces.items()
         for panel in _over(cycle, f'{name}.direction', f'{name}.size')
     ]

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from mechanism_sim import output
-from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.export.outline_files import to_dxf, to_svg
 from mechanism_sim.joints.sheets import JointParts, Outline, PartFigure, Sheet
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.tables import Table
 from mechanism_sim.units import for_people
 
 WRITERS = {'.svg': to_svg, '.dxf': to_dxf}
@@ -61,10 +61,10 @@ def _parts(machine: Machine) -> dict[str, JointParts]:
     }
 
 
-def table(machine: Machine, name: str) -> dict[str, Array]:
+def table(machine: Machine, name: str) -> Table:
     """A cam over its turn or stroke, (N,) by name, see `joints.cam.sheet`."""
     every = _parts(machine)
-    found = every[name].table() if name in every else {}
+    found = every[name].table() if name in every else Table({})
     if not found:
         cams = [joint for joint, parts in every.items() if parts.table()]
         raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,7 @@ from mechanism_sim.studies.runs import Row, has_failed
 from mechanism_sim.studies.sweep import SweepSummary
 from mechanism_sim.studies.tolerances import FirstOrder
 from mechanism_sim.tables import Column
-from mechanism_sim.units import counted, for_people, to_si
+from mechanism_sim.units import counted, digits_apart, for_people, to_si
 from mechanism_sim.units import number as digits
 
 _WORDS = {
@@ -297,9 +297,10 @@ class SweepCharts:
         """
         path = path or self._numeric[-1]
         lines: dict[str, dict[float, list[Row]]] = {}
+        swept = {c: [run.given.get(c) for run, _ in self._done] for c in self._swept}
         for run, row in self._done:
             others = ', '.join(
-                f'{_short(k)} {_value(v, self.plan, k)}'
+                f'{_short(k)} {_value(v, swept[k], self.plan, k)}'
                 for k, v in run.given.items() if k not in (path, REPEAT)
             )  # fmt: skip
             x = float(run.values[path] or 0.0)
@@ -382,7 +383,8 @@ class SweepCharts:
 
     def _range(self, e: Effect) -> str:
         """A factor with its lowest and highest level."""
-        low, high = (_value(e.levels[k].x, self.plan, e.factor) for k in (0, -1))
+        ends = [e.levels[k].x for k in (0, -1)]
+        low, high = (_value(x, ends, self.plan, e.factor) for x in ends)
         return f'{_short(e.factor)}: {low} to {high}'
 
     def pareto(self, first: str, second: str) -> Chart:
@@ -443,10 +445,13 @@ class SweepCharts:
         x, y, z = found
         levels = np.linspace(z.min(), z.max(), _LEVELS + 2)[1:-1]
         lines = contour_generator(x_by * x, y_by * y, z)
+        shown = digits_apart(levels, 3)
         curves = [
             ChartCurve(
                 line[:, 0], line[:, 1], of=name, colour=_ramp(k / (_LEVELS - 1)), look='strong',
-                texts=[digits(level, 3) if n == len(line) // 2 else '' for n in range(len(line))],
+                texts=[
+                    digits(level, shown) if n == len(line) // 2 else '' for n in range(len(line))
+                ],
             )
             for k, level in enumerate(levels)
             for line in map(np.asarray, lines.lines(level))
@@ -475,7 +480,8 @@ class SweepCharts:
         at = sorted({by * float(run.values[path] or 0.0) for run, _ in self._done})
         apart = np.diff(at).min() / (at[-1] - at[0]) if len(at) > 1 else 1.0
         if every and len(at) <= _MOST_TICKS and apart > 0.5 / _MOST_TICKS:
-            return Axis(words, unit, names=tuple(digits(x, 6) for x in at), at=tuple(at)), by
+            shown = digits_apart(at, 6)
+            return Axis(words, unit, names=tuple(digits(x, shown) for x in at), at=tuple(at)), by
         return Axis(words, unit), by
 
 
@@ -563,12 +569,13 @@ def _line(
         yield ChartCurve(at, dots, colour=k, form='dots', look='fine', marker='circle-open')
 
 
-def _value(value: Any, plan: SweepPlan, path: str) -> str:
-    """A swept value with its unit; of a design in that of the sweep file."""
+def _value(value: Any, others: Iterable[Any], plan: SweepPlan, path: str) -> str:
+    """A swept value with its unit, told apart from others; of a design in that of the file."""
     if not isinstance(value, float | int) or isinstance(value, bool):
         return str(value)
     unit, by = unit_of(plan, path)
-    return f'{digits(by * value, 4)} {unit}'.rstrip()
+    numbers = [by * x for x in others if isinstance(x, float | int)]
+    return f'{digits(by * value, digits_apart(numbers))} {unit}'.rstrip()
 
 
 def _short(path: str) -> str:

@@ -220,10 +220,15 @@ def response_json(found: FrequencyResponse) -> dict[str, Any]:
 
 
 def response_text(found: FrequencyResponse) -> str:
-    """For people: a row for each frequency."""
+    """For people: a row for each frequency, and peaks whose heights the steps do not tell."""
     units = {name: _per(found, name) for name in found.amplitudes}
     rows = _amplitude_rows(found.frequency, found.amplitudes, units)
     lines = text_table.lines(rows, indent='')
+    lines += [
+        f'{name}: peaks near {", ".join(f"{f:.4g}" for f in at)} Hz are narrower than the steps: '
+        'take finer ones there; without damping they have no height'
+        for name, at in found.unresolved.items()
+    ]
     if not found.source.unit:
         lines.append(f'{found.source.name}; phases before cos(w t), from its start at t = 0')
     return '\n'.join(lines)

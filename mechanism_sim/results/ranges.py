@@ -69,6 +69,13 @@ class Extremes:
         """True if they differ by rounding only."""
         return self.greatest.value - self.least.value <= self.rounding
 
+    def without_rounding(self, values: Array) -> Array:
+        """The column, or one value of it if all that varies is rounding: 0 if that is rounding."""
+        if not self.constant:
+            return values
+        value = self.least.value
+        return np.full_like(values, value if abs(value) > self.rounding else 0.0)
+
 
 def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].

@@ -19,7 +19,7 @@ from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import SpeedPart
-from mechanism_sim.scene.remarks import length_questions
+from mechanism_sim.scene.remarks import angle_questions, length_questions
 from mechanism_sim.scene.schema import DrivePart, InitialPart, Scene
 from mechanism_sim.units import QuantityValue, argument
 
@@ -62,7 +62,7 @@ def load_scene(
     overrides = overrides if isinstance(overrides, Mapping) else listed(overrides)
     given = content_of(source, name, overrides)
     content = overridden(given.file, given.data, overrides, given.folder)
-    questions = tuple(length_questions(content))
+    questions = (*length_questions(content), *angle_questions(content))
     try:
         return build(given.name, check_scene(given.file, content), questions)
     except InputError as error:

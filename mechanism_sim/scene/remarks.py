@@ -48,6 +48,8 @@ _THICKEST = 10.0
 """[Pa s] of oil: as honey; ISO VG 3200, the thickest grade of ISO 3448, has 2.9 at 40 deg C."""
 _FASTEST = 3e4
 """[rad/s]: turbochargers."""
+_ANGLES = 'start_angle', 'axis', 'phase'
+"""Keys of angles, beside the coordinates in `guess` and `initial.position`."""
 _ROUND = 0.9
 """Of a turn: what is followed up to about one, and is so far from its start, does not swing."""
 _IN_LAW = 33
@@ -91,6 +93,37 @@ def length_questions(content: Mapping[str, Any]) -> Iterator[str]:
         even = 2 * len(others) == len(written)  # which is wrong? the larger ones are named
         if not (-1.0 if even else 1.0 / _OTHER_UNIT) < abs(value) / middle < _OTHER_UNIT:
             yield _length_question(where, text, middle)
+
+
+def angle_questions(content: Mapping[str, Any]) -> Iterator[str]:
+    """Questions about angles of more than a turn without a unit, as 60 where 60 deg is meant.
+
+    Parameters
+    ----------
+    content : as for `length_questions`
+    """
+    joints = content.get('joints')
+    pairs = joints.values() if isinstance(joints, Mapping) else ()
+    slide = [p['prismatic'] for p in pairs if isinstance(p, Mapping) and 'prismatic' in p]
+    ends = {str(end).partition('.')[0] for pair in slide if isinstance(pair, list) for end in pair}
+    for path, value in _plain_numbers(content):
+        *_, key = path
+        start = path[:-1] in (('guess',), ('initial', 'position')) and key not in ends
+        if (start or key in _ANGLES) and abs(value) > TURN * (1.0 + 1e-9):
+            yield (
+                f'{".".join(path)} = {value:g}: angles without a unit are in radians, this one is '
+                f'{math.degrees(value):.6g} deg: is the unit right?'
+            )
+
+
+def _plain_numbers(part: Any, *path: str) -> Iterator[tuple[tuple[str, ...], float]]:
+    """Numbers that stand by their keys without a unit, and the keys."""
+    if isinstance(part, Mapping):
+        for key, value in part.items():
+            yield from _plain_numbers(value, *path, str(key))
+    elif path and isinstance(part, int | float | str) and not isinstance(part, bool):
+        with suppress(ValueError):
+            yield path, float(part)
 
 
 def _length_question(where: str, text: str, middle: float) -> str:
@@ -297,6 +330,11 @@ def _start(machine: Machine) -> Iterator[str]:
         yield f"initial.elastic = '{scene.initial.elastic}' has no effect: no link is elastic"
 
 
+def no_forces(machine: Machine) -> str:
+    """Why a kinematic machine has none."""
+    return _NO_FORCES if machine.scene.outputs.forces else 'outputs.forces is false'
+
+
 def _forces(machine: Machine) -> Iterator[str]:
     scene, outputs = machine.scene, machine.scene.outputs
     if machine.level.dynamic and not outputs.forces:
@@ -307,8 +345,7 @@ def _forces(machine: Machine) -> Iterator[str]:
     if machine.level is not Level.KINEMATIC:
         return
     if outputs.wrenches:
-        why = _NO_FORCES if outputs.forces else 'outputs.forces is false'
-        yield f'outputs.wrenches has no effect: {why}'
+        yield f'outputs.wrenches has no effect: {no_forces(machine)}'
     if outputs.forces:  # else it is plain that nobody asks for them
         for section in LOADS:
             for name in getattr(scene, section):

@@ -62,6 +62,22 @@ class FrequencyResponse:
     amplitudes: dict[str, ComplexArray]
     units: dict[str, str]
 
+    @property
+    def unresolved(self) -> dict[str, list[float]]:
+        """Frequencies [Hz] of peaks narrower than the steps, whose heights are not known.
+
+        At the frequency beside such a peak there is less than half of its power.
+        """
+        found = {}
+        for name, z in self.amplitudes.items():
+            y = np.abs(z)
+            before, here, after = y[:-2], y[1:-1], y[2:]
+            top = (here > before) & (here >= after)
+            narrow = top & (np.minimum(before, after) < math.sqrt(0.5) * here)
+            if narrow.any():
+                found[name] = self.frequency[1:-1][narrow].tolist()
+        return found
+
 
 def read_source(
     machine: Machine,

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -89,6 +89,10 @@ class PathFourBar:
     transmission: tuple[float, float]
     orientation: float = 0.0
     turned: float = 0.0
+
+    ASSUMED: ClassVar[str] = (
+        'masses, and forces by them, are assumed: uniform bars of 1 kg per metre'  #: in a scene
+    )
 
     def worth(self, size: float) -> tuple[float, float]:
         """Order of four-bars for a path of a size [m], the best first.

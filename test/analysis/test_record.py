@@ -353,3 +353,28 @@ def test_turns_of_a_drive_that_starts_from_rest_have_their_times():
     t = record.times_at(turns)
     assert t[0] == 0.0
     np.testing.assert_allclose(record.turned(t), turns, atol=1e-12)
+
+
+def test_the_summary_has_the_vibration_of_a_bag_of_a_sweep_from_its_motion(tmp_path):
+    noise = 'sensors.rocker_accelerometer.noise.rms'
+    run = simulated('four_bar_clearance', {noise: '1 m/s^2'}, revolutions=2)
+    file, cut = tmp_path / 'run.mcap', tmp_path / 'cut.mcap'
+    some = run.piece.motion.parts(40)
+    with RunBag(file, run.machine, run.end) as bag, RunBag(cut, run.machine, run.end) as other:
+        for k, motion in enumerate(some):
+            bag.add(motion, (), ())
+            if k != 2:
+                other.add(motion, (), ())
+    found = analyze(file)
+    (sensor,) = found.vibration
+    signal = np.concatenate(run.signal('rocker_accelerometer').runs)
+    assert (sensor.sensor, sensor.samples) == ('rocker_accelerometer', len(signal))
+    assert sensor.rms == pytest.approx(np.sqrt(np.mean(signal**2)), rel=1e-12)
+    assert sensor.peak == np.abs(signal).max()
+    # loads and vibration follow from the motion: they are not missing
+    assert [x.split(':')[0] for x in found.absent] == [
+        'no topic linkage_state', 'no topic progress',
+    ]  # fmt: skip
+    shorter = analyze(cut)
+    assert 0 < shorter.vibration[0].samples < len(signal)
+    assert shorter.absent[-1].endswith('is missing: no vibration after it')

@@ -605,3 +605,19 @@ def _cost(tab: Tab, file: Path) -> float:
     told = {x['name']: x['value'] for x in session.send('Performance.getMetrics')['metrics']}
     session.detach()
     return float(told['TaskDuration'])
+
+
+@pytest.mark.parametrize('speed', [-30.0, -1.0])
+def test_the_lens_says_how_far_a_follower_parts_if_it_does(tab, tmp_path, speed):
+    valve = simulated('valve_train', {'drive.speed': speed}, duration=0.2)
+    path = tmp_path / 'valve.html'
+    output.write_text(path, report.page(recorded(valve), sections(valve), 'valve'))
+    open_page(tab, path)
+    said = tab.page.inner_text('#lens .note')
+    far = valve.piece.sample(np.linspace(0.0, 0.2, 2001))['gap.contact'].max()
+    if far > 1e-9:
+        told = float(re.match(r'at most ([\d.]+) mm, \d', said)[1])
+        assert 1e-3 * told == pytest.approx(far, rel=0.02)
+    else:
+        assert far < 1e-12
+        assert re.match(r'space drawn [\d.]+ µm, [\d.]+ × true size', said)

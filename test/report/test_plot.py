@@ -24,7 +24,9 @@ from mechanism_sim.messages import own_messages
 from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
+from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
 from mechanism_sim.report.charts.lines import against, against_recorded, chart
+from mechanism_sim.report.figures import paint
 from ros_interfaces.definitions import field_descriptions
 
 JOINT, POINT = 'coupler_rocker', 'coupler.cog'
@@ -502,3 +504,28 @@ def test_messages_are_plotted_over_messages_of_the_own_bag(bag):
     np.testing.assert_allclose(y, [m.velocity[0] for m in states], rtol=1e-12)
     between = np.interp([m.time for m in impacts], [m.time for m in states], angle)
     np.testing.assert_allclose(axes[1].lines[0].get_xdata(), between, rtol=1e-9)
+
+
+@pytest.mark.parametrize(('what', 'name', 'aspect'), [
+    ('reaction.rocker_ground.x', 'reaction.rocker_ground.y', 1.0),
+    ('reaction.crank_coupler.crank.across', 'reaction.crank_coupler.crank.along', 1.0),
+    ('position.coupler.cog.x', 'position.coupler.cog.y', 1.0),
+    ('reaction.rocker_ground.x', 'reaction.rocker_ground.x', 'auto'),
+    ('position.coupler.cog.x', 'velocity.coupler.cog.y', 'auto'),
+])  # fmt: skip
+def test_components_of_a_vector_against_each_other_are_true_to_scale(solution, what, name, aspect):
+    (axes,) = solution.plot(name, against=what).axes
+    assert axes.get_aspect() == aspect
+
+
+@pytest.mark.parametrize(('factor', 'said'), [(1.0, {'40', '100', '400'}), (1e-8, set())])
+def test_powers_of_ten_stand_at_a_logarithmic_axis_only_far_from_one(factor, said):
+    x = factor * np.array([38.0, 150.0, 420.0])
+    panel = Panel(Axis('flywheel', 'kg', log=True), Axis('y'), (ChartCurve(x, x),))
+    figure = paint(Chart('', '', (panel,)))
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    ticks = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    texts = {t.get_text() for t in ticks} - {''}
+    assert said <= texts
+    assert all(('10^' in text) != bool(said) for text in texts)

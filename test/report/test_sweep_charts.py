@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -10,6 +14,7 @@ from mechanism_sim.report.figures import paint, save_all
 from mechanism_sim.report.sweep import SweepCharts, pareto_front, response_surface, unit_of
 from mechanism_sim.studies.plan import read_plan
 from mechanism_sim.studies.runs import DONE
+from mechanism_sim.units import digits_apart
 
 GRID = """
 scene: four_bar_nominal
@@ -112,3 +117,57 @@ def test_labels_break_between_words_only_and_all_is_drawn(sweep, tmp_path):
     files = save_all(SweepCharts(*sweep).charts(None, ('peak', 'torque')), tmp_path / 'c.svg')
     names = {file.stem.removeprefix('c_') for file in files}
     assert {'over', 'effects', 'pareto', 'tornado-peak', 'surface-peak'} <= names
+
+
+def _tolerances(tmp_path):
+    """Lengths within 0.1 mm and the sum of them as the measure, in place of runs."""
+    file = tmp_path / 'tolerances.yaml'
+    file.write_text(
+        'scene: four_bar_nominal\n'
+        'vary:\n  links.rocker.length: 312 mm +0.1/-0.05\n  links.coupler.length: 340 mm +- 0.05'
+        ' mm\ndesign: {kind: latin_hypercube, samples: 24, seed: 1}\n'
+        'measures: {reach: largest(position.rocker)}\nrevolutions: 1\n',
+        encoding='utf-8',
+    )
+    plan = read_plan(str(file))
+    paths = 'links.rocker.length', 'links.coupler.length'
+    return plan, [
+        {'status': DONE, 'reach': sum(run.values[path] for path in paths)} for run in plan.runs
+    ]
+
+
+def test_values_that_differ_little_are_told_apart(tmp_path):
+    charts = {c.key: c for c in SweepCharts(*_tolerances(tmp_path)).charts(None)}
+    lines = [c for c in charts['surface-reach'].panels[0].curves if any(c.texts)]
+    said = [float(text) for c in lines for text in c.texts if text]
+    assert len(set(said)) == len(said) == 9
+    # the value on a line (an angle) is the sum there, to a tenth of the distance of lines
+    for c, number in zip(lines, said, strict=True):
+        assert math.radians(number) == pytest.approx(1e-3 * np.mean(c.x + c.y), abs=2e-6)
+    for name in charts['tornado-reach'].panels[0].y.names:
+        low, high = re.findall(r'([\d.]+) mm', name)
+        assert 0.08 > float(high) - float(low) > 0.03
+    over = charts['over'].panels[0].curves
+    assert [len(c.x) for c in over] == [24]  # none of a rounded length joins what differs
+
+
+@pytest.mark.parametrize(('values', 'digits'), [
+    ((), 4), ((5.0,), 4), ((1.0, 2.0), 4), ((360.01, 360.02, 365.0), 7),
+    ((0.1, 0.1 + 1e-17), 4), ((1.0, 1.0 + 1e-15), 4), ((math.nan, 1.0), 4),
+])  # fmt: skip
+def test_digits_that_tell_values_apart(values, digits):
+    assert digits_apart(values) == digits
+
+
+def test_numbers_at_ticks_are_whole_and_do_not_touch(tmp_path):
+    chart = {c.key: c for c in SweepCharts(*_tolerances(tmp_path)).charts(None)}['effects']
+    figure = paint(chart)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        assert not axes.xaxis.get_offset_text().get_text()
+        low, high = axes.get_xlim()
+        shown = [t for t in axes.get_xticklabels() if low <= t.get_position()[0] <= high]
+        boxes = sorted((t.get_window_extent() for t in shown), key=lambda box: box.x0)
+        assert all(a.x1 + 2.0 < b.x0 for a, b in pairwise(boxes))
+        assert shown
+        assert all(300.0 < float(t.get_text()) < 400.0 for t in shown)

@@ -144,6 +144,10 @@ def test_an_unknown_name_is_refused_with_the_nearest():
         known.find('reaction.coupler_rockr')
     with pytest.raises(InputError, match='the drive is not a motor'):
         known.find('motor.torque')
+    weightless = {f'links.{x}': {'length': y} for x, y in (('crank', 0.064), ('coupler', 0.309))}
+    kinematic = catalogue(ms.load_scene('four_bar_nominal', weightless))
+    with pytest.raises(InputError, match='of forces: masses are missing, or forces have no limit'):
+        kinematic.find('reaction.coupler_rocker')
 
 
 def test_points_move_as_their_links_do():

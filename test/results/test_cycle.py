@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
-from builders import without_work
+from builders import made, without_work
 from running import run, run_json
 from scipy.integrate import quad
 
@@ -296,8 +296,35 @@ def test_plots_have_labels_with_units(nominal):
         below = [axes for axes in figure.axes if axes.name != 'polar']
         if below:
             assert '[' in below[-1].get_xlabel(), name
-    force = drawn['hodographs'].axes[2].lines[0]
+    round_ones = drawn['hodographs'].axes
+    assert round_ones[2].get_title() == 'coupler_rocker: coupler on rocker\n[N]'
+    assert not any(axes.get_legend() for axes in round_ones)  # each has one line, which is said
+    force = round_ones[2].lines[0]
     np.testing.assert_array_equal(force.get_ydata(), nominal['reaction.coupler_rocker.size'])
+
+
+def test_rounding_is_drawn_as_a_line_at_zero():
+    lifter = made({
+        'mechanism': 'linkage',
+        'gravity': [0, '-9.81 m/s^2'],
+        'links': {'ground': {}, 'cam': {'mass': '4 kg', 'inertia': '0.012 kg m^2'},
+                  'lifter': {'mass': '1.8 kg'}},
+        'joints': {
+            'shaft': {'revolute': ['ground', 'cam']},
+            'guide': {'prismatic': ['ground', 'lifter'], 'axis': '90 deg'},
+            'contact': {'cam': ['cam', 'lifter'], 'follower': 'roller', 'roller': '12 mm',
+                        'base_radius': '45 mm', 'law': {'segments': [
+                            {'from': '0 deg', 'to': '180 deg', 'rise': '40 mm'},
+                            {'from': '180 deg', 'to': '360 deg', 'rise': '-40 mm'}]}},
+        },
+        'drive': {'coordinate': 'cam', 'speed': '120 rpm'},
+    })  # fmt: skip
+    cycle = ms.cycle(lifter)
+    assert cycle['shaking_moment'].any()  # of 1e-16 N m, as a difference of moments of forces
+    curves = [c for chart in plots.charts(cycle) for p in chart.panels for c in p.curves]
+    shown = {c.of: c.y for c in curves if len(c.y) > 1}
+    assert not shown['shaking_moment'].any()
+    np.testing.assert_array_equal(shown['drive_torque'], cycle['drive_torque'])
 
 
 @pytest.mark.slow

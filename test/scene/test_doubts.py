@@ -10,8 +10,8 @@ from running import one_of
 
 import mechanism_sim as ms
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.files import find_scene, read_yaml
-from mechanism_sim.scene.remarks import doubts, length_questions, unused
+from mechanism_sim.scene.files import find_scene, overridden, read_yaml
+from mechanism_sim.scene.remarks import angle_questions, doubts, length_questions, unused
 
 FOUR_BAR = 'four_bar_clearance'
 
@@ -221,3 +221,29 @@ def test_what_is_said_to_be_left_out_is_nowhere_in_the_notes():
     assert said == ['friction in the clearance of mesh: none given']
     rubbing = {**pin, 'joints.mesh.backlash.friction': 0.1}
     assert not [x for x in check(ms.load_scene('gear_rattle', rubbing)).left_out if 'frict' in x]
+
+
+@pytest.mark.parametrize(('override', 'said'), [
+    ({'drive.start_angle': 60}, 'drive.start_angle = 60: angles without a unit are in radians, '
+     'this one is 3437.75 deg: is the unit right?'),
+    ({'drive.start_angle': '60'}, 'drive.start_angle = 60'),
+    ({'initial.position.rocker': 122}, 'initial.position.rocker = 122'),
+    ({'sensors.rocker_accelerometer.axis': -90}, 'accelerometer.axis = -90'),
+    ({'drive.start_angle': '3437.75 deg'}, ''), ({'drive.start_angle': 6.28}, ''),
+    ({'drive.speed': 60}, ''),
+])  # fmt: skip
+def test_degrees_without_a_unit_are_questioned(override, said):
+    content = overridden('a file', read_yaml(find_scene(FOUR_BAR), 'scene'), override)
+    found = [*angle_questions(content)]
+    assert len(found) == bool(said)
+    assert all(said in x and x.endswith('is the unit right?') for x in found)
+
+
+def test_degrees_in_a_guess_are_questioned_but_not_metres_of_what_slides():
+    scene = read_yaml(find_scene('slider_crank'), 'scene')
+    machine = ms.load_scene(scene | {'guess': {'rod': -12.6}}, name='found')
+    question = 'guess.rod = -12.6: angles without a unit are in radians, this one is -721.927 deg'
+    assert machine.questions == (f'{question}: is the unit right?',)
+    assert len([*angle_questions(scene | {'guess': {'rod': -12.6, 'piston': 7.0}})]) == 1
+    assert not [x for name in ms.scene_names()
+                for x in angle_questions(read_yaml(find_scene(name), 'scene'))]  # fmt: skip

@@ -136,6 +136,7 @@ def test_what_has_no_end_or_no_beginning_is_refused_at_once(scene):
         (b'a,b\n' + b'1,2\n' * (MOST + 1), f'allowed are {MOST}; take every 2th'),
         (b'', 'is empty'),
         (b'\xff\xfe\x00', 'not comma-separated text'),
+        (b'PK\x03\x04\x14\x00\x08\x81\xff', 'or write it by a command with -o NAME.csv'),
         (b'a,b\n1,\x00\n', "'load.csv'"),
         (b'a,b\n1\n', 'line 2: expected a finite number'),
         (b'a,b\nx,1\n', 'line 2: expected a finite number'),
@@ -146,7 +147,7 @@ def test_what_has_no_end_or_no_beginning_is_refused_at_once(scene):
         (b'a [N],a [m]\n1,2\n2,3\n', "several columns 'a'"),
         (b'a [blub],b\n1,2\n2,3\n', 'blub'),
     ],
-    ids=range(13),
+    ids=range(14),
 )
 def test_a_bad_table_is_a_sentence(text, said, scene):
     assert said in refusal(scene(text=text))

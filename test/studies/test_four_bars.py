@@ -1,6 +1,7 @@
 """Four-bars for positions of a body, transmission angles, timing and dwell, by second routes."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -107,12 +108,16 @@ def test_the_command_writes_a_machine_that_takes_the_positions(tmp_path, monkeyp
     text = '\n'.join(['x [mm],y [mm],orientation [deg]', *rows])
     (tmp_path / 'body.csv').write_text(text + '\n')
     found = run_json('find', '--path', 'body.csv', '-o', 'four.yaml')['four_bars'][0]
+    assert Path('four.yaml').read_text().startswith('# masses, and forces by them, are assumed')
     cycle = ms.cycle('four.yaml')
     (told,) = ms.measure(cycle.machine, cycle.solution)
     assert told.value < 1e-9
     first = cycle.solution.sample(0.0, 'position.coupler')['position.coupler'][0]
     assert math.remainder(first + found['orientation'] - body[0, 2], 2.0 * math.pi) < 1e-9
+    assert cycle.machine.scene.links['coupler'].mass == pytest.approx(found['lengths'][2])
     assert 'missed by' not in run('find', '--path', 'body.csv').stderr
+    again = run('find', '--path', 'body.csv', '-o', 'again.yaml')
+    assert again.stderr.count('bars of 1 kg per metre') == 1
 
 
 def four_bar(**lengths):

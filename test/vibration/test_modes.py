@@ -16,6 +16,7 @@ from two_masses import TwoMasses
 import mechanism_sim as ms
 from mechanism_sim.engine.observer import Instants
 from mechanism_sim.errors import InputError
+from mechanism_sim.report.vibrations import response_text
 from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.scene.start import Start
 from mechanism_sim.studies.floquet import repeated, station
@@ -674,3 +675,21 @@ def test_the_commands(tmp_path):
     assert done.returncode == 2
     assert 'write for example' in done.stderr
     assert (tmp_path / 'modes.png').stat().st_size > 1000
+
+
+@pytest.mark.parametrize(('ratio', 'count', 'told'), [
+    (0.0, 201, True), (1e-4, 201, True), (0.02, 201, False), (2e-4, 40001, False),
+])  # fmt: skip
+def test_a_peak_that_depends_on_the_steps_of_frequencies_is_told(ratio, count, told):
+    o = Oscillator.of_ratio(12.0, ratio, 3.0)
+    machine = row([3.0], [o.stiffness], [o.damping])
+    source, quantities = read_source(machine, force='m0', direction=0.0), ['position.m0']
+    found = [response(machine, source, quantities, np.linspace(1.0, 3.0, n))
+             for n in (count, count + 77)]  # fmt: skip
+    highest = [np.abs(x.amplitudes['position.m0']).max() for x in found]
+    assert (abs(highest[1] / highest[0] - 1.0) > 0.05) == told
+    assert [bool(x.unresolved) for x in found] == [told] * 2
+    assert ('are narrower than the steps' in response_text(found[0])) == told
+    if told:
+        (peak,) = found[0].unresolved['position.m0']
+        assert peak == pytest.approx(12.0 / TURN, abs=2.0 / (count - 1))

@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.cam.followers import Oscillating, OscillatingFlat, Translating
 from mechanism_sim.joints.cam.interference import find_cut_away
@@ -24,9 +23,11 @@ from mechanism_sim.joints.cam.profiles import (
     outline_angles,
 )
 from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure, Polygon, Sheet
+from mechanism_sim.tables import Table
 
 #: for which a base radius is proposed [rad]
 PRESSURE_ANGLE = math.radians(30.0)
+_BESIDE = 1e-11  # of the largest value: beside a break, what is less is 0
 
 
 class CamParts(JointParts):
@@ -61,19 +62,19 @@ class CamParts(JointParts):
             'm' if law.reciprocating else 'rad',
         )
 
-    def table(self) -> dict[str, Array]:
+    def table(self) -> Table:
         """The cam over its turn or stroke, (N,) by name, in SI units; both sides of every break.
 
         Derivatives, and speeds of the point of contact and of sliding, are by radians of the cam,
         or by metres if it slides, and count as those of `mechanism_sim.joints.cam.touch`. The
         profile is in the frame of the cam's link.
         """
-        law = self.joint.cam.law
+        cam = self.joint.cam
+        law, swings = cam.law, isinstance(cam.follower, Oscillating | OscillatingFlat)
         x = drawing_angles(law, extent(law) / 360)
-        touch = self.joint.cam.at(x)
+        touch = cam.at(x)
         contact = self.joint.profile(touch.profile)
-        return {
-            'cam': x,
+        columns = {
             **{name: law(x, order) for order, name in enumerate(DERIVATIVES)},
             'pressure_angle': touch.pressure_angle,
             'contact.x': contact[0],
@@ -81,6 +82,25 @@ class CamParts(JointParts):
             'contact_speed': touch.rate,
             'sliding_speed': touch.sliding,
         }
+        for values in columns.values():
+            values[np.abs(values) <= _BESIDE * np.abs(values).max()] = 0.0
+        # sides of a break are computed a little beside it
+        breaks = np.asarray(law.breaks)
+        nearest = breaks[np.abs(x[:, None] - breaks).argmin(axis=1)]
+        x = np.where(np.abs(x - nearest) <= _BESIDE * extent(law), nearest, x)
+        of, lift = 'm' if law.reciprocating else 'rad', 'rad' if swings else 'm'
+        units = {'cam': of, 'pressure_angle': 'rad', 'contact.x': 'm', 'contact.y': 'm'}
+        units |= {name: _per(lift, of, order) for order, name in enumerate(DERIVATIVES)}
+        units |= dict.fromkeys(('contact_speed', 'sliding_speed'), _per('m', of, 1))
+        return Table({'cam': x, **columns}, units)
+
+
+def _per(unit: str, of: str, order: int) -> str:
+    """The unit of a derivative by what is in the unit `of`."""
+    above, power = ('1', order - 1) if unit == of and order else (unit, order)
+    if power <= 0:
+        return '' if above == '1' else unit
+    return f'{above}/{of}^{power}' if power > 1 else f'{above}/{of}'
 
 
 def _cam_figures(cam: Cam, speed: float) -> Iterator[PartFigure]:

@@ -196,8 +196,8 @@ class Slit extends Glass {
   constructor(host, stage, index) {
     const play = stage.plays[index];
     const two = play.walls > 1;
-    super(host, stage, play, play.width / 2, 'play',
-      `${two ? 'play' : 'at most'} ${quantity(play.width, 'm')}`);
+    const kind = play.parts ? ['at most', 'play'][Number(two)] : 'space drawn';
+    super(host, stage, play, play.width / 2, 'play', `${kind} ${quantity(play.width, 'm')}`);
     Object.assign(this, { index, play, two });
     for (const side of this.two ? [-1, 1] : [1]) {
       add(this.svg, 'rect', { class: 'part', x: side > 0 ? BORE : -BORE - 26, y: -100, width: 26,

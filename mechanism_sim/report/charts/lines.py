@@ -53,6 +53,7 @@ _SLACK = 1e-7  # [deg]
 _WHOLE = 350.0  # [deg] of a turn that counts as one
 _MARKS = 1500  # places along a panel at which impacts can be told apart
 _MANY = 40_000  # points of a line, more are thinned
+_ACROSS = {'x': 'y', 'y': 'x', 'along': 'across', 'across': 'along'}  # components of a vector
 _TRUE = 4.0  # [in] height of a path that is true to scale
 
 
@@ -184,12 +185,17 @@ def panels(
 
 
 def _shaped(panel: Panel, over: Abscissa, names: Sequence[str]) -> Panel:
-    """Round over a direction; true to scale if it shows the path of a point."""
+    """Round over a direction; true to scale if it shows a path, or a vector by its components."""
     if over.axis is DIRECTION:
         y = replace(panel.y, low=0.0, high=rim(panel.curves))
         return replace(panel, y=y, form='polar', height=ROUND, scale='')
-    path = over.of.startswith('position.') and over.of.endswith('.x')
-    if path and all(n.startswith('position.') and n.endswith('.y') for n in names):
+    kind, part = over.of.partition('.')[0], over.of.rpartition('.')[2]
+    other, units = _ACROSS.get(part), {panel.x.unit, panel.y.unit}
+    if (
+        other
+        and len(units) == 1
+        and all(n.partition('.')[0] == kind and n.rpartition('.')[2] == other for n in names)
+    ):
         return replace(panel, form='equal', height=_TRUE, scale='')
     return panel
 

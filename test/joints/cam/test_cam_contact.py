@@ -134,9 +134,13 @@ def test_a_law_whose_velocity_jumps_runs_as_kinematics(tmp_path):
     table = tmp_path / 'cam.csv'
     assert 'at 60 deg the velocity jumps' in run('cycle', *given).stdout
     run('draw', given[0], '--profile', 'contact', *given[1:], '--table', str(table))
-    rows = np.genfromtxt(table, delimiter=',', names=True)
-    at = np.isclose(rows['cam'], span, atol=1e-9)  # both sides of the corner
+    units = ' [rad]', ' [m]', ' [m/rad]', ' [m/rad^2]', ' [m/rad^3]', ' [rad]', *[' [m]'] * 2
+    head = [x.partition(' ') for x in table.read_text().splitlines()[0].split(',')]
+    assert [f' {unit}' for *_, unit in head] == [*units, *[' [m/rad]'] * 2]
+    rows = np.genfromtxt(table, delimiter=',', names=[name for name, *_ in head], skip_header=1)
+    at = np.isclose(rows['cam'], span, rtol=0.0, atol=1e-15)  # both sides of the corner
     assert sorted(rows['velocity'][at]) == pytest.approx([0.0, 6e-3], abs=1e-9)  # per radian
+    assert (rows['cam'][0], rows['displacement'][0]) == (0.0, 0.0)
     run('draw', *given, '-o', str(tmp_path / 'cam.svg'))
 
 
