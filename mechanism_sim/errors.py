@@ -79,10 +79,11 @@ def nearest(
     """
     import difflib  # noqa: PLC0415 - few runs are refused
 
-    short = word[:100]
-    close = [
+    short, known = word[:100], [*known]
+    close = [x for x in known if x != short and x.lower() == short.lower()]
+    close += [
         x
-        for x in difflib.get_close_matches(short, list(known), 10, likeness)
+        for x in difflib.get_close_matches(short, known, 10, likeness)
         if x.startswith(short[: max(2, len(short) // 2)])
         or sorted(x) == sorted(short)
         or difflib.get_close_matches(short, [x], 1, _ALIKE)

@@ -590,7 +590,7 @@ def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
         except ValueError as error:
             if str(error) == _BEYOND:
                 raise
-            said.append(str(error).partition(':')[0])
+            said.append(str(error).partition(': write for example')[0])
             continue
         bare = unit != units[-1] and not (isinstance(value, str) and _NUMBER.sub(r'\2', value))
         return QuantityValue(found, '' if bare else unit)

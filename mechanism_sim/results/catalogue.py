@@ -27,6 +27,7 @@ from mechanism_sim.results.quantities.shafts import of_shafts
 from mechanism_sim.results.quantities.transmission import of_transmission
 from mechanism_sim.results.quantity import Quantity, Shown, View, evaluated
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.remarks import no_forces
 from mechanism_sim.tables import Table
 
 SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
@@ -126,7 +127,7 @@ class Catalogue(Mapping[str, Quantity]):
             return InputError(f"{machine.name}: '{name}': {machine.nominal.undetermined_text}")
         bare = (known.removesuffix('.size') for known in self._known)
         short = [*self._known, *bare, *kinds]
-        why = '' if machine.physics.has_forces else '; its forces are not computed'
+        why = '' if machine.physics.has_forces else f'; of forces: {no_forces(machine)}'
         return InputError(
             f"{machine.name}: there is no quantity '{name}'{nearest(name, short)}; quantities "
             f'begin with {", ".join(kinds)}{why}'

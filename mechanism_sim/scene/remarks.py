@@ -330,6 +330,11 @@ def _start(machine: Machine) -> Iterator[str]:
         yield f"initial.elastic = '{scene.initial.elastic}' has no effect: no link is elastic"
 
 
+def no_forces(machine: Machine) -> str:
+    """Why a kinematic machine has none."""
+    return _NO_FORCES if machine.scene.outputs.forces else 'outputs.forces is false'
+
+
 def _forces(machine: Machine) -> Iterator[str]:
     scene, outputs = machine.scene, machine.scene.outputs
     if machine.level.dynamic and not outputs.forces:
@@ -340,8 +345,7 @@ def _forces(machine: Machine) -> Iterator[str]:
     if machine.level is not Level.KINEMATIC:
         return
     if outputs.wrenches:
-        why = _NO_FORCES if outputs.forces else 'outputs.forces is false'
-        yield f'outputs.wrenches has no effect: {why}'
+        yield f'outputs.wrenches has no effect: {no_forces(machine)}'
     if outputs.forces:  # else it is plain that nobody asks for them
         for section in LOADS:
             for name in getattr(scene, section):

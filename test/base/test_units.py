@@ -298,3 +298,10 @@ def test_one_thing_is_singular(count, said):
 def test_a_number_in_another_unit_is_without_its_rounding():
     speed = to_si('3000 rpm', 'rad/s') * 30.0 / math.pi
     assert unrounded(speed * (1.0 + 2e-16)) == 3000.0
+
+
+def test_of_several_units_the_advice_of_the_first_is_kept():
+    with pytest.raises(
+        ValueError, match="degrees are 'deg': write for example '30 deg' or '64 mm'"
+    ):
+        to_si_of('30 Grad', ('rad', 'm'))

@@ -274,7 +274,12 @@ def test_words_that_are_far_from_each_other_are_not_suggested():
     far += [('jitter', 'integrator'), ('range', 'transducer'), ('seed', 'scene'), ('type', 'rope')]
     for word, known in [*far, ('brakes', 'tables')]:
         assert nearest(word, [known]) == ''
-    for word, known in [('drvie', 'drive'), ('tpo', 'top'), ('damping', 'damping_ratio')]:
+    for word, known in [
+        ('drvie', 'drive'),
+        ('tpo', 'top'),
+        ('damping', 'damping_ratio'),
+        ('x', 'X'),
+    ]:
         assert nearest(word, [known]) == f"; did you mean '{known}'?"
 
 
