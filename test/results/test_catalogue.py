@@ -144,8 +144,11 @@ def test_an_unknown_name_is_refused_with_the_nearest():
         known.find('reaction.coupler_rockr')
     with pytest.raises(InputError, match='the drive is not a motor'):
         known.find('motor.torque')
-    weightless = {f'links.{x}': {'length': y} for x, y in (('crank', 0.064), ('coupler', 0.309))}
-    kinematic = catalogue(ms.load_scene('four_bar_nominal', weightless))
+    lengths = {'ground': 7.0, 'crank': 2.0, 'coupler': 9.0, 'rocker': 6.0}
+    kinematic = catalogue(made({
+        'mechanism': 'four_bar', 'links': {x: {'length': y} for x, y in lengths.items()},
+        'drive': {'speed': 10.0},
+    }))  # fmt: skip
     with pytest.raises(InputError, match='of forces: masses are missing, or forces have no limit'):
         kinematic.find('reaction.coupler_rocker')
 
