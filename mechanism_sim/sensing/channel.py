@@ -28,8 +28,9 @@ _FARTHEST = 0.49
 """Of a sampling period: so far at most jitter moves a sample, that none overtakes another."""
 BLOCK = 256
 """Samples of a block without a trigger."""
-_AT_ONCE = 30_000_000
-"""Samples of one step at most: they take a gigabyte."""
+_MOST = 100_000_000
+"""Samples of one motion at most: they take some gigabytes."""
+_TOGETHER = 100_000  # samples that are computed at once
 
 
 class SensorSource(Protocol):
@@ -305,45 +306,45 @@ class Sampler:
         self._random = generator(instrument, name, 'jitter')
         self._offsets = np.zeros(0)  # drawn, and not yet used
 
-    def due(self, motion: Motion) -> list[Span]:
+    def due(self, motion: Motion) -> Iterator[Span]:
         """The samples that fall into a motion, which follows that of the last call."""
-        spans: list[Span] = []
         triggers = self._passage.times(motion) if self._passage else []
         for trigger in triggers:
-            self._sample(spans, trigger, ends=self._most is None)
+            yield from self._sample(trigger, ends=self._most is None)
             if self._start is None:
                 self._start, self._count = trigger, 0
-        self._sample(spans, motion.curve.end, ends=False)
-        return spans
+        yield from self._sample(motion.curve.end, ends=False)
 
     @property
     def _most(self) -> int | None:
         return self._trigger.samples if self._trigger else None
 
-    def _sample(self, spans: list[Span], until: float, ends: bool) -> None:
+    def _sample(self, until: float, ends: bool) -> Iterator[Span]:
         """Sample the present record up to a time [s], which may be its end."""
-        if self._start is None:
-            return
-        count = max(0, math.ceil((until - self._start) * self._rate) + 1 - self._count)
-        if self._most is not None:
-            count = min(count, self._most - self._count)
-        if count > _AT_ONCE:
-            raise RunError(
-                f'sensor {self._name}: {count:.3g} samples up to t = {until:.6g} s in one step of '
-                f'so slow a motion, of which {_AT_ONCE:.0e} can be held: lower its sample_rate'
-            )
-        since = np.arange(self._count, self._count + count) / self._rate
-        if self._jitter:
-            since = np.maximum(since + self._offset(count), 0.0)
-        times = self._start + since
-        times = times[: int(np.searchsorted(times, until))]
-        self._count += len(times)
-        self._offsets = self._offsets[len(times) :]
-        complete = ends or self._count == self._most
-        if len(times) or complete:
-            spans.append(Span(self._start, times, complete))
-        if complete:
-            self._start = None
+        more = True
+        while self._start is not None and more:
+            left = max(0, math.ceil((until - self._start) * self._rate) + 1 - self._count)
+            if self._most is not None:
+                left = min(left, self._most - self._count)
+            if left > _MOST:
+                raise RunError(
+                    f'sensor {self._name}: {left:.3g} samples up to t = {until:.6g} s at once, of '
+                    f'which {_MOST:.0e} can be held: lower its sample_rate, or end the run before'
+                )
+            count = min(left, _TOGETHER)
+            since = np.arange(self._count, self._count + count) / self._rate
+            if self._jitter:
+                since = np.maximum(since + self._offset(count), 0.0)
+            times = self._start + since
+            times = times[: int(np.searchsorted(times, until))]
+            self._count += len(times)
+            self._offsets = self._offsets[len(times) :]
+            more = len(times) == count < left
+            complete = (ends and not more) or self._count == self._most
+            if len(times) or complete:
+                yield Span(self._start, times, complete)
+            if complete:
+                self._start = None
 
     def _offset(self, count: int) -> Array:
         """How much later than due the next samples are taken [s]."""

@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mechanism_sim.engine.events import Mode, ModeChange
 from mechanism_sim.errors import InputError
+from mechanism_sim.planar.protocols import MotionBound
 from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import stream
@@ -74,10 +76,22 @@ def starts(
 
 def _follow(name: str, scene: Scene, revolutions: float) -> Row:
     """When contact is first lost in any joint [s], and the impacts of the run."""
-    run = stream(Machine(name, scene), revolutions=revolutions)
-    lost: list[float] = []
-    run.finish([lambda piece: lost.extend(x.t for x in piece.modes if is_loss(x))])
+    machine, changes = Machine(name, scene), list[ModeChange]()
+    run = stream(machine, revolutions=revolutions)
+    run.finish([lambda piece: changes.extend(piece.modes)])
+    lost = [x.t for x in changes if is_loss(x)]
+    if _begins_apart(machine, changes):
+        lost.append(0.0)
     return {'lost': min(lost, default=None), 'impacts': run.totals.impacts}
+
+
+def _begins_apart(machine: Machine, changes: Sequence[ModeChange]) -> bool:
+    """True if the forces of a start leave a joint without any contact; stops may be open."""
+    gaps = machine.equations.system.gaps
+    joints = {gap.name: gap.joint for gap in gaps if not isinstance(gap, MotionBound)}
+    begun = [x for x in changes if x.previous == Mode.UNKNOWN and x.joint in joints]
+    closed = {joints[x.joint] for x in begun if x.mode != Mode.FREE_FLIGHT}
+    return any(joints[x.joint] not in closed for x in begun)
 
 
 def render(found: Sequence[StartAngle]) -> str:

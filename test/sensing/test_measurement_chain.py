@@ -18,6 +18,7 @@ from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.modal_filter import _OPERATION, ModalFilter, add_forced, pass_through
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
 from mechanism_sim.numerics.rational import Modes
+from mechanism_sim.sensing import channel as sampling
 from mechanism_sim.sensing.chain import (
     Amplifier,
     AntiAlias,
@@ -511,6 +512,29 @@ def test_blocks_are_the_same_to_the_last_bit_however_the_motion_is_cut(loose, se
             assert mine.time == theirs.time
             assert mine.overloads == theirs.overloads
             assert np.array_equal(mine.samples, theirs.samples)
+
+
+@pytest.mark.parametrize('trigger', [{}, {'angle': 1.0}, {'angle': 1.0, 'samples': 300}])
+def test_samples_are_the_same_to_the_last_bit_however_many_are_taken_at_once(
+    loose, trigger, monkeypatch
+):
+    machine, solution, _ = loose
+    full = Instrument(
+        20e3,
+        amplifier=Amplifier(low_pass=1e3),
+        trigger=Trigger(**trigger) if trigger else None,
+        adc=Converter(jitter=2e-5),
+    )
+    made = []
+    for count in (sampling._TOGETHER, 37):
+        monkeypatch.setattr(sampling, '_TOGETHER', count)
+        measuring = Channel(
+            PointOnLink(machine.mechanism, 'coupler', 0.309, 'across'), full, 'tip'
+        )
+        for piece in pieces(solution.motion, [len(solution.motion) // 3]):
+            measuring.take(piece)
+        made.append([(b.time, *b.samples) for b in measuring.blocks(final=True)])
+    assert made[0] == made[1]
 
 
 def test_responses_do_not_depend_on_how_many_pieces_are_taken_at_once():

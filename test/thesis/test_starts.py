@@ -4,6 +4,7 @@ import math
 
 from builders import made
 
+import mechanism_sim as ms
 from mechanism_sim.thesis.starts import starts
 
 SCENE = """
@@ -25,3 +26,15 @@ def test_a_stop_that_is_open_at_the_start_is_no_lost_contact():
     """The weight of what hangs on the pin of a slow crank keeps it on its bushing."""
     (found,) = starts(made(SCENE), 1, 0.05)
     assert math.isinf(found.followed)
+
+
+def test_where_nothing_presses_a_cam_is_not_followed_from_the_start_on():
+    """Beyond 45.6 degrees, where it is lost by those that come from before."""
+    before, there, beyond = starts(ms.load_scene('eccentric_cam'), 8, 0.01)[:3]
+    assert math.isinf(before.followed)
+    assert 0.0 < there.followed < 0.01
+    assert beyond.followed == 0.0
+
+
+def test_gears_that_begin_between_their_flanks_follow_none():
+    assert starts(ms.load_scene('gear_four_bar'), 1, 0.01)[0].followed == 0.0
