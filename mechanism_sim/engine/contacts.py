@@ -237,7 +237,7 @@ class Contacts:
         state, log, switching = self.state, self.state.impacts, self.switching
         state.stages.see(stage)
         if stage == STRIKES:
-            first, lost = log.count, add_joint_friction(state, switching, guard)
+            first, lost = log.count, add_joint_friction(state, guard)
             stage = state.stages.go_on(stage, guard)
             if lost and log.count > first:
                 log.rows[first, LOSS] += lost

@@ -37,7 +37,7 @@ _IMPACTS = TOLERANCES.impacts
 _ROUNDING = TOLERANCES.rounding
 
 
-def add_joint_friction(state: ContactState, switching: Switching, gap: int) -> float:
+def add_joint_friction(state: ContactState, gap: int) -> float:
     """Change the contact problem of an impact by the friction that it makes in ideal joints.
 
     Returns
