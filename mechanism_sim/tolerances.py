@@ -522,6 +522,9 @@ class MechanismTolerances(NamedTuple):
     no_work: float = 1e-9
     #: sine of the angle between the axis of a beam and a line that bends with it
     parallel: float = 1e-9
+    #: of its length: what an elastic link bends by is known so well, by 17 times the square
+    bends: float = 0.05
+    bends_error: float = 0.04
     #: of the largest stiffness: below, a coordinate is not held
     unheld: float = 1e-11
     #: of the largest force: along such a coordinate, less is rounding

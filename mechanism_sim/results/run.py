@@ -11,6 +11,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -19,6 +20,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine import plotting
 from mechanism_sim.engine.audit import Audit, Energy, Work
+from mechanism_sim.engine.bending import BendWatch
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
@@ -27,7 +29,7 @@ from mechanism_sim.engine.events import Impact, Mode, ModeChange, StopReason
 from mechanism_sim.engine.physics import Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot
-from mechanism_sim.errors import InputError, RunWarning, check_known, quoted
+from mechanism_sim.errors import InputError, RunError, RunWarning, check_known, quoted
 from mechanism_sim.results.catalogue import Catalogue, catalogue, flat
 from mechanism_sim.results.quantity import Shown, View
 from mechanism_sim.scene import Machine
@@ -362,6 +364,7 @@ class Runner:
         self.audit = Audit(machine.physics)
         self.known, self.more = self.engine.time, True
         self._audited, self._together = audited, together
+        self._bends = BendWatch(machine.mechanism)
         self._entered: list[Piece] = []  # not audited yet
         self._judged = self.engine.steps  # when it was last judged
         self._balance = EnergyTerms(Work(*np.zeros((len(Work._fields), 0))), [])
@@ -396,12 +399,16 @@ class Runner:
         while self.more:
             self._look_at_films(until, final)
             whole = final and held is None
-            self.more = self._integrate(until, whole, batch or BATCH) and self.engine.time < until
-            if held and not self.more:
-                held()
-                self.engine.advance(until, final)
-            self.known = self.engine.time if self.more or final else until
-            piece = self._piece(final and not self.more)
+            with self._bent():
+                more = self._integrate(until, whole, batch or BATCH)
+                self.more = more and self.engine.time < until
+                if held and not self.more:
+                    held()
+                    self.engine.advance(until, final)
+                self.known = self.engine.time if self.more or final else until
+                piece = self._piece(final and not self.more)
+            for said in self._bends.look(piece.motion):
+                self._warn(said)
             for observe in observers:
                 observe(piece)
             yield piece
@@ -424,7 +431,25 @@ class Runner:
             # nodes ask for parts of a run, as far as laws are known
             end = until if final else max(until, self.machine.scene.duration or 0.0)
             if said := engine.films.look(engine.steps, end, final):
-                warnings.warn(f'{self.machine.name}: {said}', RunWarning, stacklevel=2)
+                self._warn(said)
+
+    def _warn(self, said: str) -> None:
+        warnings.warn(f'{self.machine.name}: {said}', RunWarning, stacklevel=3)
+
+    @contextmanager
+    def _bent(self) -> Iterator[None]:
+        """Say of a run that fails if its links bend farther than the theory reaches."""
+        try:
+            yield
+        except RunError as error:
+            engine = self.engine
+            if not isinstance(engine, EventLoop):
+                raise
+            known = dict(zip(self.machine.equations.system.free, engine.state.q, strict=True))
+            q = [known.get(c, 0.0) for c in self.machine.mechanism.coordinates]
+            if said := self._bends.now(np.array(q)):
+                raise RunError(f'{error}; {said}') from error
+            raise
 
     def _integrate(self, until: float, final: bool, batch: Batch) -> bool:
         """Take the steps of a batch; whether there is more to do."""
