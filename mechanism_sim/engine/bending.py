@@ -55,8 +55,8 @@ class BendWatch:
                 error = f'{100 * _MECHANISM.bends_error:g} %'
                 found.append(
                     f'{self._beyond(link, q[:, first])} at t = {t:.6g} s, beyond the theory of '
-                    f'small bends, which is off by some {error} there, and more with the square of '
-                    'the bending'
+                    f'small bends, which is off by some {error} there, and more as the square '
+                    'of the bending'
                 )
         return sorted(found)
 
