@@ -522,6 +522,9 @@ class MechanismTolerances(NamedTuple):
     no_work: float = 1e-9
     #: sine of the angle between the axis of a beam and a line that bends with it
     parallel: float = 1e-9
+    #: spacings of the largest place: from smaller clearances normals are known to five digits at
+    #: most, and rounding rules the length of steps
+    least_play: float = 2e5
     #: of its length: what an elastic link bends by is known so well, by 17 times the square
     bends: float = 0.05
     bends_error: float = 0.04

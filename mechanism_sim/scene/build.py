@@ -220,6 +220,7 @@ def _check_joints(machine: Machine) -> None:
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
     shortest = min((x for x in between if x > 0.0), default=math.inf)
     soft = any(c.wall == 'soft' for c in (*loose.values(), *touching.values()))
+    least = _MECHANISM.least_play * float(np.spacing(machine.mechanism.reach))
     for joint, clearance in loose.items():
         given = machine.scene.joints[joint]
         keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k))
@@ -228,6 +229,14 @@ def _check_joints(machine: Machine) -> None:
             raise InputError(
                 f'{where}.radial = {clearance.radial:g} m is larger than the shortest link '
                 f'({shortest:g} m)'
+            )
+        if 0.0 < clearance.radial < least and not _is_angular(machine, joint):
+            key = '.radial =' if where.endswith('clearance') else ' makes a play to either side of'
+            raise InputError(
+                f'{where}{key} {clearance.radial:g} m: places in a machine of '
+                f'{machine.mechanism.reach:.3g} m are known to some '
+                f'{np.spacing(machine.mechanism.reach):.1g} m, which allows for {least:.2g} m or '
+                'more; leave it out, or give more'
             )
         _check_play(where, 'contact', clearance, soft)
         of_materials = clearance.contact and clearance.contact.materials

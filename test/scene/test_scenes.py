@@ -107,6 +107,7 @@ def refusal(overrides, scene=LOOSE):
         ('sensors.mine', {'at': 0}, ["'sensors.mine.link' is missing"]),
         # geometry
         ('links.crank.length', '2 m', ['cannot be assembled', 'crank (2 m)', '(1.008 m)']),
+        (RADIAL, '1e-9 mm', ['clearance.radial = 1e-12 m', 'allows for 1.1e-11 m or more']),
         (RADIAL, '100 mm', ['larger than the shortest link (0.064 m)']),
         ('joints.crank_coupler.clearance', {'radial': 0.1, 'restitution': 0},
          ['joints.crank_coupler.clearance.radial', 'larger than the shortest link']),
