@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
-from itertools import chain, islice, pairwise
+from itertools import chain, pairwise
 from math import comb
 from typing import Protocol
 
@@ -211,33 +211,60 @@ def largest_speed(laws: Sequence[Law]) -> float:
 
 
 _PATIENCE = 100_000
-"""Laws of a motion without end, in which it must have gone as far as is asked."""
+"""Laws of a motion without end, in which it must have gone to the next angle that is asked."""
 
 
-def time_of_angle(laws: Iterable[Law], angle: float) -> float | None:
-    """When consecutive laws have turned their coordinate by `angle` [rad]: [s], None for never."""
-    turned = 0.0
-    known = (law for law in islice(laws, _PATIENCE) if isinstance(law, DriveLaw))
+def times_of_angles(laws: Iterable[Law], angles: Iterable[float]) -> Iterator[float]:
+    """When consecutive laws have turned their coordinate by rising angles [rad]: [s] of each.
+
+    Forward or backward: a drive that swings turns on. They end where it never comes so far.
+    """
+    ways = _one_way(laws)
+    way = next(ways, None)
+    turned, seen = 0.0, 0
+    for angle in angles:
+        t = None
+        while way and (t := _reached(*way, angle - turned)) is None:
+            law, begin, end = way
+            if end == math.inf:
+                return
+            ends = [begin - law.reference_time, end - law.reference_time]
+            turning = 0.0, *law.coefficients[1:]  # without its start, which may be far
+            before, after = (float(polynomial.polyval(x, turning)) for x in ends)
+            turned += abs(after - before)
+            seen += 1
+            way = next(ways, None) if seen < _PATIENCE else None
+        if t is None:
+            return
+        yield t
+        seen = 0
+
+
+def _one_way(laws: Iterable[Law]) -> Iterator[tuple[DriveLaw, float, float]]:
+    """Laws in their order, from when to when [s] each turns one way."""
+    known = (law for law in laws if isinstance(law, DriveLaw))
     for law, later in pairwise(chain(known, [None])):
         assert law is not None  # noqa: S101 - only the last is none
-        end = later.valid_from if later else math.inf
-        t = _reached(law, angle - turned, end)
-        if t is not None or later is None:
-            return t
-        ends = [law.valid_from - law.reference_time, end - law.reference_time]
-        turning = 0.0, *law.coefficients[1:]  # without its start, which may be far
-        before, after = (float(polynomial.polyval(x, turning)) for x in ends)
-        turned += abs(after - before)
-    return None
+        begin, end = law.valid_from, later.valid_from if later else math.inf
+        rate = polynomial.polyder(law.coefficients)
+        cuts: list[float] = []
+        far = max(abs(begin - law.reference_time), abs(end - law.reference_time))
+        most = sum(abs(c) * far**k for k, c in enumerate(rate) if k and c)
+        if most >= abs(rate[0]) > 0.0 or (most and not rate[0]):
+            roots = np.asarray(Polynomial(rate).trim().roots())
+            real = np.sort(roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real)
+            cuts = [t for t in (law.reference_time + real).tolist() if begin < t < end]
+        for a, b in pairwise([begin, *cuts, end]):
+            yield law, a, b
 
 
-def _reached(law: DriveLaw, angle: float, end: float) -> float | None:
-    """When a law has turned by `angle` [rad] since it took over, if before `end` [s]."""
+def _reached(law: DriveLaw, begin: float, end: float, angle: float) -> float | None:
+    """When a law has turned by `angle` [rad] since a time [s], if before `end` [s]."""
     if law.degree == 1 and law.valid_from == law.reference_time:
         speed = abs(law.coefficients[1])
-        t = law.valid_from + angle / speed if speed else math.inf
+        t = begin + angle / speed if speed else math.inf
         return t if t <= end and t < math.inf else None
-    began = law.valid_from - law.reference_time
+    began = begin - law.reference_time
     turning = 0.0, *law.coefficients[1:]
     start = polynomial.polyval(began, turning)
     hits = []

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.drive import DriveLaw
@@ -74,8 +74,10 @@ class DriveTurns:
 
     def __init__(self, machine: Machine, begin: float = -math.inf) -> None:
         """`begin` [s]: what was before counts as not seen."""
-        self._machine, self._first = machine, begin
+        self._first = begin
         self._known = isinstance(machine.drive.law, DriveLaw) and not machine.drive.law.straight
+        self._foretold = machine.drive.times_of(count(1)) if self._known else iter(())
+        self._next = next(self._foretold, None)
         self._index = machine.physics.coordinates.index(machine.plan.main)
         self._start: Place | None = None
         self.edges: list[float] = []
@@ -89,15 +91,13 @@ class DriveTurns:
             self._start, self.begin = beginning(curve, self._index), max(begin, self._first)
             self.edges = [0.0 if self._known else begin]
         if self._known:
-            try:
-                time_of, end = self._machine.drive.time_of, self.end * (1.0 + 1e-12)
-                while (t := time_of(len(self.edges))) <= end:
-                    self.edges.append(min(t, self.end))
-            except InputError:
-                self._known = False
-                self.edges = self.edges if len(self.edges) > 1 else [self.begin]
-            else:
+            while self._next is not None and self._next <= self.end * (1.0 + 1e-12):
+                self.edges.append(min(self._next, self.end))
+                self._next = next(self._foretold, None)
+            if self._next is not None:
                 return
+            self._known = False  # it comes to rest
+            self.edges = self.edges if len(self.edges) > 1 else [self.begin]
         ends = np.append(curve.start, self.end)
         turned = self._turned(piece, ends)
         while len(later := np.flatnonzero(turned >= len(self.edges))):

@@ -18,6 +18,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice, takewhile
@@ -38,7 +39,7 @@ from mechanism_sim.planar.drive import (
     Law,
     LawSource,
     largest_speed,
-    time_of_angle,
+    times_of_angles,
     unrolled,
 )
 from mechanism_sim.planar.impulses import JointImpulses
@@ -327,6 +328,9 @@ def rigid_scene(plan: ScenePlan, assembly: Assembly) -> Scene:
     return scene.model_copy(update=changed | {'guess': guess})
 
 
+_CURE = "--duration, or 'duration' in the scene"
+
+
 @dataclass(frozen=True)
 class MainDrive:
     """The drive of the coordinate `ScenePlan.main`; lengths and speeds in m if it slides."""
@@ -390,19 +394,25 @@ class MainDrive:
 
     def time_of(self, revolutions: float) -> float:
         """When it has turned so far [s]."""
-        main, cure = self.plan.main, "--duration, or 'duration' in the scene"
+        t = next(self.times_of([revolutions]), None)
+        if t is None:
+            main = self.plan.main
+            raise InputError(
+                f'{main} is at rest: give a duration in seconds, not revolutions: {_CURE}'
+            )
+        return t
+
+    def times_of(self, revolutions: Iterable[float]) -> Iterator[float]:
+        """When it has turned by rising numbers of revolutions [s], as far as it ever does."""
+        main = self.plan.main
         if not isinstance(self.law, DriveLaw):
             raise InputError(
                 f'how fast {main} turns is not known beforehand: give a duration in seconds, '
-                f'not revolutions: {cure}'
+                f'not revolutions: {_CURE}'
             )
         if self.law.straight:
             raise InputError(
-                f'{main} slides: it makes no revolutions: give a duration in seconds: {cure}'
+                f'{main} slides: it makes no revolutions: give a duration in seconds: {_CURE}'
             )
-        t = time_of_angle(unrolled(self.laws, self.source), 2.0 * math.pi * revolutions)
-        if t is None:
-            raise InputError(
-                f'{main} is at rest: give a duration in seconds, not revolutions: {cure}'
-            )
-        return t
+        angles = (2.0 * math.pi * x for x in revolutions)
+        return times_of_angles(unrolled(self.laws, self.source), angles)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from itertools import count, islice
 from typing import Any
 
 import numpy as np
@@ -152,3 +154,21 @@ def test_commands_say_how_many_turns_they_take(tmp_path):
         assert said in done.stderr, command
         assert done.stderr.count('turns') == 2
     assert said not in run('cycle', str(scene), '--revolutions', '1').stderr
+
+
+def test_a_crank_that_swings_asks_each_of_its_laws_once_for_all_its_turns(monkeypatch):
+    """It turns by ``|2 sin(7 t)|``: 4/7 rad in each of its half periods."""
+    drive = made({'links': {'crank': {}}, 'joints': {'shaft': {'revolute': ['ground', 'crank']}},
+                  'drive': {'coordinate': 'crank', 'speed': '2*sin(7*t)'}}).drive  # fmt: skip
+    one_by_one = [drive.time_of(k) for k in range(1, 6)]
+    after, asked = type(drive.source).after, []
+    monkeypatch.setattr(
+        type(drive.source),
+        'after',
+        lambda own, law: asked.append(law.valid_from) or after(own, law),
+    )
+    found = [*islice(drive.times_of(count(1)), 5)]
+    assert found == one_by_one
+    assert len(asked) == len({*asked}) > 10
+    halves, rest = divmod(2.0 * math.pi * np.arange(1, 6), 4.0 / 7.0)
+    assert found == pytest.approx((math.pi * halves + np.arccos(1.0 - 3.5 * rest)) / 7.0, rel=1e-9)
