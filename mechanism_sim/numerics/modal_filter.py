@@ -146,7 +146,7 @@ class ModalResponse(NamedTuple):
         return y
 
     def _add_free(self, pieces: NDArray[np.intp], t: Array, y: Array) -> None:
-        """Add ``Re(free e^(p t))`` to `y` (outputs, M), in a tenth of the time that NumPy takes.
+        """Add ``Re(free e^(p t))`` to `y` (outputs, M), in half of the time that NumPy takes.
 
         Whole vectors are computed, for heyoka rounds in another way what is left over of them.
         """

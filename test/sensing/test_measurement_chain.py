@@ -584,7 +584,8 @@ def test_responses_as_machine_code_and_as_python_have_the_same_bits(compiled_ker
         np.testing.assert_array_equal(mine, other)
 
 
-def test_a_signal_has_machine_code_of_its_own_modes_only(plain_kernels, compiled_kernels):  # noqa: ARG001
+@pytest.mark.usefixtures('plain_kernels', 'compiled_kernels')
+def test_a_signal_has_machine_code_of_its_own_modes_only():
     """That of events takes seconds, so that runs with few events do without."""
     for k in kernels._KERNELS:
         k.spent = 0.0

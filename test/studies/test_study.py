@@ -214,20 +214,22 @@ def test_a_seated_start_takes_off_a_normal_rate_either_way():
     before = []
     for angle in np.radians(np.arange(0.0, 360.0, 30.0)):
         machine = started_at(ms.load_scene('four_bar_clearance'), angle)
-        l = machine.nominal.linkage  # noqa: E741 - the lengths
-        ideal = l.motion(np.array([angle]), np.array([machine.drive.start[1]]), np.zeros(1))[1]
+        linkage = machine.nominal.linkage
+        ideal = linkage.motion(np.array([angle]), np.array([machine.drive.start[1]]), np.zeros(1))[
+            1
+        ]
         start = ms.simulate(machine, duration=1e-4).sample([0.0])
         arms = np.array(
             [
                 size * np.exp(1j * start[f'position.{link}'][0])
                 for size, link in (
-                    (l.crank, 'crank'),
-                    (l.coupler, 'coupler'),
-                    (-l.rocker, 'rocker'),
+                    (linkage.crank, 'crank'),
+                    (linkage.coupler, 'coupler'),
+                    (-linkage.rocker, 'rocker'),
                 )
             ]
         )
-        away = arms.sum() - l.ground
+        away = arms.sum() - linkage.ground
         own = [start[f'velocity.{link}'][0] for link in ('crank', 'coupler', 'rocker')]
         rates = [
             float((1j * arms @ w * away.conjugate()).real / abs(away)) for w in (ideal[:, 0], own)
