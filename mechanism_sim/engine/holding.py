@@ -106,7 +106,9 @@ def acting(
         held: Term = s.holds
         floor = _JOINT_FRICTION.coefficient
         least = hy.sum([(p.coefficient + floor) * p.resolution for p in bounds[k]])
-        share = found[k] * b / (b * b + least * least)  # both may vanish at once
+        # both may vanish at once; and of one that slides, the series of a quotient by a bound that
+        # passes through zero grows beyond all numbers: it is nothing before it is divided
+        share = held * found[k] * b / (b * b + least * least)
         parts.append((1.0 - held) * s.flag + 0.5 * (held * (1.0 - share)))
         left = found[k] - (1.0 - 2.0 * s.flag) * b
         residual.append((1.0 - held) * (left / (b + _JOINT_FRICTION.bound * least)))

@@ -42,26 +42,30 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     terms, count = run.contact_terms, len(machine.equations.system.gaps)
     near, speed = _NEAR * machine.mechanism.size, machine.drive.fastest * machine.mechanism.size
     touching = [i for i in range(count) if run.state.closed[i] or abs(terms.value[i]) < near]
-    if machine.equations.system.dynamics.rubs:
-        slips = np.array([terms.rate[count + i] if len(terms.rate) > count else 0.0
-                          for i in touching])  # fmt: skip
-        slips[np.abs(slips) < _NEAR * max(speed, 1.0)] = 0.0
-        friction = np.minimum(terms.friction[touching], 1e4)
-        if no_forces(run, machine.equations.system, touching, slips, friction):
-            return True
-        # the engine ends where forces grow a thousandfold: shortly before there are none
-        moved = run.state
-        ahead = _BEHIND * max(at, 1e-3)
-        q = [x + ahead * v for x, v in zip(moved.q, moved.v, strict=True)]
-        run._state[: len(q)] = q
-        run._ta.time += ahead
-        return no_forces(run, machine.equations.system, touching, slips, friction)
+    friction = np.minimum(terms.friction[touching], 1e4)
     rows = [*touching, *(count + i for i in touching)]
-    A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
-    b = np.array([terms.free_acceleration[r] for r in rows])
-    v = np.array([terms.rate[r] for r in rows])
-    v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
-    return jams(A, b, v, [min(machine.equations.system.gaps[i].friction, 1e4) for i in touching])
+    rubs = bool(machine.equations.system.dynamics.rubs)
+
+    def ends() -> bool:
+        terms = run.contact_terms
+        v = np.array([terms.rate[r] if r < len(terms.rate) else 0.0 for r in rows])
+        v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
+        if rubs:
+            return no_forces(run, machine.equations.system, touching, v[len(touching) :], friction)
+        A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
+        b = np.array([terms.free_acceleration[r] for r in rows])
+        return jams(A, b, v, friction)
+
+    if ends():
+        return True
+    # forces may exist up to the jam, where two solutions become one or grow without bound: behind
+    # it, at the same rates, there are none
+    moved = run.state
+    ahead = _BEHIND * max(at, 1e-3)
+    q = [x + ahead * v for x, v in zip(moved.q, moved.v, strict=True)]
+    run._state[: len(q)] = q
+    run._ta.time += ahead
+    return ends()
 
 
 def confirm_bending(machine: Machine, error: RunError) -> bool:

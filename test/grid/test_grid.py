@@ -275,6 +275,13 @@ def test_joints_that_jam_beside_a_contact_have_no_forces_and_others_have():
     assert not no_forces(run, machine.equations.system, [0], slip, np.array([0.5]))
 
 
+@pytest.mark.slow
+def test_a_jam_where_two_solutions_become_one_is_seen_behind_it():
+    outcome = run_case(grid(only=['four_bar_joints_017'], seed=31)[0])
+    assert outcome.ok
+    assert outcome.reason.startswith('jam, confirmed: friction jams crank_coupler, coupler_rocker')
+
+
 def test_two_contacts_that_wedge_jam():
     """No force, and no impulse, presses either contact without pressing the other in."""
     A = np.array([
