@@ -7,9 +7,7 @@ not depend on how long the run is, nor on how slow the drive.
 from __future__ import annotations
 
 import math
-import pickle
 from collections.abc import Sequence
-from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -155,12 +153,6 @@ def limits_text(machine: Machine) -> str:
     return f'{main} moves from {low} to {high}'
 
 
-@lru_cache(maxsize=64)
-def _tried(_scene: bytes) -> dict[object, str]:
-    """Ways that were tried, with why one cannot be gone: machines of one content share them."""
-    return {}
-
-
 def check_way(machine: Machine, duration: float) -> None:
     """Refuse prescribed drives that the machine without clearance cannot follow for so long.
 
@@ -168,11 +160,17 @@ def check_way(machine: Machine, duration: float) -> None:
     all is as before after one. Several drives are tried together, at their own pace.
     """
     machine = machine.rigid
-    tried = _tried(pickle.dumps(machine.scene))
+    # as long as one that was tried, it is not looked at anew: a short run would cost half as much
+    if duration not in machine.ways_tried:
+        _try_way(machine, duration)
+        machine.ways_tried[duration] = ''
+
+
+def _try_way(machine: Machine, duration: float) -> None:
+    tried = machine.ways_tried
     check_stops(machine, duration)
     if machine.torque_driven:
-        if machine.plan.prescribed and duration not in tried:
-            tried[duration] = ''
+        if machine.plan.prescribed:
             _try_loops(machine, duration)
         return
     plan = machine.plan
@@ -182,11 +180,9 @@ def check_way(machine: Machine, duration: float) -> None:
         if (w := way_of(plan.laws_until(c, duration), duration))[0] < w[1]
     }
     if len(moving) > 1 or (moving and len(plan.prescribed) > 1):
-        if duration not in tried:
-            run = machine.nominal.run([each[0] for each in plan.laws.values()])
-            announce(plan, run, plan.laws)
-            _advance(run, min(duration, _MOST * machine.drive.period))
-            tried[duration] = ''
+        run = machine.nominal.run([each[0] for each in plan.laws.values()])
+        announce(plan, run, plan.laws)
+        _advance(run, min(duration, _MOST * machine.drive.period))
         return
     for c, way in moving.items():
         start = _value(plan.laws[c][0], 0.0)

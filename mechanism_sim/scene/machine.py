@@ -18,9 +18,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import pickle
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import islice, takewhile
 from typing import Any, TypeAlias
 
@@ -112,6 +113,11 @@ class Machine(Rich):
         """Of all that rules the motion, in a few letters."""
         content = self.scene.to_document(exclude=_SILENT)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
+
+    @cached_property
+    def ways_tried(self) -> dict[object, str]:
+        """Ways of drives that were tried, with why one cannot be gone; equal scenes share them."""
+        return _ways_tried(pickle.dumps(self.scene))
 
     @cached_property
     def drive(self) -> MainDrive:
@@ -291,6 +297,11 @@ class Machine(Rich):
         return JointImpulses(self.mechanism, gaps, self.plan.loop_closures, self.plan.prescribed)
 
 
+@lru_cache(maxsize=64)
+def _ways_tried(_scene: bytes) -> dict[object, str]:
+    return {}
+
+
 def rigid_scene(plan: ScenePlan, assembly: Assembly) -> Scene:
     """A scene with elastic links made rigid, and shafts that do not give way.
 
@@ -368,13 +379,13 @@ class MainDrive:
         """Commands of speed that it takes, if any."""
         return drive.commands if (drive := self.plan.scene.drive) else None
 
-    @property
+    @cached_property
     def fastest(self) -> float:
         """Largest speed that is known beforehand [rad/s]."""
         commanded = self.commands.fastest if self.commands else 0.0
         return max(abs(self.start[1]), largest_speed(self.laws), commanded)
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Duration of a revolution at the largest speed [s]; infinite for a drive at rest."""
         mechanism = self.plan.loose
