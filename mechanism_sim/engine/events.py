@@ -50,6 +50,14 @@ def ends_meet(name: str, t: float) -> RunError:
     )
 
 
+def leaves_pulley(rope: str, pulley: str, t: float) -> RunError:
+    """The error of a rope that is straight where a pulley turns it, at a time [s]."""
+    return RunError(
+        f'{rope} leaves {pulley}, after t = {t:.6g} s: from there on it is straight; end the run '
+        'before, hold the pulley back, or lead the rope through a point without a radius'
+    )
+
+
 class Impact(NamedTuple):
     """One impact in one joint, or one touch of a compliant contact, which takes its time.
 

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.crossings import Crossings
 from mechanism_sim.engine.dense_output import Motion, instants
-from mechanism_sim.engine.events import ends_meet
+from mechanism_sim.engine.events import ends_meet, leaves_pulley
 from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
 from mechanism_sim.planar.frames import STATE
 from mechanism_sim.planar.inverse_dynamics import Account, NoLimit, Observation
-from mechanism_sim.planar.protocols import Directed, EndGap
+from mechanism_sim.planar.protocols import Directed, EndGap, WrappedGap
 from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.tolerances import TOLERANCES
@@ -110,7 +110,7 @@ class Physics(Protocol):
         """
 
     def check_directions(self, motion: Motion) -> None:
-        """Refuse an integrated motion in which ends of a spring meet that must not.
+        """Refuse an integrated motion in which ends of a spring meet, or a rope leaves a pulley.
 
         Raises
         ------
@@ -154,6 +154,7 @@ class DynamicPhysics:
         self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
         self._directed = [e for e in system.elements if isinstance(e, Directed) and e.jumps]
+        self._wrapped = [gap for gap in system.gaps if isinstance(gap, WrappedGap)]
         self.tilting = tuple(
             dict.fromkeys(gap.joint for gap in system.gaps if isinstance(gap, EndGap))
         )
@@ -205,14 +206,20 @@ class DynamicPhysics:
         return self.observer.account(self.inputs(motion, segments, dt))
 
     def check_directions(self, motion: Motion) -> None:
-        """Refuse a motion in which ends of a spring meet that must not.
+        """Refuse a motion in which ends of a spring meet that must not, or a rope leaves a pulley.
 
         A series has no trace of a place where the length is zero: it leads on to negative ones.
         """
-        if not self._directed or not len(motion):
+        if not (self._directed or self._wrapped) or not len(motion):
             return
         curve = motion.curve
         q = self.moved(motion, np.arange(len(motion)), _LOOKS)[0]
+        for gap in self._wrapped:
+            for pulley, arc in gap.arcs(q).items():
+                leaps = np.abs(np.diff(arc.reshape(len(motion), -1), axis=1)) > math.pi
+                for k, look in np.argwhere(leaps)[:1].tolist():
+                    since = curve.duration[k] * _LOOKS.fractions[look]
+                    raise leaves_pulley(gap.name, pulley, float(curve.start[k] + since))
         for e in self._directed:
             x, y = e.between(q).reshape(2, len(motion), len(_LOOKS))
             past = x[:, 1:] * x[:, :-1] + y[:, 1:] * y[:, :-1] <= 0.0

@@ -259,6 +259,14 @@ class EndGap(Gap, Protocol):
 
 
 @runtime_checkable
+class WrappedGap(Gap, Protocol):
+    """The slack of a rope on pulleys, which it cannot leave."""
+
+    def arcs(self, q: Array) -> dict[str, Array]:
+        """Angles (N,) [rad] by which it lies on them at q (n, N), 0 to 2 pi; by their names."""
+
+
+@runtime_checkable
 class BearingGap(Gap, Protocol):
     """A pin that is loose in a bushing all around: where they touch, they wear."""
 

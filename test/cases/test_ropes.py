@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ import mechanism_sim as ms
 from mechanism_sim.analysis.open_run import open_run
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.engine.events import Mode
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunError
 
 INPUTS = Path(__file__).parent / 'inputs'
 G = 9.81
@@ -529,3 +530,29 @@ def test_mistakes_are_told_in_one_sentence(joint, said):
 
     with pytest.raises(InputError, match=said):
         start()
+
+
+def test_a_rope_that_is_straight_has_left_its_pulley():
+    """A block rises at 1 m/s with a pulley of 50 mm under which a rope goes, taut or slack.
+
+    Its ends are 2 m high: the rope is straight where the middle of the pulley is at 2.05 m.
+    """
+    ground = {'l': [-1.0, 2.0], 'r': [1.0, 2.0], 'g': [2.0, 0.0]}
+    tackle = {
+        'title': 'tackle', 'gravity': [0.0, -9.81],
+        'links': {'ground': {'points': ground}, 'block': {'mass': 1.0}, 'weight': {'mass': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block'], 'axis': '90 deg'},
+                   'shaft': {'prismatic': ['ground.g', 'weight'], 'axis': '90 deg'},
+                   'rope': {'rope': ['ground.l', 'block', 'ground.r', 'weight'],
+                            'pulleys': {'block': {'radius': 0.05}}}},
+        'drive': {'coordinate': 'block', 'speed': 1.0},
+        'initial': {'position': {'block': 1.0}},
+    }  # fmt: skip
+    for length in (None, 10.0):
+        tackle['joints']['rope']['length'] = length
+        machine = made(tackle, 'tackle')
+        assert ms.simulate(machine, duration=1.0499).max_penetration < 1e-12
+        said = r'rope leaves its pulley on block, point 2 of rope, after t = (\S+) s: '
+        with pytest.raises(RunError, match=said) as error:
+            ms.simulate(machine, duration=1.2)
+        assert 0.99 < float(re.search(said, str(error.value))[1]) <= 1.05

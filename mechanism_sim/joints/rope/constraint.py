@@ -22,7 +22,9 @@ from itertools import pairwise
 from typing import ClassVar, NamedTuple
 
 import heyoka as hy
+import numpy as np
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered
 from mechanism_sim.planar.frames import Frames, Jet
@@ -197,6 +199,25 @@ class RopeClosure(HigherClosure[Rope]):
 @dataclass(frozen=True)
 class Slack(Wall):
     """How much shorter than the rope the way is on which it lies."""
+
+    closure: RopeClosure
+
+    def arcs(self, q: Array) -> dict[str, Array]:
+        """Angles (N,) [rad] by which it lies on pulleys at q (n, N), 0 to 2 pi; by their names."""
+        pulleys, tree = self.closure.joint.pulleys, self.closure.mechanism
+        places = np.array([tree.locate_all(link, q, at) for (link, at), *_ in pulleys])
+        ways = []
+        for k, along in enumerate(np.diff(places[:, 0] + 1j * places[:, 1], axis=0)):
+            off = pulleys[k + 1].radius - pulleys[k].radius  # along = (l + i off) d
+            ways.append(along / (np.sqrt(np.maximum(np.abs(along) ** 2 - off**2, 0.0)) + 1j * off))
+        found = {}
+        for k, p in enumerate(pulleys[1:-1]):
+            bend = ways[k + 1] * ways[k].conjugate()
+            if p.radius:
+                name = f'its pulley on {p.place[0]}, point {k + 2} of {self.joint}'
+                angle = np.angle(bend if p.radius > 0.0 else bend.conjugate())
+                found[name] = np.mod(angle, 2.0 * math.pi)
+        return found
 
     @property
     def overlap(self) -> str:
