@@ -9,7 +9,10 @@ and so on. Lines of a program or an instrument may stand above the headings, if 
 above numbers, or their units, in as many cells: it is said which line was taken. Where cells have
 commas and no number has a point, they are decimal ones, unless all of them might stand before
 thousands. That these do not is assumed, and said, of semicolons between cells where every number
-has one comma and most are not round.
+has one comma and most are not round. Tables of electronic cams stand between lines such as
+``TABLE_BEGIN`` and ``TABLE_END``, without headings, or have remarks behind their numbers. The
+first sheet of an .xlsx file is read as if it were such a text; .mat, .npz and .parquet files have
+vectors.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mechanism_sim import documents
+from mechanism_sim import documents, tables
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, nearest, quoted
 from mechanism_sim.terminal import print_notice
@@ -39,6 +42,8 @@ _DECIMAL_COMMA = re.compile(r'\s*[-+]?\d*,\d+(e[-+]?\d+)?\s*', re.IGNORECASE)
 _THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
 _GROUPED = re.compile(r"\s*[-+]?\d{1,3}([., '])\d{3}(?:\1\d{3})*(?!\1)[.,]\d+\s*")
 _BRACKET = re.compile(r'[^/]*[\[(]')
+_FRAME = re.compile(r'\s*(?:TABLE_?(BEGIN|END)|(BEGIN|END)_?TABLE)\b', re.IGNORECASE)
+_REMARK = re.compile(r'(?<=\d)[;\s]+(//|#\s).*')
 _EXCEL = re.compile(r'"?sep=([;,|\t])"?', re.IGNORECASE)
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
@@ -60,7 +65,7 @@ _SEPARATORS = ';\t,'  # in the order in which they are looked for: commas may be
 
 @dataclass(frozen=True)
 class CsvTable:
-    """The cells of a file as text, by column.
+    """The cells of a file by column: as text, or as numbers where the file has them so.
 
     Attributes
     ----------
@@ -68,16 +73,16 @@ class CsvTable:
     heading : its first line
     cells : of each column, from the first row on
     units : by column as its heading has it; empty for none
-    lines : line of the file that each row is on
+    lines : line of the file that each row is on, or its number
     """
 
     where: str
     heading: str
-    cells: Mapping[str, Sequence[str]]
+    cells: Mapping[str, Sequence[str] | Array]
     units: Mapping[str, str]
     lines: Sequence[int]
 
-    def column(self, name: object) -> Sequence[str]:
+    def column(self, name: object) -> Sequence[str] | Array:
         """Cells of a column; `InputError` names the columns there are."""
         if not isinstance(name, str) or name not in self.cells:
             raise InputError(
@@ -91,23 +96,28 @@ class CsvTable:
 
         With gaps, what is `MISSING` is not a number.
         """
-        columns = [self.column(name) for name in names]
-        found = [
-            [
-                math.nan
-                if gaps and cell.strip().lower() in MISSING
-                else self._number(cell, names[j], line)
-                for j, cell in enumerate(row)
-            ]
-            for line, *row in zip(self.lines, *columns, strict=True)
-        ]
-        return np.array(found, float).reshape(len(found), len(columns))
+        found = np.empty((len(self.lines), len(names)))
+        for j, name in enumerate(names):
+            cells = self.column(name)
+            if not isinstance(cells, np.ndarray):
+                numbers = [
+                    math.nan
+                    if gaps and cell.strip().lower() in MISSING
+                    else self._number(cell, name, line)
+                    for line, cell in zip(self.lines, cells, strict=True)
+                ]
+                cells = np.array(numbers, float)
+            elif not gaps and not np.isfinite(cells).all():
+                self._number('nan', name, self.lines[int(np.argmin(np.isfinite(cells)))])
+            found[:, j] = cells
+        return found
 
     def is_text(self, name: object) -> bool:
         """True if no cell of a column is meant as a number, however it is written."""
-        return not any(
+        cells = self.column(name)
+        return not isinstance(cells, np.ndarray) and not any(
             (_is_number(x) or _GROUPED.fullmatch(x)) and x.strip().lower() not in MISSING
-            for x in self.column(name)
+            for x in cells
         )
 
     def rising(self, name: object, values: Array) -> None:
@@ -209,12 +219,10 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     larger : how many times as large it may be as `LARGEST` and `MOST`
     """
     where, most = f"{where}: '{path.name}'", larger * MOST
+    if found := _of_vectors(path, where, most):
+        return found
     heading, rows = _rows(path, where, larger * LARGEST)
-    if len(rows) - 1 > most:
-        raise InputError(
-            f'{where} has {len(rows) - 1} points: allowed are {most}; take every '
-            f'{math.ceil((len(rows) - 1) / most)}th'
-        )
+    _check_count(len(rows) - 1, where, most)
     if all(map(_is_number, rows[0][1])):
         names, units = [str(i + 1) for i in range(len(rows[0][1]))], [''] * len(rows[0][1])
     else:
@@ -238,8 +246,33 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     missing = [''] * len(names)  # cells of shorter rows
     columns = zip(*((row + missing)[: len(names)] for _, row in rows), strict=True)
     cells = dict(zip(names, columns if rows else missing, strict=True))
-    units_of = dict(zip(names, units, strict=True))
+    units_of = dict(zip(names, map(_open, units), strict=True))
     return CsvTable(where, heading, cells, units_of, [n for n, _ in rows])
+
+
+def _of_vectors(path: Path, where: str, most: int) -> CsvTable | None:
+    """The table in a file of arrays; None of others."""
+    columns = tables.vectors(path, where)
+    if not columns:
+        return None
+    rows = range(1, len(columns[0].values) + 1)
+    _check_count(len(rows), where, most)
+    cells = {c.name: c.values for c in columns}
+    units = {c.name: _open(c.unit) for c in columns}
+    return CsvTable(where, ','.join(c.heading for c in columns), cells, units, rows)
+
+
+def _check_count(count: int, where: str, most: int) -> None:
+    if count > most:
+        raise InputError(
+            f'{where} has {count} points: allowed are {most}; take every '
+            f'{math.ceil(count / most)}th'
+        )
+
+
+def _open(unit: str) -> str:
+    """Empty for ``rad or m``, of a joint that is not known: in SI units it is either."""
+    return '' if ' or ' in unit else unit
 
 
 def _names_and_units(headings: Sequence[str]) -> list[tuple[str, str]]:
@@ -278,22 +311,31 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
         data = documents.bytes_of(path, largest)
         if len(data) > largest:
             raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
-        lines = _text(data).splitlines()
+        text = tables.as_text(path, where) or _text(data)
+        lines = text.splitlines()
+        if '//' in text or '# ' in text:
+            lines = [_REMARK.sub('', line) for line in lines]
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
+        framed, kept = _framed(lines, kept)
         told = _EXCEL.fullmatch(lines[kept[0]])
         kept = kept[1:] if told else kept
-        if ahead := 0 if told else _headings_at([lines[n] for n in kept[:_MOST_AHEAD]]):
+        known = framed or told
+        if ahead := 0 if known else _headings_at([lines[n] for n in kept[:_MOST_AHEAD]]):
             kept = kept[ahead:]
             shown = quoted(lines[kept[0]].strip())
             assume(f'{where}: line {kept[0] + 1} is taken for its headings: {shown}')
         first, texts = lines[kept[0]], [lines[n] for n in kept]
-        known = told[1] if told else _SEPARATORS
-        mark = next(s for s in known if s in first or s == known[-1])
-        if mark not in first and not told and all(' ' in line.strip() for line in texts):
+        marks = told[1] if told else _SEPARATORS
+        mark = next(s for s in marks if s in first or s == marks[-1])
+        if not told and _are_spaced(texts, mark, first):
             # of headings a name and its unit are one cell
+            texts = [line.replace('\t', ' ') for line in texts]
             mark, texts = ' ', [_WITH_UNIT.sub(r'"\g<0>"', line.strip()) for line in texts]
         reader = csv.reader(texts, delimiter=mark, skipinitialspace=True)
         rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
+        if framed:  # behind its numbers stands the kind of a segment
+            words = [k for k, cell in enumerate(rows[0][1]) if not _is_number(cell)]
+            rows = [(n, row[: min(words, default=len(row))]) for n, row in rows]
     except InputError:
         raise
     except UnicodeDecodeError as error:
@@ -317,6 +359,24 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
     if guess or (maybe and _commas_are_decimal(cells)):
         rows = [(n, [_point(cell) for cell in row]) for n, row in rows]
     return first.strip(), rows
+
+
+def _framed(lines: Sequence[str], kept: list[int]) -> tuple[bool, list[int]]:
+    """Whether a table stands between lines that say where it begins and ends, and its lines."""
+    marks = [(n, found) for n in kept if (found := _FRAME.match(lines[n]))]
+    begin = next((n for n, found in marks if 'BEGIN' in found[0].upper()), None)
+    if begin is None:
+        return False, kept
+    end = next((n for n, _ in marks if n > begin), len(lines))
+    return True, [n for n in kept if begin < n < end]
+
+
+def _are_spaced(lines: Sequence[str], mark: str, first: str) -> bool:
+    """True if spaces part the cells of all lines, commas none."""
+    if mark not in first:
+        return all(' ' in line.strip() for line in lines)
+    cells = (line.split() for line in lines)  # with decimal commas
+    return mark == ',' and all(len(x) > 1 and all(map(_is_number, x)) for x in cells)
 
 
 def _headings_at(lines: Sequence[str]) -> int:

@@ -29,7 +29,7 @@ from warnings import catch_warnings, filterwarnings, simplefilter
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.csv_tables import assume, named_unit, read_csv
+from mechanism_sim.csv_tables import CsvTable, assume, named_unit, read_csv
 from mechanism_sim.errors import InputError, check_known, quoted
 from mechanism_sim.packages import needed
 from mechanism_sim.tables import ENDINGS
@@ -166,7 +166,7 @@ def choose(
 
 
 def read_signals(
-    path: Path | str, full_scale: str = '', scaled: bool = True
+    path: Path | str, full_scale: str = '', scaled: bool = True, rate: str = ''
 ) -> dict[str, ChannelSamples]:
     """All channels of a file by name.
 
@@ -174,6 +174,7 @@ def read_signals(
     ----------
     full_scale : quantity with a unit of the largest number of a WAV, as ``'50 m/s^2'``
     scaled : whether whole numbers of a WAV are refused without it
+    rate : quantity with a unit of a table without times, as ``'12 kHz'``
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -183,7 +184,13 @@ def read_signals(
         raise InputError(f'{path} does not exist')
     if full_scale and reader is not _wav:
         raise InputError(f'{path} has units of its own: a full scale is for WAV')
-    channels = reader(path, full_scale, scaled) if reader is _wav else reader(path)
+    if rate and reader is not _table:
+        raise InputError(f'{path} has times of its own: a sampling rate is for tables without')
+    channels = (
+        reader(path, full_scale, scaled) if reader is _wav
+        else _table(path, rate) if reader is _table
+        else reader(path)
+    )  # fmt: skip
     found = {c.name: checked(path, c) for c in channels}
     if not found:
         raise InputError(f'{path} has no channel that is a function of time')
@@ -202,16 +209,6 @@ def refuse_signals(path: Path | str, kind: str) -> None:
             f"'{path}' is a file of signals, not a {kind}: 'mechanism-sim analyze' and "
             "'mechanism-sim plot' read it"
         )
-    refuse_table(path, kind)
-
-
-def refuse_table(path: Path | str, kind: str) -> None:
-    """Refuse a table of a kind that is written and not read, such as .xlsx."""
-    if Path(path).suffix.lower() in ENDINGS and not is_signal_file(path):
-        raise InputError(
-            f"'{path}' is a table, not a {kind}: 'mechanism-sim analyze' and 'mechanism-sim plot' "
-            f'read {", ".join(READERS)}: write it as .csv'
-        )
 
 
 def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
@@ -228,19 +225,45 @@ def checked(path: Path, channel: ChannelSamples) -> ChannelSamples:
     return replace(channel, times=t, values=y)
 
 
-def _csv(path: Path) -> list[ChannelSamples]:
+def _table(path: Path, rate: str = '') -> list[ChannelSamples]:
     table = read_csv(path, 'signal', _LARGER)
     named = {c: named_unit(c.lower(), ['s']) for c in table.cells}
     bare = {c: c.lower().removesuffix(f'_{unit}') for c, unit in named.items()}
     exact = (c for c in named if c.lower() in _TIMES)
     time = next(exact, next((c for c in named if bare[c] in _TIMES), None))
-    if time is None:
+    if time is None and not rate:
         raise InputError(
-            f"{table.where} has no column of time: name one 't [s]'; its first line is "
-            f'{quoted(table.heading)}'
+            f"{table.where} has no column of time: name one 't [s]', or give --sample-rate, as "
+            f"'12 kHz'; its first line is {quoted(table.heading)}"
         )
-    unit = table.units[time] or named[time]
-    if _is_date(first := next(iter(table.column(time)), '')):
+    if time is None:
+        t, digit = np.arange(len(table.lines)) / _of_rate(rate), 0.0
+    else:
+        t, digit = _times(table, time, table.units[time] or named[time])
+        if rate:
+            raise InputError(f"{table.where} has times in '{time}': leave out --sample-rate")
+    return [
+        ChannelSamples(
+            name, t, table.numbers(name, gaps=True)[:, 0], unit or _unit_of(name), digit
+        )
+        for name, unit in table.units.items()
+        if name != time and not table.is_text(name)  # but labels
+    ]
+
+
+def _of_rate(text: str) -> float:
+    try:
+        rate = to_si(text, 'Hz')
+    except ValueError as error:
+        raise InputError(f"--sample-rate '{text}' {error}") from error
+    if not 0.0 < rate < np.inf:
+        raise InputError(f"--sample-rate '{text}' must be positive")
+    return rate
+
+
+def _times(table: CsvTable, time: str, unit: str) -> tuple[Array, float]:
+    """Of the samples, and their last digit [s]."""
+    if _is_date(first := str(next(iter(table.column(time)), ''))):
         raise InputError(
             f"{table.where}: column '{time}' has dates, as '{first.strip()}': write seconds from "
             "the first sample, or from the start of the machine, on, with the heading 't [s]'"
@@ -251,18 +274,16 @@ def _csv(path: Path) -> list[ChannelSamples]:
         seconds = to_si(f'1 {unit or "s"}', 's')
     except ValueError as error:
         raise InputError(f"{table.where}: column '{time}' {error}") from error
-    t, digit = seconds * table.numbers(time)[:, 0], seconds * _last_digit(table.column(time))
-    return [
-        ChannelSamples(
-            name, t, table.numbers(name, gaps=True)[:, 0], unit or _unit_of(name), digit
-        )
-        for name, unit in table.units.items()
-        if name != time and not table.is_text(name)  # but labels
-    ]
+    return seconds * table.numbers(time)[:, 0], seconds * _last_digit(table.column(time))
 
 
-def _last_digit(cells: Sequence[str]) -> float:
-    """One of the last place of numbers as they are printed; zeros there may be left out."""
+def _last_digit(cells: Sequence[str] | Array) -> float:
+    """One of the last place of numbers as they are printed; zeros there may be left out.
+
+    Those that are not printed have none.
+    """
+    if isinstance(cells, np.ndarray):
+        return 0.0
     some = cells[:: max(1, len(cells) // _LOOKS)]
     found = [x for x in map(_DIGITS.fullmatch, map(str.strip, some)) if x]
     return min((10.0 ** (int(x[2] or 0) - len(x[1] or '')) for x in found), default=0.0)
@@ -373,6 +394,7 @@ def _tdms_group(group: Any) -> list[ChannelSamples]:
 
 
 READERS: dict[str, Callable[..., list[ChannelSamples]]] = {
-    '.csv': _csv, '.txt': _csv, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
+    '.csv': _table, '.txt': _table, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
+    **dict.fromkeys(ENDINGS, _table),
 }  # fmt: skip
 """By the ending of a file."""

@@ -1,11 +1,17 @@
-"""Tables in files: the ending says the format, and every column has its unit and its meaning."""
+"""Tables in files: the ending says the format, and every column has its unit and its meaning.
+
+Files of other programs are read, too: sheets as they are, of .mat, .npz and .parquet the longest
+vectors.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +23,7 @@ from numpy.typing import NDArray
 from mechanism_sim import output
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.packages import needed, spared
+from mechanism_sim.terminal import print_notice
 
 ENDINGS = '.parquet', '.csv', '.xlsx', '.mat', '.npz'
 
@@ -25,6 +32,7 @@ _WIDEST, _MOST_ROWS = 40, 1_048_575  # of a sheet, without its heading
 _NAME_OF_MATLAB = 63  # characters
 _FORMULA = '=', '+', '-', '@', '\t', '\r'  # what a spreadsheet computes begins so
 _QUANTITY = re.compile(r'[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?( [\w/^*%°· ]+)?$', re.IGNORECASE)
+_SHOWN_NAMES = 300  # characters in a sentence
 _SHOWN_COLUMNS, _SHOWN_ROWS = 12, 5  # in a notebook; rows at either end
 
 
@@ -200,8 +208,6 @@ def field_type(pa: Any, values: Sequence[Any] | NDArray[Any]) -> Any:
 
 
 def _csv(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
-    import csv  # noqa: PLC0415
-
     with path.open('w', encoding='utf-8', newline='') as file:
         writer = csv.writer(file)
         writer.writerow([text_cell(c.heading) for c in columns])
@@ -307,3 +313,112 @@ def _identifiers(names: Sequence[str]) -> list[str]:
 def _npz(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
     with path.open('wb') as file:  # savez adds an ending to a name
         np.savez(file, **{c.name: np.asarray(c.values) for c in columns})  # type: ignore[arg-type]
+
+
+def as_text(path: Path, where: str) -> str:
+    """The first sheet of an .xlsx file as comma-separated text; empty of other endings.
+
+    Parameters
+    ----------
+    where : begins the sentence about a file that cannot be read
+    """
+    if path.suffix.lower() != '.xlsx':
+        return ''
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    rows = _read(_of_xlsx, path, where)
+    writer.writerows([' '.join(str(_plain(x)).split()) for x in row] for row in rows)
+    return text.getvalue()
+
+
+def vectors(path: Path, where: str) -> list[Column]:
+    """Columns of a .mat, .npz or .parquet file, arrays of numbers or texts; none of others.
+
+    Of vectors of several lengths those that are as long as the longest.
+    """
+    reader = _READERS.get(path.suffix.lower())
+    if reader is None:
+        return []
+    found = _read(reader, path, where)
+    plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUO']
+    longest = max((len(c.values) for c in plain), default=0)
+    if others := [c.name for c in plain if 1 < len(c.values) < longest]:
+        names = ', '.join(others)[:_SHOWN_NAMES]
+        print_notice(f'{where}: vectors of other lengths are left out: {names}')
+    if not longest:
+        raise InputError(f'{where} has no vector of numbers')
+    return [
+        c._replace(values=c.values.astype(float) if c.values.dtype.kind in 'biuf' else
+                   [str(_plain(x)) for x in c.values])
+        for c in plain if len(c.values) == longest
+    ]  # fmt: skip
+
+
+def _read(reader: Callable[[Path], Sequence[Any]], path: Path, where: str) -> Sequence[Any]:
+    """What a reader gives, or one sentence."""
+    if module := _NEEDS.get(path.suffix.lower()):
+        needed(module, f'{where}: export it as .csv, for {path.suffix}')
+    try:
+        return reader(path)
+    except Exception as error:  # libraries raise whatever a broken file leads to
+        told = str(error).partition('\n')[0] or type(error).__name__
+        cure = ": write it by save(..., '-v7')" if 'HDF reader' in told else ''
+        raise InputError(f'{where} cannot be read: {told}{cure}') from error
+
+
+def _of_xlsx(path: Path) -> Sequence[Any]:
+    """Rows of the first sheet, of formulas their values."""
+    from openpyxl import load_workbook  # noqa: PLC0415
+
+    book = load_workbook(path, read_only=True, data_only=True)
+    rows: list[Sequence[Any]] = list(book.worksheets[0].iter_rows(values_only=True))
+    book.close()
+    used = max((k for row in rows for k, x in enumerate(row) if x is not None), default=0)
+    return [row[: used + 1] for row in rows]
+
+
+def _of_mat(path: Path) -> Sequence[Column]:
+    """Vectors, those of structures by ``STRUCTURE.FIELD``, and columns of matrices by a number."""
+    import scipy  # noqa: PLC0415
+
+    data = scipy.io.loadmat(path, simplify_cells=True)
+    data = {k: x for k, x in data.items() if not k.startswith('__')}
+    own = isinstance(data.get('units'), dict) and isinstance(data.get('names'), dict)
+    units, names = (data.pop('units'), data.pop('names')) if own else ({}, {})
+    found = []
+    while data:
+        name, value = next(iter(data.items()))
+        del data[name]
+        if isinstance(value, dict):
+            data = {f'{name}.{k}': x for k, x in value.items()} | data
+            continue
+        values, unit = np.asarray(value), units.get(name)
+        parts = values.T if values.ndim == 2 else [values]
+        for k, one in enumerate(parts, 1):
+            shown = names.get(name, name if len(parts) == 1 else f'{name}.{k}')
+            # of an empty text it gives an empty array
+            found.append(Column(shown, one, unit if isinstance(unit, str) else ''))
+    return found
+
+
+def _of_npz(path: Path) -> Sequence[Column]:
+    with np.load(path) as file:
+        return [Column(name, file[name]) for name in file.files]
+
+
+def _of_parquet(path: Path) -> Sequence[Column]:
+    import pyarrow.parquet as pq  # noqa: PLC0415
+
+    table = pq.read_table(path)
+    units = [(f.metadata or {}).get(b'unit', b'').decode() for f in table.schema]
+    return [
+        Column(name, table[name].to_numpy(zero_copy_only=False), unit)
+        for name, unit in zip(table.column_names, units, strict=True)
+    ]
+
+
+_READERS: Mapping[str, Callable[[Path], Sequence[Column]]] = {
+    '.mat': _of_mat,
+    '.npz': _of_npz,
+    '.parquet': _of_parquet,
+}

@@ -70,6 +70,7 @@ def measurements(
     skip: float = 0.0,
     channel: str | None = None,
     full_scale: str = '',
+    rate: str = '',
 ) -> list[Measured]:
     """Signals of files, and the machines that they are taken for.
 
@@ -80,9 +81,9 @@ def measurements(
     overrides : of every scene
     sensor : of a scene, or a quantity
     skip : samples before this time are left out [s]
-    channel, full_scale : as for `read_signals`; of a bag a path ``TOPIC.FIELD``. Without a channel
-        all that are named like sensors or quantities of the scene, of a bag without sensors its
-        joint states
+    channel, full_scale, rate : as for `read_signals`; of a bag a path ``TOPIC.FIELD``. Without a
+        channel all that are named like sensors or quantities of the scene, of a bag without
+        sensors its joint states
     """
     if len(scenes) not in (0, 1, len(files)):
         raise InputError(f'{len(files)} bags need one --scene, as many, or none')
@@ -93,12 +94,13 @@ def measurements(
     for k, path in enumerate(files):
         machine = load_scene(scenes[k % len(scenes)], given) if scenes else None
         if is_signal_file(path):
-            channels = read_signals(path, full_scale)
+            channels = read_signals(path, full_scale, rate=rate)
             if machine is None:
                 raise InputError(f'{path} holds no machine: give --scene')
         else:
-            if full_scale:
-                raise InputError(f'{path} is a bag: --full-scale is for a .wav file')
+            if full_scale or rate:
+                option = 'full-scale is for a .wav' if full_scale else 'sample-rate is for a table'
+                raise InputError(f'{path} is a bag: --{option} file')
             bag = read_bag(path)
             if not any(topic.count for topic in bag.topics.values()):
                 raise _without_signal(bag)

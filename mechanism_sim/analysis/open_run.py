@@ -376,11 +376,13 @@ class AskedSignals:
 
     Parameters
     ----------
-    full_scale, scaled : as for `read_signals`
+    full_scale, scaled, rate : as for `read_signals`
     """
 
-    def __init__(self, path: Path | str, full_scale: str = '', scaled: bool = True) -> None:
-        self.path, self.channels = Path(path), read_signals(path, full_scale, scaled)
+    def __init__(
+        self, path: Path | str, full_scale: str = '', scaled: bool = True, rate: str = ''
+    ) -> None:
+        self.path, self.channels = Path(path), read_signals(path, full_scale, scaled, rate)
 
     def series(
         self, names: Sequence[str], start: float | None = None, end: float | None = None

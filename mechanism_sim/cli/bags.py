@@ -55,8 +55,8 @@ def add(command: Command) -> None:
         'bags',
         nargs='+',
         metavar='BAG',
-        help='a .mcap or .db3 file, or a folder of ros2 bag; or a .csv, .txt, .wav, .uff or .tdms '
-        'file of measured signals',
+        help='a .mcap or .db3 file, or a folder of ros2 bag; or a .csv, .xlsx, .mat, .wav, .uff '
+        'or .tdms file of measured signals',
     )
     namespace_option(sub)
     _detail_options(sub)
@@ -76,8 +76,8 @@ def _recover(options: argparse.Namespace) -> int:
 
 
 _FIT = (
-    'scene', 'set', 'range', 'joint', 'sensor', 'channel', 'full-scale', 'method', 'seed',
-    'rounds', 'workers', 'dask',
+    'scene', 'set', 'range', 'joint', 'sensor', 'channel', 'full-scale', 'sample-rate', 'method',
+    'seed', 'rounds', 'workers', 'dask',
 )  # fmt: skip
 _DETAILS = (
     'spectrum', 'orders', 'envelope', 'average', 'impacts-on', 'wear', 'deviation', 'against',
@@ -113,7 +113,7 @@ def _analyze(options: argparse.Namespace) -> int:
     if options.fit is not None:
         refuse_options(options, _DETAILS, 'does not apply to --fit')
         return _fit(options)
-    from mechanism_sim.signal_files import is_signal_file, refuse_table  # noqa: PLC0415
+    from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
 
     if len(options.bags) == 1 and is_signal_file(options.bags[0]):
         return _analyze_signals(options)
@@ -121,7 +121,6 @@ def _analyze(options: argparse.Namespace) -> int:
     if len(options.bags) > 1:
         raise InputError(f'analyze reads one bag, not {len(options.bags)}; --fit reads several')
     (options.bag,) = options.bags
-    refuse_table(options.bag, 'bag')
     from mechanism_sim.analysis.details import Details  # noqa: PLC0415
     from mechanism_sim.analysis.summary import analyze  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
@@ -178,12 +177,14 @@ def _analyze_signals(options: argparse.Namespace) -> int:
     from mechanism_sim.signal_files import read_signals  # noqa: PLC0415
 
     (file,) = options.bags
-    refuse_options(options, [x for x in _FIT if x != 'full-scale'], 'needs --fit')
+    refuse_options(
+        options, [x for x in _FIT if x not in ('full-scale', 'sample-rate')], 'needs --fit'
+    )
     others = 'skip', 'against', 'namespace', 'pin-radius'
     refuse_options(options, others, 'does not apply to a file of signals')
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     wanted = _wanted(options)
-    channels = read_signals(file, options.full_scale or '')
+    channels = read_signals(file, options.full_scale or '', rate=options.sample_rate or '')
     if wanted or plots:
         warn_of_gaps(channels)
     even = [name for name, c in channels.items() if c.rate]
@@ -226,6 +227,7 @@ def _fit(options: argparse.Namespace) -> int:
             skipped_time(options),
             options.channel,
             options.full_scale or '',
+            options.sample_rate or '',
         )
     first = signals[0]
     if not set(OF_JOINT) & {name.strip() for name in options.fit.split(',')}:
@@ -290,8 +292,8 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
     option(
         more, '--fit', 'NAME,...',
         'instead of the summary: find these so that runs reproduce the signal of a bag, or of a '
-        '.csv, .txt, .wav, .uff or .tdms file: some of restitution, friction, radial, noise, or '
-        'dotted paths',
+        '.csv, .xlsx, .mat, .wav, .uff or .tdms file: some of restitution, friction, radial, '
+        'noise, or dotted paths',
     )  # fmt: skip
     text = 'scene with machine and sensor, for each bag or all; that in the bag if not given'
     several(more, '--scene', 'SCENE', text, 'scenes')
@@ -307,6 +309,7 @@ def _fit_options(sub: argparse.ArgumentParser) -> None:
         'of a file, if it is not named like its sensor or quantity; of a bag TOPIC.FIELD',
     )
     option(more, '--full-scale', 'Q', "largest number of a .wav, as '50 m/s^2'")
+    option(more, '--sample-rate', 'F', "of a table without times, as '12 kHz'")
     option(
         more, '--method', 'M',
         'gauss-newton (sample by sample) or regression (features of the signal, for chaos); by '

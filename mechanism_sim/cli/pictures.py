@@ -77,8 +77,8 @@ def add(command: Command) -> None:
     sub.add_argument(
         'what', nargs='*', default=[], metavar='WHAT',
         help='TOPIC.FIELD of a bag, a quantity such as normal_force.JOINT, or a channel of a '
-        '.csv, .txt, .wav, .uff or .tdms file; without any, all there are; before them further '
-        'recorded runs',
+        '.csv, .xlsx, .mat, .wav, .uff or .tdms file; without any, all there are; before them '
+        'further recorded runs',
     )  # fmt: skip
     several(
         sub, '-o --output', 'FILE',
@@ -92,6 +92,7 @@ def add(command: Command) -> None:
     )  # fmt: skip
     flag(sub, '--ideal', 'also draw the same machine with ideal joints')
     option(sub, '--full-scale', 'Q', "largest number of a .wav, as '50 m/s^2'")
+    option(sub, '--sample-rate', 'F', "of a table without times, as '12 kHz'")
     flag(sub, '--charts', 'WHAT are charts of the report, as forces or impacts; without any, all: '
          'to a folder, a .pdf, or files as FILE_CHART.svg')  # fmt: skip
 
@@ -169,7 +170,7 @@ def _plot(options: argparse.Namespace) -> int:
         return _plot_several(options)
     if is_signal_file(options.scene):
         return _plot_signals(options)
-    refuse_options(options, ['full-scale'], 'applies to a .wav file')
+    refuse_options(options, ['full-scale', 'sample-rate'], 'applies to a file of signals')
     if options.charts:
         refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
         return _charts(options)
@@ -261,7 +262,7 @@ def _plot_several(options: argparse.Namespace) -> int:
         with progress.share('plot', options.json) as read:
             asked: Asked | AskedSignals
             if is_signal_file(run):
-                asked = AskedSignals(run, options.full_scale or '')
+                asked = AskedSignals(run, options.full_scale or '', rate=options.sample_rate or '')
             else:
                 bag = read_bag(run, read)
                 warn_if_incomplete(bag, run)
@@ -287,7 +288,8 @@ def _plot_signals(options: argparse.Namespace) -> int:
     else:
         _check_files(options)
     # names need no scale
-    asked = AskedSignals(options.scene, options.full_scale or '', bool(options.what))
+    scales = options.full_scale or '', bool(options.what), options.sample_rate or ''
+    asked = AskedSignals(options.scene, *scales)
     if not options.what:
         return _list(options, asked, None)
     series = asked.series(options.what, options.start, options.end)

@@ -8,8 +8,10 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import TABLE_FOLDERS
 from mechanism_sim.csv_tables import assume, is_like_unit, named_unit, read_csv
 from mechanism_sim.errors import InputError
@@ -21,6 +23,8 @@ from mechanism_sim.scene.motion_keys import PositionPart
 from mechanism_sim.units import QuantityValue, to_si_of, to_si_text
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''
+_EVEN = 0.25 * math.pi
+"""Steps [rad] of positions up to which a jump by a turn is told from one that is meant."""
 _VALUES = 'N', 'N m', 'Pa', ''
 
 
@@ -196,10 +200,28 @@ def _points_of(
                 "plain numbers; its unit can stand in brackets, or in 'units'"
             )
         found.append(unit)
+    numbers = table.numbers(*chosen)
+    if wanted[0] == ('s',) and 'rad' in wanted[1]:
+        numbers[:, 1] = _unwrapped(numbers[:, 1], found[1], table.where)
     return [
         [f'{x!r} {unit}'.strip() for x, unit in zip(row, found, strict=True)]
-        for row in table.numbers(*chosen).tolist()
+        for row in numbers.tolist()
     ]
+
+
+def _unwrapped(values: Array, unit: str, where: str) -> Array:
+    """Positions (N,) with whole turns where measured angles jump back by one, as encoders do."""
+    scale, kind = to_si_text(f'1 {unit or "rad"}')
+    steps = scale * np.diff(values)
+    jumps = np.abs(steps) > math.pi
+    within = scale * np.ptp(values) < TWO_PI * (1.0 - 1e-9)  # a move by a whole turn is meant
+    if kind != 'rad' or not within or not jumps.any() or jumps.all():
+        return values
+    largest = np.abs(steps[~jumps]).max()
+    if largest > _EVEN or TWO_PI - np.abs(steps[jumps]).min() > 2.0 * largest:
+        return values
+    assume(f'{where}: whole turns are added where angles jump by one, {jumps.sum()} times')
+    return np.unwrap(values, period=TWO_PI / scale)
 
 
 def _alike(said: str, asked: str) -> bool:

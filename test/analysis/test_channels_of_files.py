@@ -7,14 +7,18 @@ import math
 
 import numpy as np
 import pytest
+import scipy.io
 from running import run, run_json
 from scipy.io import wavfile
 
 import mechanism_sim as ms
+from mechanism_sim import tables
+from mechanism_sim.analysis.open_run import AskedSignals
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.lines import chart
+from mechanism_sim.tables import Column
 
 draw = lines.draw
 RATE, TONE, SIZE, COUNT = 2000.0, 125.0, 3.0, 4096
@@ -174,13 +178,53 @@ def test_channels_of_a_wav_are_listed_without_its_scale(tmp_path):
     assert 'write for example --full-scale' in run('plot', str(file), '1').stderr
 
 
-def test_tables_that_are_not_read_say_which_are(tmp_path):
-    for name, ending in (('plot', 'xlsx'), ('analyze', 'parquet'), ('solve', 'npz')):
+def test_broken_tables_are_refused_in_a_sentence(tmp_path):
+    said = 'cannot be read: ', 'cannot be read: ', 'is a file of signals, not a scene'
+    pairs = ('plot', 'xlsx'), ('analyze', 'parquet'), ('solve', 'npz')
+    for words, (name, ending) in zip(said, pairs, strict=True):
         file = tmp_path / f'out.{ending}'
         file.write_bytes(b'PK')
         done = run(name, str(file))
         assert (done.returncode, done.stderr.count('\n')) == (2, 1)
-        assert 'read .csv, .txt, .wav, .uff, .unv, .tdms: write it as .csv' in done.stderr
+        assert words in done.stderr
+
+
+@pytest.mark.parametrize('ending', ['csv', 'xlsx', 'mat', 'npz', 'parquet'])
+def test_tables_that_are_written_are_read(tmp_path, ending):
+    """With the numbers that were written, in sheets to 16 digits, and the units they can hold."""
+    t, way = np.arange(50) / 300.0, np.sin(np.arange(50.0))
+    file = tmp_path / f'out.{ending}'
+    columns = [Column('t', t, 's'), Column('position.arm', way, 'm'), Column('n', [1] * 50)]
+    tables.write(file, columns)
+    found = AskedSignals(file).channels
+    off = 1e-15 if ending == 'xlsx' else 0.0
+    np.testing.assert_allclose(found['position.arm'].times, t, off)
+    np.testing.assert_allclose(found['position.arm'].values, way, off)
+    assert found['position.arm'].unit == ('' if ending == 'npz' else 'm')
+    assert found['n'].values.tolist() == [1.0] * 50
+
+
+def test_tables_without_times_have_a_rate_that_is_given(tmp_path):
+    """Such as records of bearings in MATLAB: vectors, matrices, structures."""
+    y = np.sin(np.arange(120.0))
+    data = {'DE': y, 'RPM': 1797, 'both': np.c_[y, 2.0 * y], 'rig': {'gs': 3.0 * y, 'sr': 1e3}}
+    scipy.io.savemat(tmp_path / 'a.mat', data)
+    found = AskedSignals(tmp_path / 'a.mat', rate='12 kHz').channels
+    assert {*found} == {'DE', 'both.1', 'both.2', 'rig.gs'}
+    assert (found['rig.gs'].values == 3.0 * y).all()
+    assert (found['both.2'].values == 2.0 * y).all()
+    assert found['DE'].rate == pytest.approx(12e3)
+    (tmp_path / 'b.txt').write_text('0.5\t1\n1.5\t2\n2.5\t4\n')
+    shown = run_json('analyze', str(tmp_path / 'b.txt'), '--sample-rate', '2 Hz')['channels']
+    assert (shown['2']['end'], shown['2']['largest']) == (1.0, 4.0)
+    for file, more, words in (
+        ('a.mat', [], "or give --sample-rate, as '12 kHz'"),
+        ('b.txt', ['--sample-rate', '0 Hz'], 'must be positive'),
+        ('b.txt', ['--sample-rate', '2 kg'], "has the unit 'kg'"),
+    ):
+        done = run('analyze', str(tmp_path / file), *more)
+        assert (done.returncode, done.stderr.count('\n')) == (2, 1)
+        assert words in done.stderr
 
 
 def test_a_spectrum_has_units_and_uneven_samples_a_way(tmp_path):

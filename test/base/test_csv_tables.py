@@ -126,6 +126,31 @@ def test_a_file_without_headings_keeps_its_first_row(table):
     assert np.array_equal(found.numbers('1', '2'), [[0.0, 0.5], [1.0, 2.0]])
 
 
+@pytest.mark.parametrize(
+    'text',
+    [
+        'CYCLIC;YES;\nTABLE_BEGIN;;\n0;0;SPLINE\n90.5;50;SPLINE\n360;-2.5;SPLINE\nTABLE_END;;\n',
+        '0,0 0,0 // point 1\n90,5\t50,0 // point 2\n360,0   -2,5\n',
+        'Tablename = A  # name\nLines = 3\nBegintable  # begin\n0 0   # Master[0] Slave[0]\n'
+        '90.5  50\n360 -2.5\nEndTable  # end\n',
+    ],
+    ids=['rows of an editor of cams', 'remarks and decimal commas', 'between lines'],
+)
+def test_tables_of_electronic_cams_have_columns_by_number(table, text):
+    found = table(text)
+    assert list(found.cells) == ['1', '2']
+    assert found.numbers('1', '2').tolist() == [[0.0, 0.0], [90.5, 50.0], [360.0, -2.5]]
+
+
+def test_what_looks_like_a_remark_in_a_cell_is_none(table):
+    with pytest.raises(InputError, match="got '#N/A'"):
+        table('t\tx\n0\t1\n1\t#N/A\n').numbers('t', 'x')
+
+
+def test_a_unit_of_a_joint_that_slides_or_turns_is_left_open(table):
+    assert table('t [s],x [rad or m]\n0,1\n').units == {'t': 's', 'x': ''}
+
+
 def test_cells_may_be_text(table):
     found = table('joint,x\nA,-3.74\nB,\n')
     assert found.column('joint') == ('A', 'B')

@@ -306,3 +306,22 @@ def test_a_unit_that_is_none_is_told_by_its_column(scene):
     said = refusal(scene(text='angle [deg],p [furlong]\n0,1\n360,1\n'))
     assert "'load.csv': column 'p': 'furlong' is not" in said
     assert 'points.0' not in said
+
+
+@pytest.mark.parametrize(('unit', 'turn'), [('rad or m', 2.0 * math.pi), ('deg', 360.0)])
+def test_positions_that_jump_by_a_turn_go_on(tmp_path, unit, turn):
+    """As encoders and joint states have them; a step that may be meant stays."""
+    angles = np.arange(40) * 0.03 * turn
+    wrapped = (angles + 0.5 * turn) % turn - 0.5 * turn
+    lines = [f'{0.01 * k:.9g},{x!r}' for k, x in enumerate(wrapped.tolist())]
+    way = tmp_path / 'way.csv'
+    way.write_text('\n'.join([f't [s],position.arm [{unit}]', *lines]))
+    position = {'file': 'way.csv', 'interpolation': 'cubic'}
+    content = {**SCENE, 'tables': {}, 'drive': {'coordinate': 'arm', 'position': position}}
+    (tmp_path / 's.yaml').write_text(yaml.safe_dump(content))
+    points = load_scene(str(tmp_path / 's.yaml')).scene.drive.position.points
+    found = np.array([x.value for _, x in points])
+    assert found == pytest.approx(angles * 2.0 * math.pi / turn, abs=1e-12)
+    way.write_text(f't [s],x [{unit}]\n0,0\n1,{2.0 * turn}\n2,{2.1 * turn}\n3,0\n')
+    points = load_scene(str(tmp_path / 's.yaml')).scene.drive.position.points
+    assert points[1][1].value == pytest.approx(4.0 * math.pi)
