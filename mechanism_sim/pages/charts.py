@@ -90,7 +90,7 @@ class _PlotlyFigure:
     """Panels on a figure of plotly, row by row."""
 
     def __init__(self, chart: Chart) -> None:
-        self.chart = chart
+        self.chart = chart = chart.readable()
         self.data: list[Json] = []
         self.columns: list[Json] = []
         self.layout: Json = {'template': TEMPLATE}

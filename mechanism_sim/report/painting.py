@@ -38,6 +38,7 @@ _NARROW = 3.0  # [in] panel with room for few numbers only
 
 def paint(chart: Chart) -> Picture:
     """A picture of a chart; artists of a curve have its place in the chart as their id."""
+    chart = chart.readable()
     rows = chart.rows
     heights = [max(p.height for p in row) for row in rows]
     if len(rows) == 1:

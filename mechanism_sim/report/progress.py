@@ -17,6 +17,7 @@ Show = Callable[..., None]
 
 EVERY = 30.0
 """[s] from line to line of a log."""
+_PACE = 4  # runs after the first from which the time left is told: workers end their first at once
 AFTER = 1.0
 """[s] of work after which a notebook shows how far it is."""
 
@@ -55,18 +56,24 @@ class _Log:
 
     def __init__(self, label: str, total: int, quiet: bool) -> None:
         self._label, self._total = label, total
-        self._began = self._last = time.monotonic()
+        self._last = time.monotonic()
+        self._first: tuple[float, int] | None = None  # before it are imports and compilation
         self._silent = quiet or sys.stderr.isatty()
 
     def line(self, finished: int, failed: int) -> None:
         """So many are finished."""
         now = time.monotonic()
+        if finished and self._first is None:
+            self._first = now, finished
         if self._silent or now < self._last + EVERY or not finished:
             return
         self._last = now
-        left = (self._total - finished) / finished * (now - self._began)
         note = f', {failed} failed' if failed else ''
-        told = f' of {self._total}{note}, about {left:.0f} s left'
+        told = f' of {self._total}{note}'
+        began, before = self._first or (now, finished)
+        if finished >= before + _PACE:
+            left = (self._total - finished) / (finished - before) * (now - began)
+            told += f', about {left:.0f} s left'
         if finished > self._total:  # of a search nobody knows how many follow the first
             told = note
         print(f'{self._label}: {finished}{told}', file=sys.stderr, flush=True)

@@ -62,7 +62,8 @@ def ensemble(
     scene : all that `load_scene` takes
     parameters : values by dotted path, a row for each run: a dictionary of columns, a list of
         dictionaries, a data frame or a structured array. Numbers are in SI units, or in that
-        behind the name, as ``'drive.speed [rpm]'``; texts have units
+        behind the name, as ``'drive.speed [rpm]'``; texts have units. The path ``title`` labels
+        rows
     revolutions : of the crank, in every run, or
     duration : [s], or with its unit
     skip : revolutions, or a time, of which no figures are made

@@ -73,7 +73,7 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
     impacts = [m for m in messages_of(bag, '/impacts') if m.normal_impulse > 1e-3]
     assert 0 < len(impacts) < len(messages_of(bag, '/impacts'))
     np.testing.assert_array_equal(hard[1], [m.time for m in impacts])
-    np.testing.assert_array_equal(hard[2], [m.normal_impulse for m in impacts])
+    np.testing.assert_allclose(hard[2], [1e3 * m.normal_impulse for m in impacts], rtol=1e-15)
     frames = [
         (m.transforms[0].header.stamp, t.transform.translation.x)
         for m in messages_of(bag, '/tf')
@@ -82,7 +82,7 @@ def test_filters_choose_messages_and_items_of_arrays(bag):
     ]
     np.testing.assert_allclose(place[2], [1e3 * x for _, x in frames], rtol=1e-15)
     np.testing.assert_allclose(place[1], [s.sec + 1e-9 * s.nanosec for s, _ in frames], atol=1e-9)
-    assert words == ['normal impulse [N·s]', 'x [mm]']
+    assert words == ['normal impulse [mN·s]', 'x [mm]']
 
 
 @pytest.mark.network

@@ -14,7 +14,15 @@ from mechanism_sim.analysis.details import Wanted, everything, find_details
 from mechanism_sim.export.palette import IMPACT
 from mechanism_sim.pages.charts import figure
 from mechanism_sim.report import condition, plots, vibrations
-from mechanism_sim.report.charts.chart import DASHES, LOOKS
+from mechanism_sim.report.charts.chart import (
+    DASHES,
+    LOOKS,
+    TIME,
+    Axis,
+    Chart,
+    ChartCurve,
+    Panel,
+)
 from mechanism_sim.report.charts.overlay import overlaid
 from mechanism_sim.report.charts.subjects import sections
 from mechanism_sim.report.figures import paint
@@ -114,7 +122,8 @@ def check(charts):
     for chart in charts:
         on_paper, on_page = paint(chart), figure(chart)
         assert len(on_paper.axes) == len(chart.panels)
-        for k, (panel, axes) in enumerate(zip(chart.panels, on_paper.axes, strict=True)):
+        panels = chart.readable().panels
+        for k, (panel, axes) in enumerate(zip(panels, on_paper.axes, strict=True)):
             traces = [t for t in on_page['data'] if t['meta'][0] == k]
             check_axes(panel, axes, on_page['layout'], traces)
             for i, curve in enumerate(panel.curves):
@@ -210,3 +219,18 @@ def check_marks(panel, axes, layout, traces):
         assert any(s.get(name) == mark.at for s in layout['shapes'])
         data = [line.get_ydata() if mark.level else line.get_xdata() for line in axes.lines]
         assert any(list(d) == [mark.at, mark.at] for d in data)
+
+
+def test_large_and_small_values_are_drawn_in_the_units_of_tables():
+    """One unit for all panels that have one; those that compare x and y keep theirs."""
+
+    def panel(unit, y, **more):
+        values = np.array(y)
+        return Panel(TIME, Axis('size', unit, high=y[-1]), (ChartCurve(values, values),), **more)
+
+    made = [panel('N', [0.0, -2e4, 3.0]), panel('N', [0.0, 1.0, 5.0]), panel('J', [0.0, 2e-3])]
+    made += [panel('deg', [0.0, 2e5]), panel('N', [0.0, 2e4], form='equal')]
+    shown = Chart('k', 't', tuple(made)).readable().panels
+    assert [p.y.unit for p in shown] == ['kN', 'kN', 'mJ', 'deg', 'N']
+    assert [p.curves[0].y[-1] for p in shown] == [3e-3, 5e-3, 2.0, 2e5, 2e4]
+    assert [p.y.high for p in shown] == [3e-3, 5e-3, 2.0, 2e5, 2e4]

@@ -16,7 +16,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export import palette
-from mechanism_sim.units import typeset
+from mechanism_sim.units import for_people, typeset
 
 Over = Literal['time', 'angle', 'frequency', 'polar', 'value', 'other']
 
@@ -191,6 +191,25 @@ class Panel:
             np.maximum.at(reach, np.mod(c.x[known] // 45.0, 8).astype(int), c.y[known])
         return 22.5 + 45.0 * int(np.argmin(np.round(reach / (reach.max() or 1.0), 1)))
 
+    @property
+    def size(self) -> float:
+        """The largest value along y."""
+        values = [v for c in self.curves for v in (c.y, c.low) if v is not None]
+        known = np.concatenate([NOTHING, *values])
+        return float(np.abs(known[np.isfinite(known)]).max(initial=0.0))
+
+    def in_unit(self, unit: str, factor: float) -> Panel:
+        """The panel with another unit along y, in which values are `factor` times as large."""
+
+        def scaled(c: ChartCurve) -> ChartCurve:
+            low, error = (None if v is None else factor * v for v in (c.low, c.error))
+            return replace(c, y=factor * c.y, low=low, error=error)
+
+        ends = (None if v is None else factor * v for v in (self.y.low, self.y.high, self.y.every))
+        y = replace(self.y, unit=unit, **dict(zip(('low', 'high', 'every'), ends, strict=True)))
+        marks = tuple(replace(m, at=factor * m.at) if m.level else m for m in self.marks)
+        return replace(self, y=y, curves=tuple(map(scaled, self.curves)), marks=marks)
+
 
 @dataclass(frozen=True, eq=False)
 class Chart:
@@ -222,6 +241,22 @@ class Chart:
         return [
             self.panels[k : k + self.columns] for k in range(0, len(self.panels), self.columns)
         ]
+
+    def readable(self) -> Chart:
+        """With large forces in kN, small energies in mJ and the like, as tables have them.
+
+        Panels of one unit keep one; so do those that compare x and y.
+        """
+        sizes: dict[str, float] = {}
+        for p in self.panels:
+            sizes[p.y.unit] = max(sizes.get(p.y.unit, 0.0), p.size)
+        units = {unit: for_people(unit, size) for unit, size in sizes.items()}
+        panels = [
+            p if p.form == 'equal' or for_people(p.y.unit)[0] != p.y.unit
+            else p.in_unit(*units[p.y.unit])
+            for p in self.panels
+        ]  # fmt: skip
+        return replace(self, panels=tuple(panels))
 
 
 @dataclass(frozen=True)
