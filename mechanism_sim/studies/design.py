@@ -92,7 +92,10 @@ def factor(path: str, given: Any) -> Factor:
     if not isinstance(values, list | tuple) or len(values) != count:
         if isinstance(given, str) and has_decimal_comma(given):
             _read(path, given)
-        raise InputError(f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}')
+        cure = "; single values are those of 'grid'" if isinstance(given, list | tuple) else ''
+        raise InputError(
+            f'vary.{path}: {quoted(given)} is not a distribution: write {_FORMS}{cure}'
+        )
     numbers, units = list[float](), list[str]()
     for value in values:
         share = _SHARE.fullmatch(value) if isinstance(value, str) and numbers else None

@@ -419,6 +419,7 @@ def test_names_of_matlab_are_unique_and_short():
     [
         ('vary: {drive.speed: 3}', 'is not a distribution'),
         ('vary: {drive.speed: {cauchy: [1, 2]}}', 'is not a distribution'),
+        ('vary: {drive.speed: [1, 2, 3]}', "single values are those of 'grid'"),
         ('vary: {drive.speed: [20 rad/s, 10 rad/s]}', 'must rise'),
         ('vary: {drive.speed: [1 rad/s, 2 mm]}', 'mixes units'),
         ('vary: {drive.speed: {normal: [1, 0]}}', 'must be positive'),
