@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -149,6 +149,7 @@ class Mark:
 
 
 NOTHING = np.empty(0)
+_Scalable = TypeVar('_Scalable', float | None, Array | None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,14 +202,18 @@ class Panel:
     def in_unit(self, unit: str, factor: float) -> Panel:
         """The panel with another unit along y, in which values are `factor` times as large."""
 
-        def scaled(c: ChartCurve) -> ChartCurve:
-            low, error = (None if v is None else factor * v for v in (c.low, c.error))
-            return replace(c, y=factor * c.y, low=low, error=error)
+        def times(v: _Scalable) -> _Scalable:
+            return v if v is None else factor * v
 
-        ends = (None if v is None else factor * v for v in (self.y.low, self.y.high, self.y.every))
-        y = replace(self.y, unit=unit, **dict(zip(('low', 'high', 'every'), ends, strict=True)))
+        axis = self.y
+        y = replace(
+            axis, unit=unit, low=times(axis.low), high=times(axis.high), every=times(axis.every)
+        )
+        curves = tuple(
+            replace(c, y=factor * c.y, low=times(c.low), error=times(c.error)) for c in self.curves
+        )
         marks = tuple(replace(m, at=factor * m.at) if m.level else m for m in self.marks)
-        return replace(self, y=y, curves=tuple(map(scaled, self.curves)), marks=marks)
+        return replace(self, y=y, curves=curves, marks=marks)
 
 
 @dataclass(frozen=True, eq=False)
