@@ -215,7 +215,9 @@ def _figures(machine: Machine, solution: Solution) -> dict[str, float]:
         exchanged = exchanged_energy(solution, values['energy.kinetic'])
         # of a machine that sticks there is nothing but the rounding of what it stores
         exchanged = max(exchanged, 1e-6 * float(np.abs(values['energy.potential']).max()))
-        found['residual'] = abs(solution.energy.residual) / max(exchanged, _NOTHING)
+        # or, where it stores none yet, that of its masses as the solution says it
+        beyond = max(0.0, abs(solution.energy.residual) - solution.energy.rounding)
+        found['residual'] = beyond / max(exchanged, _NOTHING)
         if not found['residual'] <= RESIDUAL:
             raise Failure(
                 'energy',
