@@ -221,7 +221,7 @@ def wear_maps(
 
     Normal force, slip and direction are those at 8 Gauss nodes of every step; the sums over all
     sectors are exact to the tolerance of the run, but for steps within which sliding without
-    friction turns back, those of 72 sectors to some 0.5 %, see `wear_sums`.
+    friction turns back, those of a sector to some 0.3 %, see `wear_sums`.
 
     Parameters
     ----------

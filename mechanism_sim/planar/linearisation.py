@@ -113,6 +113,7 @@ class Linearisation:
     @property
     def outside(self) -> tuple[str, ...]:
         """Names of inputs beside the motion: ``time``, ``COORDINATE.turns``."""
+        self._function  # noqa: B018 - asks for all that is outside
         return tuple(self.equations.frames.outside)
 
     def _variables(self) -> list[hy.expression]:
@@ -210,10 +211,10 @@ class Linearisation:
         """Values (k, N) of what switches forces on and off, as `along`."""
         return self._motion_function.rows(self._motion_inputs(at, q, v, a, t))
 
-    def point(self, q: Array, v: Array) -> Point:
-        """A point at time zero, without forces of the closures."""
-        self._function  # noqa: B018 - asks for all that is outside
-        return Point(q, v, np.zeros(len(self._forces)), np.zeros(len(self.outside)))
+    def point(self, q: Array, v: Array, outside: Array | None = None) -> Point:
+        """A point without forces of the closures, at time and turns zero but for `outside`."""
+        given = np.zeros(len(self.outside)) if outside is None else outside
+        return Point(q, v, np.zeros(len(self._forces)), given)
 
     def basis(self, J: Array) -> tuple[Array, list[int]]:
         """How all coordinates move with the independent ones, driven coordinates at rest.

@@ -148,6 +148,11 @@ class HigherPair(Connection, ABC):
         return False
 
     @property
+    def taut(self) -> bool:
+        """True if it is elastic and pretensioned: its forces have slopes around its rest."""
+        return False
+
+    @property
     def slips(self) -> bool:
         """True if that is because friction alone holds it."""
         return False

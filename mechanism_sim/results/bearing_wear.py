@@ -22,7 +22,6 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
 _BLOCK = 512  # segments at once
-_TURNED = 0.3  # [rad] of a step, beyond which it has more nodes
 LOAD, LOAD_WAY, WORK, STRUCK_WAY, STRUCK_WORK = range(5)
 """Rows: integrals of normal force [N s], of it times slip speed [N m], of friction times slip
 speed [J]; of impacts, sums of normal impulse times slip speed [N m], and of friction [J]."""
@@ -34,10 +33,11 @@ def wear_sums(
 ) -> Array:  # fmt: skip
     """Sums (2, 5, B, count) of bushing and pin, in parts of a run, at even places of the circle.
 
-    Normal force, slip and direction are those at 8 Gauss nodes of every step, or of each
-    0.3 rad of one; a node counts at both places beside it, by how near they are. So the direction
-    of a force is kept wherever it points, and the sum of a place is continuous in where nodes lie:
-    of 72 places it holds to some 0.5 %, while nodes that count where they lie err by several.
+    Normal force, slip and direction are those at 8 Gauss nodes of every step, or of each part of
+    one in which links turn by the distance of two places; a node counts at both places beside it,
+    by how near they are. So the direction of a force is kept wherever it points, and the sum of a
+    place is continuous in where nodes lie: it holds to some 0.3 %, while nodes that count where
+    they lie err by several.
 
     Parameters
     ----------
@@ -59,18 +59,20 @@ def wear_sums(
     start = motion.curve.start
     end = start + motion.curve.duration
     for part in range(parts):
-        closed = np.flatnonzero(
+        k = np.flatnonzero(
             motion.closed[:, gap] & (end > times[part]) & (start < times[part + 1])
         )
-        for begin in range(0, len(closed), _BLOCK):
-            k = closed[begin : begin + _BLOCK]
-            low = np.maximum(times[part] - start[k], 0.0)
-            high = np.minimum(times[part + 1] - start[k], motion.curve.duration[k])
-            turned = motion.curve.local(k, high) - motion.curve.local(k, low)
-            finer = max(1, math.ceil(np.abs(turned[:, angles]).max(initial=0.0) / _TURNED))
+        low = np.maximum(times[part] - start[k], 0.0)
+        high = np.minimum(times[part + 1] - start[k], motion.curve.duration[k])
+        turned = np.abs(motion.curve.local(k, high) - motion.curve.local(k, low))[:, angles]
+        cuts = np.ceil(turned.max(axis=1, initial=0.0) * count / (2.0 * math.pi))
+        order = np.argsort(cuts, kind='stable')  # those of a block are cut as the last of them
+        for begin in range(0, len(k), _BLOCK):
+            block = order[begin : begin + _BLOCK]
+            finer = max(1, int(cuts[block[-1]]))
             fractions = (np.arange(finer)[:, None] + SMOOTH.places.fractions).ravel() / finer
-            width = (high - low)[:, None]
-            seen = physics.observe(motion, k, low[:, None] + width * fractions)
+            width = (high - low)[block, None]
+            seen = physics.observe(motion, k[block], low[block, None] + width * fractions)
             weights = (width * np.tile(SMOOTH.weights, finer) / finer).ravel()
             places, slip, length = _touch(machine, joint, seen, radius)
             normal = length * seen.normal_force[gap]

@@ -19,6 +19,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
+from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
@@ -344,12 +345,15 @@ def derivatives(
             f"near rest it sticks: set it to zero, as '--set joints.{name}.friction.coefficient=0'"
         )
     laws = [plan.laws[c][0] for c in plan.powered if c not in held]
+    taut = [joint for joint in plan.joints if isinstance(joint, HigherPair) and joint.taut]
+    firm = [name for name in ideal.cut if all(joint.name != name for joint in taut)]
+    pulls = [element for joint in taut for element in joint.elements(ideal)]
     found = Linearisation(
-        ideal, closures(ideal, ideal.cut), [*plan.prescribed, *held],
-        [law for law in laws if isinstance(law, TorqueLaw)], plan.elements(ideal),
+        ideal, closures(ideal, firm), [*plan.prescribed, *held],
+        [law for law in laws if isinstance(law, TorqueLaw)], [*plan.elements(ideal), *pulls],
         [motor for motor in plan.motors if motor.coordinate not in held], excitation,
     )  # fmt: skip
-    if machine.assembly.freedom - len(held) <= 0:
+    if machine.assembly.freedom + len(taut) - len(held) <= 0:
         why = (
             'with its drive held nothing else moves; leave out --along and --speeds'
             if held
@@ -386,8 +390,9 @@ def linearised(
     found = known or derivatives(machine, excitation)
     q = machine.assembly.q if start is None else start
     try:
-        rates = steady_rates(machine, speed)
-        at = None if turning else found.equilibrium(found.point(np.array(q, float), rates))
+        outside = machine.plan.outside_at_start(found.outside)[:, 0]
+        near = found.point(np.array(q, float), steady_rates(machine, speed), outside)
+        at = None if turning else found.equilibrium(near)
     except FloatingPointError:
         raise InputError(
             f'{machine.name}: near the equilibrium a force is not finite or has no slope: a '
@@ -395,7 +400,7 @@ def linearised(
             'a formula may be out of its range'
         ) from None
     if at is None and not speed and machine.plan.main in machine.plan.powered:
-        at = _steady(machine, found, q)
+        at = _steady(machine, found, near)
     if at is None:
         raise InputError(
             f'{machine.name}: no equilibrium was found near the start'
@@ -412,11 +417,15 @@ def linearised(
     return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
 
 
-def _steady(machine: Machine, found: Linearisation, q: Array) -> Point | None:
-    """The steady rotation in which a drive's torque keeps a machine, sought from likely speeds."""
+def _steady(machine: Machine, found: Linearisation, start: Point) -> Point | None:
+    """The steady rotation in which a drive's torque keeps a machine, sought from likely speeds.
+
+    Parameters
+    ----------
+    start : where it is at rest
+    """
     if machine.scene.drive is None or machine.plan.main in machine.plan.ideal.displacements:
         return None
-    start = found.point(np.array(q, float), np.zeros(len(q)))
     paces = [getattr(m.characteristic, 'synchronous_speed', 0.0) / m.ratio
              for m in machine.plan.motors]  # fmt: skip
     for speed in dict.fromkeys((machine.drive.start[1], *paces)):

@@ -663,6 +663,52 @@ def test_what_cannot_be_is_refused():
         harmonics(ms.load_scene('torsional_shaft'), [], 2)
 
 
+@pytest.mark.parametrize('turns', [0, 20])
+def test_a_belt_of_taut_strands_is_a_spring(turns):
+    """M = diag(J1, J2), K = 2 k r r^T with r = (r1, -r2), wherever the pulleys stand."""
+    belt = {'belt': ['motor', 'fan'], 'radii': [0.04, 0.1], 'stiffness': '50 N/mm',
+            'damping': '20 N s/m', 'pretension': '500 N'}  # fmt: skip
+    scene = {
+        'links': {
+            'ground': {'points': {'fan': [0.4, 0.1]}},
+            'motor': {'mass': 2.0, 'inertia': 0.003},
+            'fan': {'mass': 6.0, 'inertia': 0.08},
+        },
+        'joints': {
+            'motor_shaft': {'revolute': ['ground', 'motor']},
+            'fan_shaft': {'revolute': ['ground.fan', 'fan']},
+            'belt': belt,
+        },
+    }
+    places = {'motor': f'{360 * turns} deg', 'fan': f'{144 * turns} deg'}
+    rigid, spring = modes(weightless(**scene, initial={'position': places}))
+    over = 0.04**2 / 0.003 + 0.1**2 / 0.08
+    assert rigid.frequency == 0.0
+    assert spring.frequency == pytest.approx(np.sqrt(1e5 * over) / TURN, **EXACT)
+    assert spring.damping_ratio == pytest.approx(20.0 * np.sqrt(over / 1e5), **EXACT)
+    # about a pulley that is held, as resonance finds it
+    held = weightless(**scene, drive={'coordinate': 'motor', 'speed': 0.0})
+    w = 2.0 * np.pi * np.array([15.0, 17.0])
+    found = response(held, read_source(held, base='motor'), ['position.fan'], w / TURN)
+    pull = 1e5 + 40j * w
+    expected = 0.004 * pull / (0.01 * pull - 0.08 * w**2)
+    assert found.amplitudes['position.fan'] == pytest.approx(expected, **EXACT)
+
+
+def test_whole_turns_of_a_start_are_known():
+    """A torsion spring or a load that knows turns holds a link a hundred turns on, too."""
+    free = {'links': {'wheel': {'mass': 2.0, 'inertia': 0.003}},
+            'joints': {'shaft': {'revolute': ['ground', 'wheel']}},
+            'initial': {'position': {'wheel': '36000 deg'}}}  # fmt: skip
+    hold = {'loads': {'hold': {'at': 'wheel', 'torque': '300*(200*pi - wheel)'}}}
+    spring = {'springs': {'hold': {
+        'between': ['ground', 'wheel'], 'stiffness': '300 N m/rad', 'free_angle': '36000 deg',
+    }}}  # fmt: skip
+    for held in (hold, spring):
+        (mode,) = modes(weightless(**free, **held))
+        assert mode.frequency == pytest.approx(np.sqrt(300.0 / 0.003) / TURN, rel=1e-9)
+
+
 def test_the_commands(tmp_path):
     done = run('modes', 'torsional_shaft', '--json', '-o', str(tmp_path / 'modes.png'))
     assert done.returncode == 0, done.stderr

@@ -75,6 +75,11 @@ class Belt(Transmission):
         return self.stiffness > 0.0 or self.slips
 
     @property
+    def taut(self) -> bool:
+        """True if both strands pull at rest and give way."""
+        return self.stiffness > 0.0 and self.pretension > 0.0
+
+    @property
     def slips(self) -> bool:
         """True if friction alone holds it."""
         return self.friction is not None
