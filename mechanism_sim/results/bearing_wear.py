@@ -59,9 +59,7 @@ def wear_sums(
     start = motion.curve.start
     end = start + motion.curve.duration
     for part in range(parts):
-        k = np.flatnonzero(
-            motion.closed[:, gap] & (end > times[part]) & (start < times[part + 1])
-        )
+        k = np.flatnonzero(motion.closed[:, gap] & (end > times[part]) & (start < times[part + 1]))
         low = np.maximum(times[part] - start[k], 0.0)
         high = np.minimum(times[part + 1] - start[k], motion.curve.duration[k])
         turned = np.abs(motion.curve.local(k, high) - motion.curve.local(k, low))[:, angles]
