@@ -274,6 +274,26 @@ class Linearisation:
         left, parts = self.basis(linear.J)[0].T @ linear.F, self._largest_force(at, linear)
         return at if np.abs(left / parts).max(initial=0.0) <= _MECHANISM.force else None
 
+    def towed(self, at: Point) -> Point:
+        """A point whose driven coordinates turn steadily, with what springs turn along with them.
+
+        These keep all forces as they are. Unchanged where no rates do.
+
+        Raises
+        ------
+        FloatingPointError
+            If forces or their slopes are not finite.
+        """
+        if not at.v.any():
+            return at
+        _, linear = self._finite(at._replace(v=0.0 * at.v))
+        K, B = linear.K, self.basis(linear.J)[0]
+        left, size = B.T @ K @ at.v, np.abs(K).max(initial=0.0) * np.abs(at.v).max()
+        if np.abs(left).max(initial=0.0) <= _MECHANISM.unheld * size:
+            return at
+        v = at.v - B @ np.linalg.lstsq(B.T @ K @ B, left, rcond=1e-12)[0]
+        return at._replace(v=v) if np.abs(K @ v).max() <= _MECHANISM.force * size else at
+
     def turning(self, at: Point, main: int) -> Array:
         """Rates (n,) of a rotation that changes no force, with that of one coordinate 1.
 

@@ -148,8 +148,8 @@ class HigherPair(Connection, ABC):
         return False
 
     @property
-    def taut(self) -> bool:
-        """True if it is elastic and pretensioned: its forces have slopes around its rest."""
+    def preloaded(self) -> bool:
+        """True if it is elastic and without slack or play at rest: it has a stiffness there."""
         return False
 
     @property

@@ -1,7 +1,8 @@
 """Natural frequencies, damping ratios and mode shapes of a scene: at rest, over angle or speed.
 
 The equations are linearised by exact derivatives (`mechanism_sim.planar.linearisation`) about the
-static equilibrium near the start. Joints with clearance count as ideal, prescribed drives as held.
+static equilibrium near the start. Joints with clearance count as ideal, prescribed drives as held;
+belts with pretension and elastic teeth without backlash are springs.
 """
 
 from __future__ import annotations
@@ -345,15 +346,15 @@ def derivatives(
             f"near rest it sticks: set it to zero, as '--set joints.{name}.friction.coefficient=0'"
         )
     laws = [plan.laws[c][0] for c in plan.powered if c not in held]
-    taut = [joint for joint in plan.joints if isinstance(joint, HigherPair) and joint.taut]
-    firm = [name for name in ideal.cut if all(joint.name != name for joint in taut)]
-    pulls = [element for joint in taut for element in joint.elements(ideal)]
+    sprung = [joint for joint in plan.joints if isinstance(joint, HigherPair) and joint.preloaded]
+    firm = [name for name in ideal.cut if all(joint.name != name for joint in sprung)]
+    pulls = [element for joint in sprung for element in joint.elements(ideal)]
     found = Linearisation(
         ideal, closures(ideal, firm), [*plan.prescribed, *held],
         [law for law in laws if isinstance(law, TorqueLaw)], [*plan.elements(ideal), *pulls],
         [motor for motor in plan.motors if motor.coordinate not in held], excitation,
     )  # fmt: skip
-    if machine.assembly.freedom + len(taut) - len(held) <= 0:
+    if machine.assembly.freedom + len(sprung) - len(held) <= 0:
         why = (
             'with its drive held nothing else moves; leave out --along and --speeds'
             if held
@@ -362,8 +363,8 @@ def derivatives(
         )
         if not held and machine.level.dynamic:
             why = (
-                'joints count as without play here, contacts and teeth as rigid even where they '
-                f'are elastic, and then {why}'
+                'joints count as without play here, contacts, teeth with backlash and belts without '
+                f'pretension as rigid even where they are elastic, and then {why}'
             )
         raise InputError(f'{machine.name}: nothing can vibrate: {why}')
     return found
@@ -391,7 +392,7 @@ def linearised(
     q = machine.assembly.q if start is None else start
     try:
         outside = machine.plan.outside_at_start(found.outside)[:, 0]
-        near = found.point(np.array(q, float), steady_rates(machine, speed), outside)
+        near = found.towed(found.point(np.array(q, float), steady_rates(machine, speed), outside))
         at = None if turning else found.equilibrium(near)
     except FloatingPointError:
         raise InputError(
@@ -409,7 +410,8 @@ def linearised(
             "'initial.position'"
         )
     linear = found(at)
-    if speed and np.abs(linear.J @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
+    _, rows = machine.plan.kinematics(()).closure(at.q[:, None])  # elastic joints among them
+    if speed and np.abs(rows @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
         raise InputError(
             f'{machine.name}: at a steady speed of {machine.plan.main} its links move against '
             'each other, so the modes change over the turn: take --along'

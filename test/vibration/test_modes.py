@@ -624,7 +624,7 @@ def test_a_machine_shakes_its_frame_as_simulated(joints):
 def test_what_cannot_be_is_refused():
     with pytest.raises(InputError, match='nothing can vibrate'):
         modes(ms.load_scene('four_bar_nominal'))
-    with pytest.raises(InputError, match='teeth as rigid even where they are elastic, and then'):
+    with pytest.raises(InputError, match='teeth with backlash .* as rigid even where they are elastic, and then'):
         modes(ms.load_scene('mesh_stiffness'))
     with pytest.raises(InputError, match='with its drive held nothing else moves'):
         along(ms.load_scene('four_bar_governed'), 2)
@@ -693,6 +693,56 @@ def test_a_belt_of_taut_strands_is_a_spring(turns):
     pull = 1e5 + 40j * w
     expected = 0.004 * pull / (0.01 * pull - 0.08 * w**2)
     assert found.amplitudes['position.fan'] == pytest.approx(expected, **EXACT)
+    (driven,) = campbell(held, np.array([30.0]))
+    assert driven.modes[0].frequency == pytest.approx(np.sqrt(1e3 / 0.08) / TURN, **EXACT)
+    scene['links']['fan'] |= {'cog': 0.1}  # which gravity moves to and fro
+    scene |= {'drive': {'coordinate': 'motor', 'speed': 0.0, 'start_angle': 1.0}}
+    with pytest.raises(InputError, match='move against each other'):
+        campbell(made(scene | {'gravity': [0.0, -9.81]}), np.array([30.0]))
+
+
+@pytest.mark.parametrize('variation', [None, 'contact_ratio'])
+def test_elastic_teeth_without_backlash_are_a_spring(variation):
+    """A pair that is free has the mode sqrt(k (rb1^2/J1 + rb2^2/J2)), a held pinion leaves one."""
+    teeth = {'stiffness': '2e8 N/m', 'damping': '500 N s/m'}
+    if variation:
+        teeth['variation'] = variation
+    changes = {'joints.mesh.elasticity': teeth, 'joints.mesh.backlash': None,
+               'joints.mesh.error': None, 'loads': {}}  # fmt: skip
+    held = ms.load_scene('mesh_stiffness', changes)
+    free = ms.load_scene('mesh_stiffness', {**changes, 'drive': {'coordinate': 'pinion',
+                                                                 'torque': 0.0}})  # fmt: skip
+    (one,), (rigid, both) = modes(held), modes(free)
+    rb1, rb2 = np.cos(np.radians(20.0)) * np.array([0.02, 0.04])
+    parts = rb1**2 / 1e-4, rb2**2 / 1.5e-3
+    assert rigid.frequency == 0.0
+    assert both.frequency / one.frequency == pytest.approx(np.sqrt(sum(parts) / parts[1]), **EXACT)
+    # that of the teeth where the machine starts, as its damping ratio tells
+    k = (500.0 * np.sqrt(parts[1]) / (2.0 * one.damping_ratio)) ** 2
+    assert one.frequency == pytest.approx(np.sqrt(k * parts[1]) / TURN, **EXACT)
+    assert k == pytest.approx(2e8, rel=0.5 if variation else 1e-10)
+
+
+def test_a_disk_on_a_turning_shaft_has_the_drag_of_its_speed():
+    """c = d + 2 b w of a drag b w^2, for the disk turns as fast as its shaft is driven."""
+    k, inertia = 500.0, 0.02
+    scene = {
+        'links': {
+            'motor': {'mass': 1.0, 'inertia': 0.01},
+            'disk': {'mass': 1.0, 'inertia': inertia},
+        },
+        'joints': {x: {'revolute': ['ground', x]} for x in ('motor', 'disk')},
+        'springs': {'shaft': {'between': ['motor', 'disk'], 'stiffness': '500 N m/rad',
+                              'damping': '0.05 N m s/rad'}},
+        'loads': {'drag': {'at': 'disk', 'torque': '-0.002*disk_rate*abs(disk_rate)'}},
+        'drive': {'coordinate': 'motor', 'speed': '100 rad/s'},
+    }  # fmt: skip
+    speeds = np.array([-50.0, 100.0])
+    for there, w in zip(campbell(weightless(**scene), speeds), np.abs(speeds), strict=True):
+        (mode,) = there.modes
+        assert mode.frequency == pytest.approx(np.sqrt(k / inertia) / TURN, **EXACT)
+        ratio = (0.05 + 0.004 * w) / (2.0 * np.sqrt(k * inertia))
+        assert mode.damping_ratio == pytest.approx(ratio, **EXACT)
 
 
 def test_whole_turns_of_a_start_are_known():

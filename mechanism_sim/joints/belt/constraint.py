@@ -75,7 +75,7 @@ class Belt(Transmission):
         return self.stiffness > 0.0 or self.slips
 
     @property
-    def taut(self) -> bool:
+    def preloaded(self) -> bool:
         """True if both strands pull at rest and give way."""
         return self.stiffness > 0.0 and self.pretension > 0.0
 

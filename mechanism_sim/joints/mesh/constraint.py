@@ -298,6 +298,11 @@ class GearMesh(PlacedMesh):
         """True if its teeth give way."""
         return self.elasticity is not None
 
+    @property
+    def preloaded(self) -> bool:
+        """True if elastic teeth have no backlash."""
+        return self.elastic and not self.play
+
     def elements(self, mechanism: Mechanism) -> list[ForceElement]:
         """The spring of elastic teeth."""
         if self.elasticity is None:
