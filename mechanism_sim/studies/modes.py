@@ -363,8 +363,8 @@ def derivatives(
         )
         if not held and machine.level.dynamic:
             why = (
-                'joints count as without play here, contacts, teeth with backlash and belts without '
-                f'pretension as rigid even where they are elastic, and then {why}'
+                'joints count as without play here, contacts, teeth with backlash and belts '
+                f'without pretension as rigid even where they are elastic, and then {why}'
             )
         raise InputError(f'{machine.name}: nothing can vibrate: {why}')
     return found
