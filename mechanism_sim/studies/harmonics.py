@@ -105,7 +105,7 @@ def harmonics(
         found, units = _frame_harmonics(machine, asked, count, length)
     if asked and not own:
         return Harmonics(length, found, units)
-    one = linearised(machine)
+    one = linearised(machine, known=derivatives(machine, rigid=True))
     units |= _own_units(one, own)
     steady = _harmonics(one, machine.plan.prescribed, rates, length, count)
     for name in (x for x in units if x not in found):
@@ -142,7 +142,7 @@ def unbalance_response(
     speeds : all positive, or all negative for a drive that turns clockwise
     """
     main = turning(machine, '--speeds')
-    one = linearised(machine, known=derivatives(machine, held=kept(machine)))
+    one = linearised(machine, known=derivatives(machine, held=kept(machine), rigid=True))
     units = _own_units(one, quantities)
     driven = [*machine.plan.prescribed, *kept(machine)]
     w, senses = np.abs(np.asarray(speeds, float)), set(np.sign(speeds).tolist())

@@ -320,13 +320,17 @@ def _shape(names: Sequence[str], amplitudes: ComplexArray, scale: Array) -> dict
 
 
 def derivatives(
-    machine: Machine, excitation: Excitation | None = None, held: Sequence[str] = ()
+    machine: Machine,
+    excitation: Excitation | None = None,
+    held: Sequence[str] = (),
+    rigid: bool = False,
 ) -> Linearisation:
     """The derivatives of a machine's equations of motion, its joints ideal.
 
     Parameters
     ----------
     held : coordinates that a torque moves, but whose motion is given here
+    rigid : whether preloaded belts and teeth are ideal, too, so that coordinates follow drives
     """
     plan, ideal = machine.plan, machine.plan.ideal
     if not plan.weighed:
@@ -346,7 +350,8 @@ def derivatives(
             f"near rest it sticks: set it to zero, as '--set joints.{name}.friction.coefficient=0'"
         )
     laws = [plan.laws[c][0] for c in plan.powered if c not in held]
-    sprung = [joint for joint in plan.joints if isinstance(joint, HigherPair) and joint.preloaded]
+    pairs = () if rigid else plan.joints
+    sprung = [joint for joint in pairs if isinstance(joint, HigherPair) and joint.preloaded]
     firm = [name for name in ideal.cut if all(joint.name != name for joint in sprung)]
     pulls = [element for joint in sprung for element in joint.elements(ideal)]
     found = Linearisation(
