@@ -745,6 +745,23 @@ def test_a_disk_on_a_turning_shaft_has_the_drag_of_its_speed():
         assert mode.damping_ratio == pytest.approx(ratio, **EXACT)
 
 
+def test_belts_are_ideal_under_harmonics():
+    """A rotor out of balance shakes its machine alike with a belt to its motor or without."""
+    plain = ms.load_scene('unbalanced_machine')
+    belted = ms.load_scene('unbalanced_machine', {
+        'links.machine': {'mass': '19 kg', 'points': {'side': [0.3, 0.0]}},
+        'links.motor': {'mass': '1 kg', 'inertia': '0.001 kg m^2'},
+        'joints.machine_motor': {'revolute': ['machine.side', 'motor']},
+        'joints.belt': {'belt': ['motor', 'rotor'], 'carrier': 'machine', 'radii': [0.05, 0.05],
+                        'stiffness': '100 N/mm', 'pretension': '1 kN'},
+        'drive.coordinate': 'motor',
+    })  # fmt: skip
+    one, other = (harmonics(m, ['position.machine'], 1).series for m in (plain, belted))
+    shaken = one['position.machine'].amplitudes
+    assert abs(shaken[0]) > 5e-4
+    assert other['position.machine'].amplitudes == pytest.approx(shaken, **EXACT)
+
+
 def test_whole_turns_of_a_start_are_known():
     """A torsion spring or a load that knows turns holds a link a hundred turns on, too."""
     free = {'links': {'wheel': {'mass': 2.0, 'inertia': 0.003}},
