@@ -362,7 +362,7 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
 
 
 def _framed(lines: Sequence[str], kept: list[int]) -> tuple[bool, list[int]]:
-    """Whether a table stands between lines that say where it begins and ends, and its lines."""
+    """True of a table between lines that say where it begins and ends, and the lines of it."""
     marks = [(n, found) for n in kept if (found := _FRAME.match(lines[n]))]
     begin = next((n for n, found in marks if 'BEGIN' in found[0].upper()), None)
     if begin is None:

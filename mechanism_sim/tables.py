@@ -355,7 +355,7 @@ def vectors(path: Path, where: str) -> list[Column]:
 
 
 def _read(reader: Callable[[Path], Sequence[Any]], path: Path, where: str) -> Sequence[Any]:
-    """What a reader gives, or one sentence."""
+    """Columns by a reader; its errors become one sentence."""
     if module := _NEEDS.get(path.suffix.lower()):
         needed(module, f'{where}: export it as .csv, for {path.suffix}')
     try:

@@ -161,13 +161,13 @@ def check_way(machine: Machine, duration: float) -> None:
     """
     machine = machine.rigid
     # as long as one that was tried, it is not looked at anew: a short run would cost half as much
-    if duration not in machine.ways_tried:
+    if duration not in machine.drive.ways_tried:
         _try_way(machine, duration)
-        machine.ways_tried[duration] = ''
+        machine.drive.ways_tried[duration] = ''
 
 
 def _try_way(machine: Machine, duration: float) -> None:
-    tried = machine.ways_tried
+    tried = machine.drive.ways_tried
     check_stops(machine, duration)
     if machine.torque_driven:
         if machine.plan.prescribed:

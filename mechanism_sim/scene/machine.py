@@ -115,11 +115,6 @@ class Machine(Rich):
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     @cached_property
-    def ways_tried(self) -> dict[object, str]:
-        """Ways of drives that were tried, with why one cannot be gone; equal scenes share them."""
-        return _ways_tried(pickle.dumps(self.scene))
-
-    @cached_property
     def drive(self) -> MainDrive:
         """Its main drive."""
         return MainDrive(self.plan, self)
@@ -348,6 +343,11 @@ class MainDrive:
 
     plan: ScenePlan
     machine: Machine = field(repr=False, compare=False)
+
+    @cached_property
+    def ways_tried(self) -> dict[object, str]:
+        """Ways that were tried, with why one cannot be gone; equal scenes share them."""
+        return _ways_tried(pickle.dumps(self.plan.scene))
 
     @cached_property
     def repetition(self) -> Repetition:

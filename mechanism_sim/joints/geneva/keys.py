@@ -41,6 +41,10 @@ class GenevaKeys(PinKeys):
                 f'the centres must be {right:.9g} m apart, not {b:.9g} m: else the pin strikes '
                 'the slot where it enters'
             )
-        entry = right * math.cos(math.pi / self.slots)
-        towards = math.atan2(oy - wy, ox - wx)
-        return Geneva(name, pin[0], wheel[0], pin[1], wheel[1], self.slots, towards, right, entry)
+        # a millionth is let pass, but dwell and stroke must meet to rounding: the distance of the
+        # centres is taken as it is, and the pin is moved along its crank
+        (px, py), (cx, cy) = pin[1], on_crank
+        share = b * math.sin(math.pi / self.slots) / radius
+        at = cx + share * (px - cx), cy + share * (py - cy)
+        entry, towards = b * math.cos(math.pi / self.slots), math.atan2(oy - wy, ox - wx)
+        return Geneva(name, pin[0], wheel[0], at, wheel[1], self.slots, towards, b, entry)

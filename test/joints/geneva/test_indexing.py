@@ -214,3 +214,14 @@ def test_a_scotch_yoke_with_play_comes_back_to_the_ideal_one():
         off.append(np.abs(solution.view(t).observed.position - wanted).max())
     assert off[0] < 5.1e-4
     assert off[1] < 5.1e-6
+
+
+@pytest.mark.parametrize('off', [4e-7, -4e-7])
+def test_centres_of_few_digits_let_dwell_and_stroke_meet(off):
+    """A millionth is let pass: the pin enters where the wheel waits for it, to rounding."""
+    b = RADIUS / math.sin(math.pi / 8) * (1.0 + off)
+    solution = ms.simulate(geneva(8, distance=b), revolutions=1)
+    t = np.linspace(0.0, solution.duration, 2003)
+    turned = solution.sample(t, 'position.wheel')['position.wheel']
+    assert np.abs(turned[0] - turned - wheel_turned(8, SPEED * t)[0]).max() < 1e-12
+    assert solution.max_closure_error < 1e-13
