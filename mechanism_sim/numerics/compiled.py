@@ -18,7 +18,6 @@ from copy import copy
 from functools import cached_property, lru_cache
 from hashlib import sha256
 from itertools import accumulate
-from typing import Any
 
 import heyoka as hy
 import numpy as np
