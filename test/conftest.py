@@ -58,19 +58,29 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 AS_USERS = 'network', 'optimised'
 """Marks of tests that compare runs of this process with others, or with recorded bits."""
-_optimised: set[Path] = set()  # modules with such tests: these may share runs with all there
+_optimised: set[tuple[Path, str]] = set()
+
+
+def _parts(item: pytest.Item) -> set[tuple[Path, str]]:
+    """A test, and what it shares with others of its module: fixtures that are made once."""
+    module = item.nodeid.partition('::')[0]
+    found = item._fixtureinfo.name2fixturedefs.items()
+    shared = {n for n, (*_, x) in found if x.scope != 'function' and x.baseid == module}
+    return {(item.path, name) for name in (item.name, *shared)}
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Thousands of tests stay until the end: not looked through again whenever garbage is."""
-    _optimised.update(x.path for x in session.items if any(map(x.get_closest_marker, AS_USERS)))
+    as_users = [x for x in session.items if any(map(x.get_closest_marker, AS_USERS))]
+    _optimised.update(*map(_parts, as_users))
     gc.freeze()
+    gc.set_threshold(20_000)  # what a test makes is mostly gone by then
 
 
 @pytest.hookimpl(tryfirst=True)  # before fixtures of modules
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Quick tests, of short runs, do without LLVM's optimisation, unless slow ones run, too."""
-    quick = item.config.option.markexpr == 'not slow' and item.path not in _optimised
+    quick = item.config.option.markexpr == 'not slow' and _optimised.isdisjoint(_parts(item))
     compiled.OPTIMISATION = 0 if quick else 3
 
 

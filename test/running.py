@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -46,10 +47,10 @@ workers_apart = True
 
 
 def goes_apart(args: Sequence[str]) -> bool:
-    """Whether a command needs a process of its own: one with workers, too."""
+    """Whether a command needs a process of its own: one with workers, too; one worker is none."""
     with_workers = '--fit' in args or args[:1] == ('sweep',)
     if with_workers:
-        return workers_apart
+        return workers_apart and ('--workers', '1') not in pairwise(args)
     return bool(APART.intersection(args[:1])) or tuple(args[:2]) == ('bag', 'play')
 
 

@@ -6,6 +6,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 from mechanism_sim.catalogue import TABLE_FOLDERS
@@ -53,6 +54,7 @@ def _command(parser: Overview, given: Sequence[str]) -> int:
     return code
 
 
+@cache
 def make_parser() -> Overview:
     """The parser of all commands; `run` of what it reads is the command's function."""
     parser = Overview(

@@ -15,10 +15,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from itertools import accumulate
-from typing import Any
 
 import heyoka as hy
 import numpy as np
@@ -228,33 +227,45 @@ COLUMNS = 1024
 
 
 class Evaluation:
-    """A compiled function whose parameters are the same for all columns.
+    """A function whose parameters are the same for all columns, compiled when it is first called.
 
     heyoka wants the parameters of every column; they are repeated once and kept.
 
     Parameters
     ----------
-    function : of heyoka, of v variables
+    expressions : of all groups, in their order
+    variables : v symbols
     parameters : values of ``par[]``; what the function does not use may follow
     sizes : of the groups into which its results are split
     """
 
-    def __init__(self, function: Any, parameters: Sequence[float], sizes: Sequence[int]) -> None:
-        self._function = function
-        self._parameters = np.array(parameters[: function.nparams])[:, None]
-        self._repeated = np.repeat(self._parameters, COLUMNS, axis=1)
+    def __init__(
+        self,
+        expressions: Sequence[hy.expression],
+        variables: Sequence[hy.expression],
+        parameters: Sequence[float],
+        sizes: Sequence[int],
+    ) -> None:
+        self._terms = expressions, variables
+        self._parameters = np.array(parameters)[:, None]
         self._rows = sum(sizes)
         ends = list(accumulate(sizes))
         self._groups = [slice(e - size, e) for e, size in zip(ends, sizes, strict=True)]
 
+    @cached_property
+    def _compiled(self) -> tuple[hy.cfunc_dbl, Array]:
+        made = function(*self._terms)
+        return made, np.repeat(self._parameters[: made.nparams], COLUMNS, axis=1)
+
     def __call__(self, inputs: Array) -> list[Array]:
         """The groups of results, (size, N) each, at `inputs` (v, N)."""
+        made, repeated = self._compiled
         count = inputs.shape[1]
         out = np.empty((self._rows, count))
         for first in range(0, count, COLUMNS):
             block = np.ascontiguousarray(inputs[:, first : first + COLUMNS])
-            width, pars = block.shape[1], self._repeated
+            width, pars = block.shape[1], repeated
             if width < COLUMNS:
-                pars = np.repeat(self._parameters, width, axis=1)
-            out[:, first : first + COLUMNS] = self._function(block, pars=pars)
+                pars = np.repeat(repeated[:, :1], width, axis=1)
+            out[:, first : first + COLUMNS] = made(block, pars=pars)
         return [out[group] for group in self._groups]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import heyoka as hy
@@ -414,12 +414,17 @@ class Enclosure:
         outputs += [balls[k].radius for k in chosen]
         outputs += [hy.sum(felt[k]) for k in chosen]
         inputs = [*moving, *radii.values(), *fixed, *scales]
+        self._terms = outputs, inputs
         if chosen:
             length = hy.make_vars('length')
-            self._function = compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
             self.doubted = compiled.function(
                 _doubts(program, balls, felt, chosen, length), [*inputs, length]
             )
+
+    @cached_property
+    def _function(self) -> hy.cfunc_dbl:
+        outputs, inputs = self._terms
+        return compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
 
     def doubts(self, course: MotionSeries, scales: Array) -> int:
         """How little a series of a piece of motion knows of the functions.

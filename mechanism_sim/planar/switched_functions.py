@@ -10,7 +10,6 @@ import heyoka as hy
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.enclosure import FunctionRanges
 from mechanism_sim.numerics.symbolic import Term, dense, substitute
@@ -46,9 +45,10 @@ class SwitchedFunction:
         sparse = len(terms) > 2 * sum(x is not None for x in terms) > 0
         self._rows = [i for i, x in enumerate(terms) if not (sparse and x is None)]
         expressions = [dense(terms[i]) for i in self._rows]
-        function = compiled.function(expressions, [*variables, *symbols])
         sizes = [len(expressions)] if sparse else [len(group) for group in groups]
-        self._function = Evaluation(function, frames.parameters.values, sizes)
+        self._function = Evaluation(
+            expressions, [*variables, *symbols], frames.parameters.values, sizes
+        )
         self._ends = np.cumsum([len(group) for group in groups]) if sparse else None
 
     def __call__(self, inputs: Array, rows: Array | None = None) -> list[Array]:
@@ -107,10 +107,11 @@ class _Switches:
         chosen = [every[k] for k in own]
         for level in by_level(chosen, [places[k] for k in own]):
             switches = [chosen[k] for k in level]
-            function = compiled.function([places[own[k]] for k in level], [*variables, *symbols])
-            self._levels.append(
-                (switches, Evaluation(function, frames.parameters.values, [len(level)]))
-            )
+            function = Evaluation(
+                [places[own[k]] for k in level], [*variables, *symbols],
+                frames.parameters.values, [len(level)],
+            )  # fmt: skip
+            self._levels.append((switches, function))
             symbols += [x for s in switches for x in s.symbols]
         self._order = [symbols.index(x) for x in self.symbols]
 
@@ -183,8 +184,8 @@ class Edges:
 
     @cached_property
     def _guards(self) -> Evaluation:
-        function = compiled.function([s.guard for s in self._every], self._variables)
-        return Evaluation(function, self.parameters, [len(self._every)])
+        guards = [s.guard for s in self._every]
+        return Evaluation(guards, self._variables, self.parameters, [len(guards)])
 
     def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
         """Enclosures of what falls below zero where rows end; None if nothing can hide.

@@ -161,7 +161,7 @@ def test_wear_lies_where_the_force_points():
     """
     record = simulated('four_bar_clearance', {f'{PLAY}.restitution': 0.0}, revolutions=3)
     bushing, pin = wear_maps(record, JOINT, pin_radius=0.006)
-    t = np.linspace(0.0, record.end, 60_001)
+    t = np.linspace(0.0, record.end, 30_001)
     s = record.piece.sample(t)
     x, y = (s[f'reaction.{JOINT}.{axis}'] for axis in 'xy')
     force, dt = np.hypot(x, y), t[1]

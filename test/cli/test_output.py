@@ -1,6 +1,7 @@
 """Full disks, folders that nobody may write to, and readers that have had enough."""
 
 import csv
+import json
 import os
 import stat
 import subprocess
@@ -117,7 +118,7 @@ FULL = 'the output cannot be written: No space left on device'
 @pytest.mark.parametrize(
     ('words', 'code', 'said'),
     [
-        (CHECK, 1, FULL),
+        (('scenes',), 1, FULL),
         (('--help',), 1, FULL),
         pytest.param((*CHECK, '--json'), 1, FULL, marks=pytest.mark.slow),
         (('check', 'nosuch', '--json'), 2, "there is no scene 'nosuch'"),
@@ -137,11 +138,12 @@ def test_an_output_that_is_full_is_said(words, code, said):
 @pytest.mark.parametrize('closed', ['>&-', '<&- >&- 2>&-'])
 def test_an_output_that_is_closed_is_nobodys(tmp_path, closed):
     """As with ``> /dev/null``: files that are opened do not take its place."""
-    file = tmp_path / 'x.svg'
-    words = f'{sys.executable} -m mechanism_sim draw four_bar_nominal -o {file} {closed}'
+    file = tmp_path / 'x.json'
+    call = f'{sys.executable} -m mechanism_sim'
+    words = f'{call} export four_bar_nominal --format foxglove -o {file} {closed}'
     done = subprocess.run(words, shell=True, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, '')
-    assert file.read_text(encoding='utf-8').rstrip().endswith('</svg>')
+    assert json.loads(file.read_text(encoding='utf-8'))
 
 
 def test_an_output_without_umlauts_gets_them_written_out():
@@ -153,14 +155,14 @@ def test_an_output_without_umlauts_gets_them_written_out():
 
 
 @pytest.mark.parametrize(
-    ('scene', 'code', 'said'), [('four_bar_nominal', 0, ''), ('nosuch', 2, "no scene 'nosuch'")]
+    ('words', 'code', 'said'), [(('scenes',), 0, ''), (('check', 'x'), 2, "no scene 'x'")]
 )
-def test_a_reader_that_has_had_enough_is_no_failure(scene, code, said):
+def test_a_reader_that_has_had_enough_is_no_failure(words, code, said):
     read, write = os.pipe()
     os.close(read)
     with os.fdopen(write, 'wb') as gone:
         done = subprocess.run(
-            [sys.executable, '-m', 'mechanism_sim', 'check', scene, '--json'],
+            [sys.executable, '-m', 'mechanism_sim', *words, '--json'],
             stdout=gone, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert (done.returncode, len(done.stderr.splitlines())) == (code, bool(said))

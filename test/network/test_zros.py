@@ -419,7 +419,7 @@ def test_an_output_that_is_full_is_said(network, words, code, said):
 
 
 def test_a_bag_is_not_played_backwards():
-    done = run('bag', 'play', 'x.mcap', '--rate', '-1')
+    done = run('bag', 'play', 'x.mcap', '--rate', '-1', refused=True)
     assert (done.returncode, '--rate' in done.stderr) == (2, True)
 
 

@@ -24,7 +24,6 @@ from websockets.sync.client import connect
 
 import mechanism_sim as ms
 from mechanism_sim import ending
-from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Impact, String, service_class
 from mechanism_sim.messages import Motion as MotionMessage
@@ -225,17 +224,11 @@ def refuse(address: str) -> None:
         (('view', '--duration', '1'), 'give a SCENE'),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_a_sentence(args, said, capsys):
-    if args[0] == 'node':
-        done = run(*args)  # a node of its own: this process may be on a network
-        code, err = done.returncode, done.stderr
-    else:
-        with pytest.raises(SystemExit) as stop:
-            main(args)
-        code, err = stop.value.code, capsys.readouterr().err
-    assert code == 2
-    assert said in err
-    assert 'Traceback' not in err
+def test_what_makes_no_sense_is_refused_in_a_sentence(args, said):
+    done = run(*args, refused=True)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert 'Traceback' not in done.stderr
 
 
 @pytest.mark.slow

@@ -350,7 +350,7 @@ def test_damaged_bags_in_other_forms_are_refused_as_bags(reader, tmp_path):
 
 @pytest.mark.network
 def test_a_bag_without_messages_is_not_played(states):
-    done = command('bag', 'play', str(states['empty']))
+    done = command('bag', 'play', str(states['empty']), refused=True)
     assert done.returncode == 2
     assert 'holds nothing that can be played: it has no messages' in done.stderr
 
@@ -358,7 +358,7 @@ def test_a_bag_without_messages_is_not_played(states):
 @pytest.mark.network
 @pytest.mark.parametrize('start', ['100', '-1'])
 def test_a_bag_is_not_played_from_where_it_is_not(ended, start):
-    done = command('bag', 'play', str(ended[0]), f'--from={start}')
+    done = command('bag', 'play', str(ended[0]), f'--from={start}', refused=True)
     assert done.returncode == 2
     assert f'--from {start}: {ended[0]} has messages from 0 to 0.20' in done.stderr
 

@@ -186,13 +186,13 @@ def test_few_samples_have_no_features():
 
 def test_a_signal_too_short_for_features_keeps_what_is_found_sample_by_sample():
     """Of another machine, so that no run follows: it had ended with a refusal by the other way."""
-    signal = recorded({}, {'drive': {'speed': '600 rpm'}}, 400)
-    noise = 100.0 * np.cumsum(np.random.default_rng(2).standard_normal(400))
+    signal = recorded({}, {'drive': {'speed': '600 rpm'}}, 200)
+    noise = 100.0 * np.cumsum(np.random.default_rng(2).standard_normal(200))
     other = replace(signal, samples=noise)
     found = identify([other], wanted(other, 'radial'))
     assert found.method == 'gauss-newton'
     assert not found.plausible
-    assert '400 samples of rocker are too few' in found.reason
+    assert '200 samples of rocker are too few' in found.reason
     text = fit_text(found)
     for words in ('not reliable', '--range', '--seed', '0.08 to 0.5 mm'):
         assert words in text
