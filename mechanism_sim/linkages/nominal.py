@@ -333,7 +333,8 @@ class NominalRun:
         rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
 
         def near(edges: Edges, times: Array) -> Array:
-            return self._states_at(edges, times, polynomial.polyval(times, made.coefficients.T))
+            q = np.asarray(polynomial.polyval(times, made.coefficients.T), float)
+            return self._states_at(edges, times, q)
 
         turns, fastest = self._turns.tolist(), max(rates, default=0.0)
         piece = SmoothPiece(made.coefficients, made.length, self.time, turns, fastest)

@@ -168,24 +168,26 @@ class LoadCuts:
             polynomials and by closures
         """
         cuts, begin = list[float](), 0.0
-        while True:
-            part = piece.since(begin)
-            h, looked, seen, present = part.length, math.inf, list[float](), np.zeros(0)
-            while edges := self._edges:
-                states = [partial(_later, x, edges, begin) for x in (near, exact)]
-                h, present = until_switch(edges, h, AHEAD * piece.length, *states, seen)
+        while begin < piece.length * (1.0 - END):
+            part, looked, seen = piece.since(begin), math.inf, list[float]()
+            h, present = part.length, np.zeros(0)
+            while True:
+                if edges := self._edges:
+                    states, exactly = (partial(_later, x, edges, begin) for x in (near, exact))
+                    ahead = AHEAD * piece.length
+                    h, present = until_switch(edges, h, ahead, states, exactly, seen)
+                whole = NominalPiece(part, h, present)
                 if self._hidden is None or h >= looked:
                     break
-                looked = h
-                seen = [h * x for x in self._hidden.within(NominalPiece(part, h, present))]
+                looked, seen = h, [h * x for x in self._hidden.within(whole)]
                 if not seen:
                     break
+            resolved = 1.0
             if self._loads and h > _MECHANISM.shortest_part * piece.length:
-                h *= self._loads.share(NominalPiece(part, h, present), piece.fastest)
-            begin += h
-            if begin >= piece.length * (1.0 - END):
-                return tuple(cuts)
+                resolved = self._loads.share(whole, piece.fastest)
+            begin += resolved * h
             cuts.append(begin)
+        return tuple(cuts[:-1])
 
 
 class NominalPiece:
