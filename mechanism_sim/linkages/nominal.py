@@ -317,7 +317,7 @@ class NominalRun:
                     raise
             else:
                 terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-                if shortest or self._is_exact(values, terms, slope):
+                if shortest or _is_exact(self._ideal, values, terms, self._scale, slope):
                     break
             self._share *= 0.5
             h *= 0.5
@@ -332,10 +332,7 @@ class NominalRun:
             return made
         rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
 
-        def near(edges: Edges, times: Array) -> Array:
-            q = np.asarray(polynomial.polyval(times, made.coefficients.T), float)
-            return self._states_at(edges, times, q)
-
+        near = partial(self._states, coefficients=made.coefficients)
         turns, fastest = self._turns.tolist(), max(rates, default=0.0)
         piece = SmoothPiece(made.coefficients, made.length, self.time, turns, fastest)
         return made._replace(cuts=self._cuts.within(piece, near, self._states))
@@ -396,29 +393,21 @@ class NominalRun:
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
 
-    def _is_exact(self, values: Array, terms: Array, slope: Array | None) -> bool:
-        """True if polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
-        # a displacement without bounds rounds by its size, a rack's after many turns
-        size = _EPS * np.abs(values).max(axis=1) / self._scale
-        tail = (terms[-2:] - _ROUNDED * size).max()
-        if tail <= _TAIL:
-            return True
-        # beside a nearly singular position rounding is larger: no halving helps
-        return bool(slope is None and tail <= _ROUNDED * self._ideal.rounding(values))
+    def _states(self, edges: Edges, times: Array, coefficients: Array | None = None) -> Array:
+        """States for `edges` at times [s] from now, of coordinates that follow if need be.
 
-    def _states(self, edges: Edges, times: Array) -> Array:
-        """States for `edges` at times [s] from now, of coordinates that follow if need be."""
+        These are as closures have them, or by the coefficients (n, m) of a piece from now on.
+        """
         follow = {*edges.coordinates} - {*self._ideal.driven}
-        q = self._followed(times)[0] if follow else self._driven(times)
-        return self._states_at(edges, times, q)
-
-    def _states_at(self, edges: Edges, times: Array, q: Array) -> Array:
-        """As `_states`, where the coordinates (n, N) are known."""
+        if coefficients is not None:
+            q = np.asarray(polynomial.polyval(times, coefficients.T), float)
+        else:
+            q = self._followed(times)[0] if follow else self._driven(times)
         v = np.zeros_like(q)
         if edges.rated:
             laws = [[k * c for k, c in enumerate(law)][1:] or [0.0] for _, law in self._local]
             driven = np.array([polynomial.polyval(times, law) for law in laws])
-            if {*edges.coordinates} - {*self._ideal.driven}:
+            if follow:
                 v = self._ideal.rates(q, driven)
             else:
                 v[self._ideal.driven] = driven
@@ -508,6 +497,19 @@ def _with_laws(
         coefficients[i] = 0.0
         coefficients[i, : len(local)] = local
     return coefficients
+
+
+def _is_exact(
+    ideal: IdealMotion, values: Array, terms: Array, scale: Array, slope: Array | None
+) -> bool:
+    """True if polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
+    # a displacement without bounds rounds by its size, a rack's after many turns
+    size = _EPS * np.abs(values).max(axis=1) / scale
+    tail = (terms[-2:] - _ROUNDED * size).max()
+    if tail <= _TAIL:
+        return True
+    # beside a nearly singular position rounding is larger: no halving helps
+    return bool(slope is None and tail <= _ROUNDED * ideal.rounding(values))
 
 
 class NominalPhysics:
