@@ -190,6 +190,12 @@ class FourBarMotion:
             accelerations = np.where(limit, along[1], accelerations)
         return q + TWO_PI * turns, rates, accelerations, None
 
+    def rates(self, q: Array, v: Array) -> Array:
+        """Rates (n, N) at coordinates (n, N) from that of the crank (1, N)."""
+        found = np.empty_like(q)
+        found[self._links] = self.loop.motion(q[self._links[0]], v[0], np.zeros_like(v[0]))[1]
+        return found
+
     def _angles(self, q: Array) -> Array:
         """Of crank, coupler and rocker (3, N), from the line of the ground joints [rad]."""
         return np.asarray(q[self._links] + np.array(self.loop.turned)[:, None])
@@ -430,6 +436,10 @@ class LinkageMotion:
         ):
             rates[:, limit], accelerations[:, limit] = (x[:, limit] for x in along)
         return q, rates, accelerations, passage
+
+    def rates(self, q: Array, v: Array) -> Array:
+        """Rates (n, N) at closed coordinates (n, N) from those of the driven ones (p, N)."""
+        return self.kinematics.rates(q, v)
 
     def rounding(self, q: Array) -> float:
         """How well [rad, or parts of its size] coordinates (n, N) are determined."""

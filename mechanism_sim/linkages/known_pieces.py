@@ -8,6 +8,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.linkages.ideal import IdealMotion
+from mechanism_sim.linkages.piece_ends import END
 
 _GRID = 2.0**38
 """Places in 1 rad, or in the size of the mechanism, to which a start is rounded."""
@@ -23,10 +24,10 @@ class NextPiece(NamedTuple):
     length: float  #: [s]
     coefficients: Array  #: (n, m) of powers of the time
     slope: Array | None  #: at its end, as of `IdealMotion.follow`
-    present: Array  #: (k,) values of the switches on it
     switched: bool  #: whether a switch ends it
     share: float  #: of the greatest length, that was tried last
     smooth: bool  #: whether one of twice the length is as exact
+    cuts: tuple[float, ...] = ()  #: [s] within it, at which loads begin or cease to act
 
 
 class KnownPieces:
@@ -39,12 +40,12 @@ class KnownPieces:
     ----------
     ideal : of whose motion they are, n coordinates
     scale : (n,) [m] or [rad]
-    more : whether pieces follow from more than positions and rates
     """
 
-    def __init__(self, ideal: IdealMotion, scale: Array, more: bool) -> None:
+    def __init__(self, ideal: IdealMotion, scale: Array) -> None:
         self._driven, self._scale = ideal.driven, scale
-        self._more = more or len(ideal.driven) != 1 or ideal.driven[0] in ideal.sliding
+        more = len(ideal.driven) != 1 or ideal.driven[0] in ideal.sliding
+        self._more = more or bool(ideal.edges and ideal.edges.outside)
         self._pieces: dict[Place, NextPiece | None] = {}
 
     def __contains__(self, place: Place) -> bool:
@@ -90,4 +91,6 @@ class KnownPieces:
         length = min(piece.length - off * piece.switched, place[2])  # a switch may be at its end
         if length <= abs(off):
             return None
-        return piece._replace(length=length, coefficients=coefficients)
+        last = length * (1.0 - END)
+        cuts = tuple(t - off for t in piece.cuts if 0.0 < t - off < last)
+        return piece._replace(length=length, coefficients=coefficients, cuts=cuts)

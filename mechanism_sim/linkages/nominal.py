@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 from bisect import insort
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from functools import partial
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -25,14 +27,22 @@ from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
 from mechanism_sim.linkages.known_pieces import KnownPieces, NextPiece
-from mechanism_sim.linkages.piece_ends import HiddenEdges, LoadsOnPieces, NominalPiece
+from mechanism_sim.linkages.piece_ends import (
+    AHEAD,
+    END,
+    ENDED,
+    NODES,
+    LoadCuts,
+    SmoothPiece,
+    until_switch,
+)
 from mechanism_sim.numerics.polynomials import (
     TWO_PI,
     Nodes,
     PiecewisePolynomial,
     chebyshev_coefficients,
-    chebyshev_nodes,
     fit_powers,
+    shift_powers,
 )
 from mechanism_sim.planar.branch import SAMPLES
 from mechanism_sim.planar.drive import DriveLaw, Law, LawSource
@@ -45,8 +55,6 @@ from mechanism_sim.tolerances import TOLERANCES
 _MECHANISM = TOLERANCES.mechanism
 
 _EPS = float(np.finfo(float).eps)
-_NODES = chebyshev_nodes(15)
-_ENDED = np.array([*_NODES, 1.0])
 _PIECES_PER_TURN = 16
 _TAIL = 1e-13
 """Relative size of the last terms of a piece beyond which it is halved."""
@@ -62,33 +70,7 @@ _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
-_TENTHS = 10.0 ** -np.arange(1, 9)
-_AHEAD = 1e-9  # of a piece: where the rows are looked for that begin with it
 _DENSE = 4  # ends of rows in a piece from which on the parts between them are found at once
-_END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
-
-
-def _fall(guard: Callable[[Array], Array], a: float, b: float, width: float) -> float:
-    """Where a guard falls below zero between times [s], to `width`; the first if it does not.
-
-    Loops are closed at many times at once, for that costs little more than at one: about where
-    the chord falls, by powers of ten, and at quarters, so that each round at least halves it.
-    """
-    before, after = guard(np.array([a, b])).tolist()
-    while before >= 0.0 > after and b - a > width:
-        chord = before / (before - after)
-        places = np.unique([*(chord - _TENTHS), 0.25, 0.5, 0.75, *(chord + _TENTHS)])
-        t = a + (b - a) * places
-        t = t[(t > a) & (t < b)]
-        if not t.size:
-            break
-        values = guard(t)
-        k = int(np.argmax(values < 0.0)) if (values < 0.0).any() else len(t)
-        if k < len(t):
-            b, after = float(t[k]), float(values[k])
-        if k:
-            a, before = float(t[k - 1]), float(values[k - 1])
-    return a
 
 
 class NominalRun:
@@ -100,7 +82,7 @@ class NominalRun:
     laws : of the driven coordinates
     first : configuration (n,) at the start, or near it
     size : [m] of the mechanism
-    edges : at which pieces end: something begins or ceases to act there
+    edges : at which loads begin or cease to act
     slope : direction (n,) in which the motion begins, if the first configuration is singular
     turns : whole turns (n,) of the first configuration, beside its angles
     steep : loads that nodes on pieces must resolve
@@ -127,19 +109,16 @@ class NominalRun:
         self.steps = 0
         self._time = Fraction(0)
         self._ideal = ideal
-        self._edges = edges
-        names, parameters = ideal.coordinates, steep.parameters if steep else ()
-        guards = edges.ranges(ideal.driven) if edges else None
-        self._hidden = HiddenEdges(guards, names, edges.parameters) if edges and guards else None
-        self._loads = LoadsOnPieces(steep, names, parameters, _NODES) if steep else None
+        self._cuts = (
+            LoadCuts(edges, steep, ideal.coordinates, ideal.driven) if edges or steep else None
+        )
         self._laws, self.timed = list(laws), True
         #: the laws about a time, which is another object where they change
         self._about: tuple[Fraction | None, list[tuple[int, tuple[float, ...]]]] = None, []
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
-        more = (edges and edges.outside) or (steep and (steep.timed or steep.outside))
-        self._known = KnownPieces(ideal, self._scale, bool(more))
+        self._known = KnownPieces(ideal, self._scale)
         self._coming: deque[DriveLaw] = deque()
         self._sources: dict[str, LawSource] = {}
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
@@ -147,7 +126,6 @@ class NominalRun:
         self._last = np.array(first, dtype=float)
         self._take_off_turns()
         self._slope = slope
-        self._present = np.zeros(0)  # values of all switches
         self._share = 0.5  # of the greatest length of a piece
         self._short = 0  # pieces in a row
 
@@ -198,7 +176,8 @@ class NominalRun:
             end = self._usual_end()
             rounded = float(end)  # fractions take long to compare
             change = self._coming[0].valid_from if self._coming else math.inf
-            if change <= until and change <= end:
+            # what a rounding would leave before a change of the law is no piece of its own
+            if change <= until and change <= rounded + END * (rounded - self.time):
                 self._add(Fraction(change))
                 if self._time == change:
                     law = self._coming.popleft()
@@ -268,20 +247,33 @@ class NominalRun:
         if made is None:
             return
         h, self._share = made.length, made.share
-        self._present, self._slope = made.present, made.slope
+        self._slope = made.slope
         self._short = self._short + 1 if self._share < _SHORT else 0
         if self._short > _MOST_SHORT:
             raise RunError(
                 f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
                 'are nearly singular there'
             )
-        self._pieces.append((self._time, h, self._turns.copy(), made.coefficients))
+        self._enter(made)
         if made.smooth:
             self._share = min(1.0, 2.0 * self._share)
-        self.steps += 1
         self._time = end if h == whole else self._time + Fraction(h)
-        self._last = made.coefficients @ h ** np.arange(len(_NODES))
+        self._last = made.coefficients @ h ** np.arange(len(NODES))
         self._take_off_turns()
+
+    def _enter(self, made: NextPiece) -> None:
+        """Add a piece from here on, in the parts that loads cut it into."""
+        driven = self._ideal.driven
+        for begin, end in pairwise([0.0, *made.cuts, made.length]):
+            start, turns, coefficients = self._time, self._turns.copy(), made.coefficients
+            if begin:
+                start += Fraction(begin)
+                laws = [law.about(start) for law in self._laws]
+                turns[driven] = [whole for whole, _ in laws]
+                coefficients = shift_powers(coefficients, np.full(len(turns), begin))
+                _with_laws(coefficients, laws, driven)
+            self._pieces.append((start, end - begin, turns, coefficients))
+            self.steps += 1
 
     def _next(self, h: float, end: Fraction) -> NextPiece | None:
         """The piece of so many seconds, known or made; None if rows of tables are added."""
@@ -291,71 +283,59 @@ class NominalRun:
         if not (place and place in known) and self._add_rows(end):
             return None
         if place is None:
-            return self._made(h)
+            return self._cut(self._made(h))
+        varied = self._cuts is not None and self._cuts.varied
         if place not in known:
             self._last = known.start(place)
             angle = float(self._last[self._ideal.driven[0]])
             self._about = self._time, [(turns, (angle, local[1]))]
             try:
                 made = self._made(h)
+                made = made if varied else self._cut(made)
             except RunError:  # told of what is really there
                 made = None
             known.enter(place, made)
             self._last, self._about, self._share = here
         self._turns[self._ideal.driven] = turns
-        return known.beside(place, local) or self._made(h)
+        found = known.beside(place, local)
+        return found if found and not varied else self._cut(found or self._made(h))
 
     def _made(self, h: float) -> NextPiece:
         """The piece from here on, of so many seconds, or of fewer if that would not be exact."""
-        # [s] from now, where a switch has turned over between nodes, of so long a piece
-        seen: list[float] = []
-        looked = math.inf
-        resolved, switched = self._loads is None, False
+        edges, switched = self._ideal.edges, False
         while True:
             shortest = self._share < _SHORTEST
             try:
-                before = self._before_switch(h, seen)
-                h, switched = before, switched or before < h
-                values, slope = self._followed(h * _ENDED)
+                if edges:
+                    states = partial(self._states, edges)
+                    before, _ = until_switch(edges, h, AHEAD * h, states, states)
+                    h, switched = before, switched or before < h
+                values, slope = self._followed(h * ENDED)
                 values = values[:, :-1]
             except RunError:  # too far for Newton's method, or for the mechanism
                 if shortest:
                     raise
             else:
                 terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-                if shortest or self._is_exact(values, terms, slope):
-                    coefficients = _with_laws(
-                        fit_powers(values, h), self._local, self._ideal.driven
-                    )
-                    if not (self._hidden or self._loads):
-                        break
-                    turns, now = self._turns.tolist(), self.time
-                    piece = NominalPiece(coefficients, h, now, turns, self._present)
-                    if self._hidden and h < looked:
-                        looked, seen = h, [h * x for x in self._hidden.within(piece)]
-                        if seen:
-                            continue
-                    share = 1.0
-                    if (
-                        self._loads
-                        and not resolved
-                        and h > _MECHANISM.shortest_part * self._width()
-                    ):
-                        rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
-                        share = self._loads.share(piece, max(rates, default=0.0))
-                    if share == 1.0:
-                        break
-                    h, resolved = share * h, True
-                    if slope is None:  # the same polynomials, of less range
-                        values = np.asarray(polynomial.polyval(h * _NODES, coefficients.T), float)
-                        terms = np.abs(chebyshev_coefficients(values)).T / self._scale
-                        break
-                    continue
+                if shortest or _is_exact(self._ideal, values, terms, self._scale, slope):
+                    break
             self._share *= 0.5
             h *= 0.5
+        coefficients = _with_laws(fit_powers(values, h), self._local, self._ideal.driven)
         # terms decay geometrically: those in the middle foretell the last ones of twice the length
-        smooth = 2.0 ** len(_NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL
-        return NextPiece(h, coefficients, slope, self._present, switched, self._share, smooth)
+        smooth = 2.0 ** len(NODES) * float(terms[6:9].max()) ** 2 <= 0.1 * _TAIL
+        return NextPiece(h, coefficients, slope, switched, self._share, smooth)
+
+    def _cut(self, made: NextPiece) -> NextPiece:
+        """A piece from here on, with the times at which loads cut it."""
+        if self._cuts is None:
+            return made
+        rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
+
+        near = partial(self._states, coefficients=made.coefficients)
+        turns, fastest = self._turns.tolist(), max(rates, default=0.0)
+        piece = SmoothPiece(made.coefficients, made.length, self.time, turns, fastest)
+        return made._replace(cuts=self._cuts.within(piece, near, self._states))
 
     def _add_rows(self, end: Fraction) -> bool:
         """Add the pieces up to `end` if many short rows of tables follow each other there.
@@ -364,21 +344,21 @@ class NominalRun:
         False if there are few of them, or one needs more than that; some may be added then.
         """
         h = float(end - self._time)
-        edges, driven = self._edges, self._ideal.driven
-        if edges is None or self._hidden or self._loads or self._slope is not None:
+        edges, driven = self._ideal.edges, self._ideal.driven
+        if edges is None or self._cuts or self._slope is not None:
             return False
         if edges.rated or 'time' in edges.outside or {*edges.coordinates} - {*driven}:
             return False
         # where they are looked for does not depend on `end`: what ends earlier has the same pieces
         usual = self._share * self._width()
-        ends = edges.row_ends(lambda times: self._states(edges, times, follow=False), usual)
+        ends = edges.row_ends(partial(self._states, edges), usual)
         if ends is None or len(ends) < _DENSE:
             return False
-        shortest = _AHEAD * usual
+        shortest = AHEAD * usual
         inner = ends[(np.diff(ends, prepend=0.0) > shortest) & (ends < h - shortest)]
         cuts = np.concatenate([[0.0], inner, [h]])
         wide = np.diff(cuts)
-        times = cuts[:-1, None] + wide[:, None] * _ENDED
+        times = cuts[:-1, None] + wide[:, None] * ENDED
         places = self._driven(times.ravel())
         edges.check(places)
         q = self._ideal.follow_apart(self._last, places[driven])
@@ -390,7 +370,7 @@ class NominalRun:
         size = _EPS * np.abs(values).max(axis=2) / self._scale
         bad = (terms[:, :, -2:] - _ROUNDED * size[:, :, None]).max(axis=(1, 2)) > _TAIL
         good = int(np.argmax(bad)) if bad.any() else len(bad)
-        powers = fit_powers(values, 1.0) / wide[:, None, None] ** np.arange(len(_NODES))
+        powers = fit_powers(values, 1.0) / wide[:, None, None] ** np.arange(len(NODES))
         begun = self._turns.copy()
         for k in range(good):
             coefficients = powers[k]
@@ -413,66 +393,24 @@ class NominalRun:
         self._turns += whole.astype(np.int64)
         self._last -= TWO_PI * whole
 
-    def _is_exact(self, values: Array, terms: Array, slope: Array | None) -> bool:
-        """True if polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
-        # a displacement without bounds rounds by its size, a rack's after many turns
-        size = _EPS * np.abs(values).max(axis=1) / self._scale
-        tail = (terms[-2:] - _ROUNDED * size).max()
-        if tail <= _TAIL:
-            return True
-        # beside a nearly singular position rounding is larger: no halving helps
-        return bool(slope is None and tail <= _ROUNDED * self._ideal.rounding(values))
+    def _states(self, edges: Edges, times: Array, coefficients: Array | None = None) -> Array:
+        """States for `edges` at times [s] from now, of coordinates that follow if need be.
 
-    def _before_switch(self, h: float, looked: Sequence[float] = ()) -> float:
-        """The next h [s], or as much of it as ends where another row of a switch begins.
-
-        It is looked for at the nodes, and at the times in `looked`.
+        These are as closures have them, or by the coefficients (n, m) of a piece from now on.
         """
-        edges = self._edges
-        if edges is None:
-            return h
-        follow = bool({*edges.coordinates} - {*self._ideal.driven})
-
-        def states(times: Array) -> Array:
-            return self._states(edges, times, follow)
-
-        beside = [t for t in looked if t < h]
-        times, rounding = np.sort([*(h * _ENDED), *beside]), _EPS * h
-        every = states(times)
-        edges.check(every[: len(self._last)])
-        begun = np.array([0.0, _AHEAD * h])  # what begins at an edge has the rows behind it
-        for ahead, state in zip(begun.tolist(), states(begun).T, strict=True):
-            present = edges.present(state)
-            seen = edges.left(every, present)
-            self._present = present[:, 0]
-            over = np.flatnonzero((seen < 0.0).any(axis=0))
-            if not over.size:
-                return h
-            ends, b = [], times[over[0]]
-            for i in np.flatnonzero(seen[:, over[0]] < 0.0):
-
-                def guard(t: Array, i: int = int(i), present: Array = present) -> Array:
-                    return np.asarray(edges.left(states(t), present)[i])
-
-                a = times[over[0] - 1] if over[0] else ahead
-                ends.append(_fall(guard, float(a), float(b), rounding))
-            if min(ends) > _AHEAD * h:
-                return min(ends)
-        return h
-
-    def _states(self, edges: Edges, times: Array, follow: bool) -> Array:
-        """States for `edges` at times [s] from now, of coordinates that follow if need be."""
-        q = self._followed(times)[0] if follow else self._driven(times)
+        follow = {*edges.coordinates} - {*self._ideal.driven}
+        if coefficients is not None:
+            q = np.asarray(polynomial.polyval(times, coefficients.T), float)
+        else:
+            q = self._followed(times)[0] if follow else self._driven(times)
         v = np.zeros_like(q)
         if edges.rated:
-            driven = [local for _, local in self._local]
-            v_p, a_p = (
-                np.array([polynomial.polyval(times, polynomial.polyder(c, m)) for c in driven])
-                for m in (1, 2)
-            )
-            v[self._ideal.driven] = v_p
+            laws = [[k * c for k, c in enumerate(law)][1:] or [0.0] for _, law in self._local]
+            driven = np.array([polynomial.polyval(times, law) for law in laws])
             if follow:
-                _, v, _, _ = self._ideal.motion(q, v_p, a_p)
+                v = self._ideal.rates(q, driven)
+            else:
+                v[self._ideal.driven] = driven
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         known = [
             self.time + times
@@ -545,7 +483,7 @@ class NominalRun:
             np.array(low),
             np.array([p[1] for p in pieces]),
             np.array([p[2] for p in pieces], dtype=np.int64).reshape(count, n),
-            np.array([p[3] for p in pieces]).reshape(count, n, len(_NODES)),
+            np.array([p[3] for p in pieces]).reshape(count, n, len(NODES)),
         )
         none = np.zeros((count, 0))
         return Motion(curve, np.zeros((count, 0), np.uint8), none, np.zeros((count, 0, 3))), [], []
@@ -559,6 +497,19 @@ def _with_laws(
         coefficients[i] = 0.0
         coefficients[i, : len(local)] = local
     return coefficients
+
+
+def _is_exact(
+    ideal: IdealMotion, values: Array, terms: Array, scale: Array, slope: Array | None
+) -> bool:
+    """True if polynomials through values (n, m), of Chebyshev terms (m, n), are the motion."""
+    # a displacement without bounds rounds by its size, a rack's after many turns
+    size = _EPS * np.abs(values).max(axis=1) / scale
+    tail = (terms[-2:] - _ROUNDED * size).max()
+    if tail <= _TAIL:
+        return True
+    # beside a nearly singular position rounding is larger: no halving helps
+    return bool(slope is None and tail <= _ROUNDED * ideal.rounding(values))
 
 
 class NominalPhysics:
@@ -746,7 +697,7 @@ class NominalPhysics:
             with np.errstate(divide='ignore', invalid='ignore'):
                 dt = dt + passage.root / passage.pace
             within = np.clip(dt, 0.0, curve.duration[segments])
-            inside = sure & (np.abs(within - dt) <= _END * curve.duration[segments])
+            inside = sure & (np.abs(within - dt) <= END * curve.duration[segments])
             segments, dt = segments[inside], within[inside]
             if not dt.size:
                 return found
@@ -785,7 +736,7 @@ class NominalPhysics:
             a, b = np.abs(self.work_of_unknowns(motion, *both)).reshape(2, -1)
             low, high = np.where(a <= b, low, one), np.where(a <= b, two, high)
         times, end = 0.5 * (low + high), curve.duration[segments]
-        times = np.where(times < _END * end, 0.0, np.where(times > (1.0 - _END) * end, end, times))
+        times = np.where(times < END * end, 0.0, np.where(times > (1.0 - END) * end, end, times))
         idle = np.abs(self.work_of_unknowns(motion, segments, times)) <= _MECHANISM.no_work
         found = self._idle(motion, begins[0], curve.duration[begins[0]] * shares[begins[1]], True)
         for single in self._idle(motion, segments[idle], times[idle], False):

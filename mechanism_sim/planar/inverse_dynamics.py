@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -448,6 +449,8 @@ def _balanced(matrix: Array, supplied: Array) -> Any:
         r[singular] = np.eye(n)
         found = q @ np.linalg.solve(r.transpose(0, 2, 1), supplied[:, :, None])
     else:
+        with suppress(np.linalg.LinAlgError):
+            return np.linalg.solve(matrix, supplied[:, :, None])[:, :, 0].T
         singular = np.linalg.det(matrix) == 0.0
         matrix[singular] = np.eye(n)
         found = np.linalg.solve(matrix, supplied[:, :, None])

@@ -477,6 +477,8 @@ def solve_friction(
     T, sound = np.zeros((m, count)), np.ones(count, bool)
     most = np.zeros((m, count))  # forces that cancel are known to the rounding of what they were
     for share in _SHARES:
+        # of friction that goes on to grow one more iteration is the first of the next share
+        settled = _MECHANISM.friction_settled ** (1.0 if share == 1.0 else 0.5)
         for _ in range(_MECHANISM.friction_newton):
             b, slope = _bounds(start + np.einsum('mcn,mn->cn', slopes, T), slopes, numbers, sizes)
             left = T - share * ways * b
@@ -487,10 +489,10 @@ def solve_friction(
             step = np.linalg.solve(along, left.T[:, :, None])[:, :, 0].T
             T = np.where(sound, T - step, 0.0)
             most = np.maximum(most, b)
-            if (np.abs(step) <= _MECHANISM.friction_settled * most).all(axis=0)[sound].all():
+            if (np.abs(step) <= settled * most).all(axis=0)[sound].all():
                 break
         else:
-            sound &= (np.abs(step) <= 1e3 * _MECHANISM.friction_settled * most).all(axis=0)
+            sound &= (np.abs(step) <= 1e3 * settled * most).all(axis=0)
     return T, sound
 
 
@@ -503,16 +505,18 @@ def _bounds(
     i = p = 0
     for k, terms in enumerate(sizes):
         for size, wall in terms:
-            own = slice(i, i + size)
+            own = range(i, i + size)  # two at most: sums of rows are quicker than over an axis
             coefficient, resolution = numbers[2 * p], numbers[2 * p + 1]
-            root = np.sqrt((components[own] ** 2).sum(axis=0) + resolution**2)
-            along = components[own] / root
+            root = np.sqrt(sum(components[c] ** 2 for c in own) + resolution**2)
+            along = [components[c] / root for c in own]
             if wall:  # the mean of |N| and +-N
                 off, both = wall * components[i] < 0.0, root + np.abs(components[i])
                 half = 0.5 * np.where(off, resolution**2 / both, both)
-                root, along = half, wall * half / root[None]
+                root, along = half, [wall * half / root]
             bound[k] += coefficient * root
-            slope[k] += coefficient * (along * slopes[:, own]).sum(axis=1)
+            slope[k] += coefficient * sum(
+                x * slopes[:, c] for x, c in zip(along, own, strict=True)
+            )
             i, p = own.stop, p + 1
     return bound, slope
 

@@ -9,6 +9,7 @@ better (`mechanism_sim.linkages.four_bar`, twice as fast).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from copy import copy
 from functools import cached_property
 
@@ -253,6 +254,9 @@ class Kinematics:
         found[self.held] = held
         A = J[:, :, self.sought]
         if A.shape[1] == A.shape[2]:
+            with suppress(np.linalg.LinAlgError):
+                found[self.sought] = np.linalg.solve(A, right[:, :, None])[:, :, 0].T
+                return found
             singular = np.linalg.det(A) == 0.0
             A = np.where(singular[:, None, None], np.eye(A.shape[1]), A)
             right = np.where(singular[:, None], np.nan, right)

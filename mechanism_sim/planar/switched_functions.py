@@ -160,6 +160,7 @@ class Edges:
     outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
     coordinates : the indices of those that it takes to know, by their values or their rates
     rated : whether it takes any rate
+    of_loads : whether some of the switches are not of closures
     parameters : values of ``par[]``
     """
 
@@ -173,6 +174,7 @@ class Edges:
         named = {x for s in every for x in hy.get_variables(s.place)}
         rated = [str(v) in named for v in frames.v.values()]
         self.rated = any(rated)
+        self.of_loads = any(':' in name for name in frames.switches)
         self.coordinates = [
             i for i, q in enumerate(frames.q.values()) if str(q) in named or rated[i]
         ]

@@ -21,7 +21,6 @@ from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import DriveLaw, Law
 from mechanism_sim.planar.inverse_dynamics import InverseDynamics
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
-from mechanism_sim.planar.switched_functions import Edges
 from mechanism_sim.scene.assembly import Assembly
 from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.singular_start import neighbours
@@ -203,12 +202,8 @@ class Nominal:
         if len(prescribed) < len(laws):
             raise TypeError('a mechanism that a torque moves has equations of motion')
         at, ideal = self.assembly, self.plan.ideal
-        edges: Edges | None = None  # where something begins or ceases to act along the motion
-        if self.forces:
-            edges = self.inverse_dynamics.edges  # those of the closures among them
-        elif isinstance(self.motion, LinkageMotion):
-            edges = self.motion.kinematics.edges
-        asked = {*(edges.outside if edges else ())}
+        edges = self.inverse_dynamics.edges if loads and self.forces else None
+        asked = {*(self.motion.edges.outside if self.motion.edges else ())}
         if self.forces:
             asked |= {*self.inverse_dynamics.outside}
         run = NominalRun(
@@ -216,7 +211,7 @@ class Nominal:
             prescribed,
             at.q,
             ideal.size,
-            edges,
+            edges if edges and edges.of_loads else None,
             slope=at.slope,
             steep=self.inverse_dynamics.steep if loads and self.forces else None,
             turns=[self.plan.turned.get(c, 0) for c in ideal.coordinates],

@@ -13,6 +13,23 @@ from mechanism_sim.linkages.ideal import LinkageMotion
 from mechanism_sim.linkages.nominal import NominalRun
 
 SCENES = 'slider_crank', 'geneva', 'planetary', 'quick_return', 'rack_and_pinion', 'measured_cam'
+CURVE = {'points': [['0 deg', 0], ['70 deg', 900], ['500 deg', -300], ['720 deg', 0]]}
+VARIED = {
+    'two turns': {
+        'tables': {'p': CURVE | {'periodic': True}},
+        'loads': {'gas': {'at': 'piston', 'force': ['p(crank)', 0]}},
+    },
+    'time': {
+        'loads': {'gas': {'at': 'piston', 'force': ['9 N if sin(31 rad/s*t) > 0.3 else 0', 0]}}
+    },
+    'rate and time': {
+        'loads': {
+            'gas': {'at': 'piston', 'force': ['-2000 if piston_rate > 0 else 0', 0]},
+            'pulse': {'at': 'piston', 'force': ['9 N if sin(31 rad/s*t) > 0.3 else 0', 0]},
+        }
+    },
+}
+"""Loads that a steady crank does not bring again with every turn, or that switch by a rate."""
 
 
 def bits(*motions):
@@ -22,9 +39,9 @@ def bits(*motions):
     ]
 
 
-@pytest.mark.parametrize('scene', SCENES)
+@pytest.mark.parametrize('scene', [*SCENES, *VARIED])
 def test_pieces_do_not_depend_on_how_a_run_is_advanced_or_taken_up(scene):
-    machine = ms.load_scene(scene)
+    machine = ms.load_scene('slider_crank' if scene in VARIED else scene, VARIED.get(scene))
     turn = machine.drive.period
     whole, parts, taken_up = machine.start(), machine.start(), machine.start()
     whole.advance(7.0 * turn)
@@ -101,20 +118,39 @@ def test_a_load_a_thousandth_of_a_turn_wide_works_alike_in_every_turn():
     assert np.diff(ends) == pytest.approx(force * (before - after), rel=1e-9)
 
 
-def test_closures_are_solved_in_the_first_turn_only(monkeypatch):
+@pytest.mark.parametrize('loads', ['none', 'two turns', 'time'])
+def test_closures_are_solved_in_the_first_turn_only(loads, monkeypatch):
     solved, follow = [], LinkageMotion.follow
     monkeypatch.setattr(
         LinkageMotion, 'follow', lambda *args: solved.append(args) or follow(*args)
     )
-    machine = ms.load_scene('slider_crank')
+    machine = ms.load_scene('slider_crank', VARIED.get(loads))
     run = machine.start()
     assert isinstance(run, NominalRun)
     run.advance(3.0 * machine.drive.period)
     first = len(solved)
-    run.advance(100.0 * machine.drive.period)
-    assert run.steps > 1500
+    run.advance(33.0 * machine.drive.period)
+    assert run.steps > 500
     # a start that lies amid two places of the grid may fall on either
     assert len(solved) - first < 0.1 * run.steps
+    check_slider_crank(machine, run.drain()[0].curve)
+
+
+def test_rates_that_switch_loads_are_those_of_pieces_that_are_known(monkeypatch):
+    """Closures are followed once a piece, and where the piston turns back, to find when."""
+    followed, follow = [], LinkageMotion.follow
+    monkeypatch.setattr(
+        LinkageMotion, 'follow', lambda *args: followed.append(args) or follow(*args)
+    )
+    gas = {'at': 'piston', 'force': ['-2000 if piston_rate > 0 else 0', 0]}
+    machine = ms.load_scene('slider_crank', {'loads': {'gas': gas}})
+    run = machine.start()
+    followed.clear()
+    run.advance(machine.drive.period, final=True)
+    begun = run.drain()[0].curve.start / machine.drive.period
+    assert len(begun) == 18  # the first and the last of 17 are halves, and one is cut
+    assert np.abs(begun - 0.5).min() < 1e-10
+    assert len(followed) <= run.steps + 10
 
 
 def test_where_more_than_the_angle_counts_every_piece_is_its_own():
