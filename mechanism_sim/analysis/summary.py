@@ -261,7 +261,12 @@ class Crank:
         # the others
         used = np.flatnonzero(np.any(curve.coefficients[:, own] != 0, axis=(0, 1)))
         powers = curve.coefficients[:, own, : int(used.max(initial=0)) + 1]
-        self._parts.append(replace(curve, turns=curve.turns[:, own], coefficients=powers.copy()))
+        self._parts.append(
+            PiecewisePolynomial(  # copies, as views keep their whole messages in memory
+                curve.start.copy(), curve.start_low.copy(), curve.duration.copy(),
+                curve.turns[:, own].copy(), powers.copy(),
+            )
+        )  # fmt: skip
 
     @cached_property
     def curve(self) -> PiecewisePolynomial | None:

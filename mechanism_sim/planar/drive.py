@@ -361,11 +361,11 @@ class RepeatedLaws:
     ----------
     laws : of one period, whose first takes over where it begins
     period : [s]
-    turns : whole turns made in a period
+    way : [rad or m] by which it goes on in a period, exactly
     """
 
-    def __init__(self, laws: Sequence[DriveLaw], period: Fraction, turns: int = 0) -> None:
-        self._laws, self._period, self._turns = tuple(laws), period, turns
+    def __init__(self, laws: Sequence[DriveLaw], period: Fraction, way: Fraction) -> None:
+        self._laws, self._period, self._way = tuple(laws), period, way
         self._starts = [Fraction(law.valid_from) for law in laws]
         self._ends = [*self._starts[1:], self._starts[0] + period]
         self.degree = max(law.degree for law in laws)
@@ -396,13 +396,16 @@ class RepeatedLaws:
 
     def _law(self, cycle: int, number: int, begin: Fraction) -> DriveLaw:
         law, start = self._laws[number], float(begin)
-        turns, local = law.about(Fraction(start) - cycle * self._period)
+        turns, (place, *rates) = law.about(Fraction(start) - cycle * self._period)
+        gone, whole = Fraction(place) + cycle * self._way, 0
+        if not law.straight:
+            whole, gone = divmod(gone, TWO_PI)
         return replace(
             law,
-            coefficients=local,
+            coefficients=(float(gone), *rates),
             reference_time=start,
             valid_from=start,
-            turns=turns + cycle * self._turns,
+            turns=turns + whole,
         )
 
 

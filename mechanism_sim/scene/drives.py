@@ -15,6 +15,7 @@ from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.formulas import FormulaTorque
 from mechanism_sim.numerics.time_series import TimeSeries
 from mechanism_sim.planar.drive import (
+    TWO_PI,
     DriveLaw,
     FormulaLaws,
     Law,
@@ -295,9 +296,24 @@ def course_laws(
         return tuple(found), None
     begin, end = course.given[0][0], course.given[-1][0]
     cycle = [law for law in found if begin <= law.valid_from < end]
-    turns = 0 if straight else _turns(found, begin, end)
-    source = RepeatedLaws(cycle, Fraction(end) - Fraction(begin), turns)
+    way, period = _place(found[-1], end) - _place(cycle[0], begin), Fraction(end) - Fraction(begin)
+    if not rate:
+        way = TWO_PI * (0 if straight else round(way / TWO_PI))
+    source = RepeatedLaws(cycle, period, way)
+    if rate and begin:  # it starts where it is at time zero, which lies in a period before these
+        off = float(_place(start, 0.0) - _place(source.first(), 0.0))
+        cycle = [
+            replace(law, coefficients=(law.coefficients[0] + off, *law.coefficients[1:]))
+            for law in cycle
+        ]
+        source = RepeatedLaws(cycle, period, way)
     return _endless(names, where, source, source.first())
+
+
+def _place(law: DriveLaw, t: float) -> Fraction:
+    """Where a law has its coordinate at a time [s], with all turns [rad or m]."""
+    turns, (place, *_) = law.about(Fraction(t))
+    return turns * TWO_PI + Fraction(place)
 
 
 def _through_points(course: CoursePart, start: DriveLaw, straight: bool) -> list[DriveLaw]:
@@ -311,16 +327,6 @@ def _through_points(course: CoursePart, start: DriveLaw, straight: bool) -> list
     breaks, rows = course.spline()
     rate = isinstance(course, SpeedPart)
     return curve_laws(start.coordinate, breaks, rows, start if rate else None, straight)
-
-
-def _turns(laws: Sequence[DriveLaw], begin: float, end: float) -> int:
-    """Whole turns of an angle from one time [s] to another, in which it turns nearly so far."""
-    places = []
-    for t in (begin, end):
-        law = next(x for x in reversed(laws) if x.valid_from <= t)
-        turns, (angle, *_) = law.about(Fraction(t))
-        places.append(turns + angle / (2.0 * math.pi))
-    return round(places[1] - places[0])
 
 
 def _endless(names: Names, where: str, source: LawSource, first: DriveLaw) -> Motion:
@@ -375,7 +381,7 @@ def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight:
     if not period:
         raise InputError(f'{where}.steps have neither a move nor a dwell: nothing repeats')
     turns = 0 if straight else round(gone / (2.0 * math.pi))
-    source = RepeatedLaws(laws[:-1], period, turns)
+    source = RepeatedLaws(laws[:-1], period, turns * TWO_PI)
     return _endless(names, where, source, source.first())
 
 

@@ -7,6 +7,8 @@ import json
 import math
 import re
 import struct
+import weakref
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -435,6 +437,24 @@ def crank_of(messages, driven='crank'):
         names = tuple(message.coordinates), tuple(message.joints)
         found.add(RecordedPiece(*names, motion_of(message)))
     return found
+
+
+def test_a_recorded_crank_keeps_no_messages_in_memory():
+    message = next(message for _, message in motion())
+    piece, stores = motion_of(message), []
+
+    def view(x):
+        store = np.stack([x, x])  # the bytes of a message, of which its arrays are views
+        stores.append(weakref.ref(store))
+        return store[0]
+
+    curve = PiecewisePolynomial(*(view(getattr(piece.curve, f.name)) for f in fields(piece.curve)))
+    names = tuple(message.coordinates), tuple(message.joints)
+    found = Crank('crank', ())
+    found.add(RecordedPiece(*names, replace(piece, curve=curve)))
+    del curve
+    assert [store() for store in stores] == [None] * 5
+    assert found.turned(np.array([0.0])) == pytest.approx(0.0)
 
 
 def test_recorded_motion_is_evaluated_exactly():

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 from builders import made
+from scipy.interpolate import CubicSpline
 
 from mechanism_sim.errors import InputError
 
@@ -92,3 +97,23 @@ def test_a_mistake_is_a_sentence(drive, said):
     text = refusal(drive)
     for part in said:
         assert part in text, text
+
+
+@pytest.mark.parametrize('begin', [0.0, 0.1])
+@pytest.mark.parametrize('how', [{}, {'ramp': 'smooth'}, {'interpolation': 'cubic'}])
+def test_periodic_speeds_go_on_by_any_way_in_a_period(how, begin):
+    t, speeds = [0.0, 0.1, 0.3, 0.4], [20.0, 25.0, 17.0, 20.0]
+    points = [[f'{begin + x!r} s', f'{w} rad/s'] for x, w in zip(t, speeds, strict=True)]
+    course = {'points': points, 'periodic': True, **how}
+    drive = {'coordinate': 'arm', 'start_angle': '30 deg', 'speed': course}
+    drive = made({**SCENE, 'drive': drive, 'drives': {'block': {'speed': '0 m/s'}}}).drive
+    spline = CubicSpline(t, speeds, bc_type='periodic')
+    way = spline.integrate(0.0, 0.4) if 'interpolation' in how else np.trapezoid(speeds, t)
+    assert drive.start == pytest.approx((math.pi / 6.0, speeds[0] if not begin else speeds[2]))
+    near, late = (
+        drive.source.after(replace(drive.law, valid_from=x)) for x in (0.05, 1e5 * 0.4 + 0.05)
+    )
+    gone = (late.turns - near.turns) * 2.0 * math.pi + late.coefficients[0] - near.coefficients[0]
+    assert late.valid_from - near.valid_from == pytest.approx(4e4, abs=1e-9)
+    assert gone == pytest.approx(1e5 * way, rel=1e-14)
+    assert late.coefficients[1:] == pytest.approx(near.coefficients[1:], rel=1e-9, abs=1e-7)
