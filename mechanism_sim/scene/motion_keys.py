@@ -65,8 +65,8 @@ class CoursePart(Part):
     three derivatives more of a quintic; linear is for speeds.
     """
     periodic: bool = False
-    """The points are those of a period, which repeats: it ends with the value with which it begins,
-    a position also whole turns on.
+    """The points are those of a period, which repeats: it ends with the value with which it
+    begins, a position also whole turns on.
     """
     ends: Literal['free', 'rest'] = 'free'
     """At the first and the last point: as the points have it, or at rest."""
