@@ -42,6 +42,8 @@ _HALVES = np.array([x * 2.0**-k for k in range(24) for x in (0.5, 0.375)])
 _SAMPLES = np.linspace(-1.0, 1.0, 33)
 _ZERO = 1e-12
 """Below it a guard, which is a difference relative to what is compared, is at its zero."""
+_PERIODS, _ALIKE = 12, 1e-9
+"""Of the slowest sine in the period of all; of the ratios of their rates."""
 
 Powers = tuple[Fraction, ...]
 """Coefficients of a polynomial in t, rising."""
@@ -77,8 +79,23 @@ class TimeSeries:
                 self.exact = _sum(self.exact, powers, sign)
         self.whole = not rest
         self._phases: list[Powers] = []
+        self._again = False
         if rest:
-            self._compile([self._with_phases(term) for term in rest])
+            terms = [self._with_phases(term) for term in rest]
+            self._again = not any('t' in term.names for term in terms)
+            self._compile(terms)
+
+    @property
+    def period(self) -> float | None:
+        """After which all but its polynomials is as before [s]; None if that is not known."""
+        if not self._again or any(len(powers) > 2 for powers in self._phases):
+            return None
+        rates = [abs(powers[1]) for powers in self._phases]
+        slowest = min(rates)
+        ratios = [(x / slowest).limit_denominator(_PERIODS) for x in rates]
+        if any(abs(x / slowest - y) > _ALIKE * y for x, y in zip(rates, ratios, strict=True)):
+            return None
+        return float(2 * PI / slowest) * math.lcm(*(ratio.denominator for ratio in ratios))
 
     def _with_phases(self, node: ExpressionNode) -> ExpressionNode:
         """A term with names for the polynomials whose sine, cosine or tangent it contains."""

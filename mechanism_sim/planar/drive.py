@@ -284,6 +284,10 @@ class LawSource(Protocol):
     def degree(self) -> int:
         """Highest degree of its laws."""
 
+    @property
+    def period(self) -> float | None:
+        """After which its rate is as before [s]; None if that is not known."""
+
     def after(self, law: DriveLaw) -> DriveLaw | None:
         """The law that takes over from one of this source; None if that holds for ever."""
 
@@ -316,6 +320,11 @@ class FormulaLaws:
         return max(len(self.series.piece(0.0).exact), len(self.series.piece(0.0).series)) - (
             not self.rate
         )
+
+    @property
+    def period(self) -> float | None:
+        """See `LawSource`."""
+        return self.series.period
 
     def first(self, angle: float = 0.0, turns: int = 0) -> DriveLaw:
         """The law at the start; there a coordinate given by its rate is at `angle` [rad, m]."""
@@ -369,6 +378,11 @@ class RepeatedLaws:
         self._starts = [Fraction(law.valid_from) for law in laws]
         self._ends = [*self._starts[1:], self._starts[0] + period]
         self.degree = max(law.degree for law in laws)
+
+    @property
+    def period(self) -> float:
+        """See `LawSource`."""
+        return float(self._period)
 
     def first(self) -> DriveLaw:
         """The law that holds at the start of a run."""

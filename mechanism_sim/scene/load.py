@@ -86,6 +86,8 @@ def span(machine: Machine, revolutions: float | None, duration: float | str | No
         raise InputError(f'the length of a run must be positive and finite, not {asked:g}')
     if asked is None:
         duration = machine.scene.duration
+    if duration is None and revolutions is None:
+        duration = machine.drive.repetition.duration
     if duration is None:
         turns = machine.drive.repetition.turns if revolutions is None else revolutions
         duration = machine.drive.time_of(turns)

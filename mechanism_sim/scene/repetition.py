@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import ExpressionNode
 from mechanism_sim.numerics.polynomials import TWO_PI
-from mechanism_sim.planar.drive import DriveLaw, Law
+from mechanism_sim.planar.drive import DriveLaw, Law, unrolled
 from mechanism_sim.planar.mechanism import HigherPair, Weld
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.scene.formula_keys import TIME, table_calls
@@ -41,14 +42,18 @@ class Repetition:
     turns : a whole number; 1 too if there is none up to `MOST`, or nothing is known of it
     last : what comes again last, or not at all; empty if one turn brings all again
     found : whether all comes again
+    duration : [s] instead, of a drive whose speed repeats itself over time
     """
 
     turns: int = 1
     last: str = ''
     found: bool = True
+    duration: float | None = None
 
     def note(self, main: str) -> str:
         """Return what is computed by default, if it is not plainly one turn."""
+        if self.duration:
+            return f'{main} comes again after {self.duration:.9g} s: so long is computed'
         if not self.last:
             return ''
         if self.found:
@@ -90,6 +95,45 @@ def calls_of_angles(
 
 def repetition(nominal: Nominal, period: float) -> Repetition:
     """After how many turns of the main drive a machine without clearance is as before.
+
+    Where the speed of a single drive repeats itself over time: after how many of its periods, in
+    which it comes back or turns round.
+
+    Parameters
+    ----------
+    nominal : of the machine with rigid links
+    period : of a turn of the main drive [s], at its constant speed
+    """
+    found, plan = _by_turns(nominal, period), nominal.plan
+    source = plan.sources.get(plan.main)
+    again = source.period if source and len(plan.laws) == 1 else None
+    for periods, way in enumerate(_ways(plan, again) if again else (), 1):
+        turns = abs(round(way))
+        if is_whole(way) and (turns == 0 or plan.main not in plan.ideal.displacements):
+            if turns and found.turns % turns == 0:  # as many turns as otherwise
+                return found
+            often = math.lcm(turns, found.turns) // turns if turns else 1
+            return replace(found, last=plan.main, duration=often * periods * again)
+    return found
+
+
+def _ways(plan: ScenePlan, period: float) -> Iterator[float]:
+    """How far the main drive has gone after one period [s], two, and so on: turns, or sizes."""
+    laws = unrolled(plan.laws[plan.main], plan.sources[plan.main])
+    law, later, start = next(laws), next(laws, None), 0.0
+    for n in range(MOST + 1):
+        while later and later.valid_from <= n * period:
+            law, later = later, next(laws, None)
+        assert isinstance(law, DriveLaw)  # noqa: S101 - others have no source
+        turns, (place, *_) = law.about(Fraction(n * period))
+        place = place / plan.ideal.size if law.straight else turns + place / TWO_PI
+        if n:
+            yield place - start
+        start = start if n else place
+
+
+def _by_turns(nominal: Nominal, period: float) -> Repetition:
+    """The same by the turns of the main drive alone.
 
     Where links are follows from the angle of the main drive alone, or from drives at constant
     speeds; when formulas of the time come again, from these alone. A link that looks alike at any

@@ -12,6 +12,7 @@ from builders import made
 from running import run
 
 import mechanism_sim as ms
+from mechanism_sim.scene.load import span
 from mechanism_sim.scene.remarks import doubts
 
 CAMSHAFT = """
@@ -172,3 +173,43 @@ def test_a_crank_that_swings_asks_each_of_its_laws_once_for_all_its_turns(monkey
     assert len(asked) == len({*asked}) > 10
     halves, rest = divmod(2.0 * math.pi * np.arange(1, 6), 4.0 / 7.0)
     assert found == pytest.approx((math.pi * halves + np.arccos(1.0 - 3.5 * rest)) / 7.0, rel=1e-9)
+
+
+POINTS = {'points': [['0 s', '0 deg'], ['0.3 s', '200 deg'], ['0.8 s', '0 deg']]}
+
+
+@pytest.mark.parametrize(
+    ('course', 'again', 'said'),
+    [
+        ({'position': '0.5 + 0.4*sin(3*t) + 0.1*cos(4.5*t)'}, 4.0 * math.pi / 3.0, True),
+        ({'position': '3*pi*t + 0.3*sin(2*pi*t)'}, 2.0, True),
+        ({'position': '2*pi*t + 0.3*sin(2*pi*t)'}, 1.0, False),
+        ({'speed': '3*cos(2*t) + 2*sin(3*t)'}, 2.0 * math.pi, True),
+        ({'position': {**POINTS, 'periodic': True}}, 0.8, True),
+        ({'moves': {'speed': '4 rad/s', 'acceleration': '20 rad/s^2', 'repeat': True,
+                    'steps': [{'by': '2 turn'}, {'dwell': '0.1 s'}]}}, None, True),
+        ({'position': '0.3*t + 0.4*sin(3*t)'}, None, False),
+        ({'position': '0.5 + 0.4*sin(3*t) + 0.1*cos(3.1415*t)'}, None, False),
+        ({'position': '0.5 + 0.4*sin(3*t)*exp(-t/100)'}, None, False),
+    ],
+    ids=range(9),
+)  # fmt: skip
+def test_a_drive_that_repeats_itself_over_time_is_computed_so_long(course, again, said):
+    arm = {'links': {'ground': {}, 'arm': {'length': '1 m'}},
+           'joints': {'pivot': {'revolute': ['ground', 'arm']}}}  # fmt: skip
+    machine = made({**arm, 'drive': {'coordinate': 'arm', **course}})
+    if again is None and said:
+        again = machine.drive.source.period
+    note = machine.drive.repetition.note('arm')
+    assert note == (f'arm comes again after {again:.9g} s: so long is computed' if said else '')
+    if again:
+        assert span(machine, None, None) == pytest.approx(again, rel=1e-12)
+        ends = ms.simulate(machine, duration=again).sample([0.0, again])['position.arm']
+        assert math.remainder(np.ptp(ends), 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_displacement_that_repeats_itself_needs_no_duration():
+    block = {'links': {'ground': {}, 'block': {'mass': '1 kg'}},
+             'joints': {'guide': {'prismatic': ['ground', 'block']}}}  # fmt: skip
+    course = {'coordinate': 'block', 'position': '20 mm + 5 mm*sin(4 rad/s*t)'}
+    assert span(made({**block, 'drive': course}), None, None) == pytest.approx(0.5 * math.pi)
