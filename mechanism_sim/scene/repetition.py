@@ -53,7 +53,8 @@ class Repetition:
     def note(self, main: str) -> str:
         """Return what is computed by default, if it is not plainly one turn."""
         if self.duration:
-            return f'{main} comes again after {self.duration:.9g} s: so long is computed'
+            comes = 'comes' if self.last == main else 'come'
+            return f'{self.last} {comes} again after {self.duration:.9g} s: so long is computed'
         if not self.last:
             return ''
         if self.found:
@@ -96,8 +97,8 @@ def calls_of_angles(
 def repetition(nominal: Nominal, period: float) -> Repetition:
     """After how many turns of the main drive a machine without clearance is as before.
 
-    Where the speed of a single drive repeats itself over time: after how many of its periods, in
-    which it comes back or turns round.
+    Where speeds of drives repeat themselves over time: after how many periods of the main drive,
+    in which all drives come back or turn round.
 
     Parameters
     ----------
@@ -105,31 +106,42 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
     period : of a turn of the main drive [s], at its constant speed
     """
     found, plan = _by_turns(nominal, period), nominal.plan
-    source = plan.sources.get(plan.main)
-    again = source.period if source and len(plan.laws) == 1 else None
-    for periods, way in enumerate(_ways(plan, again) if again else (), 1):
-        turns = abs(round(way))
-        if is_whole(way) and (turns == 0 or plan.main not in plan.ideal.displacements):
-            if turns and found.turns % turns == 0:  # as many turns as otherwise
+    periods = {c: x.period for c, x in plan.sources.items()}
+    again = periods.get(plan.main, period if _is_steady(plan.laws[plan.main]) else None)
+    known = [c for c, laws in plan.laws.items() if periods.get(c) or _is_steady(laws)]
+    if not periods or not again or not math.isfinite(again) or len(known) < len(plan.laws):
+        return found
+    for n, ways in enumerate(zip(*(_ways(plan, c, again) for c in known), strict=True), 1):
+        turns = abs(round(ways[known.index(plan.main)]))
+        if all(map(is_whole, ways)) and all(
+            is_whole(n * again / p) for p in periods.values() if p
+        ):
+            if len(known) == 1 and turns and found.turns % turns == 0:  # as many turns as else
                 return found
             often = math.lcm(turns, found.turns) // turns if turns else 1
-            return replace(found, last=plan.main, duration=often * periods * again)
+            return replace(found, last=' and '.join(known), duration=often * n * again)
     return found
 
 
-def _ways(plan: ScenePlan, period: float) -> Iterator[float]:
-    """How far the main drive has gone after one period [s], two, and so on: turns, or sizes."""
-    laws = unrolled(plan.laws[plan.main], plan.sources[plan.main])
+def _is_steady(laws: Sequence[Law]) -> bool:
+    """True of a prescribed drive at one constant speed, or at rest."""
+    return isinstance(laws[0], DriveLaw) and laws[0].degree <= 1 and len(laws) == 1
+
+
+def _ways(plan: ScenePlan, c: str, period: float) -> Iterator[float]:
+    """Turns of a drive in one period [s], two, and so on; of what slides 0, or 0.5 away from it."""
+    laws = unrolled(plan.laws[c], plan.sources.get(c))
     law, later, start = next(laws), next(laws, None), 0.0
     for n in range(MOST + 1):
         while later and later.valid_from <= n * period:
             law, later = later, next(laws, None)
         assert isinstance(law, DriveLaw)  # noqa: S101 - others have no source
         turns, (place, *_) = law.about(Fraction(n * period))
-        place = place / plan.ideal.size if law.straight else turns + place / TWO_PI
-        if n:
-            yield place - start
+        place = place if law.straight else turns + place / TWO_PI
         start = start if n else place
+        if n:
+            way = place - start
+            yield 0.5 * (abs(way) > WHOLE * plan.ideal.size) if law.straight else way
 
 
 def _by_turns(nominal: Nominal, period: float) -> Repetition:
@@ -146,11 +158,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
     """
     plan = nominal.plan
     first = [laws[0] for laws in plan.laws.values()]
-    steady = all(
-        isinstance(law, DriveLaw) and law.degree <= 1 and len(laws) == 1
-        for law, laws in zip(first, plan.laws.values(), strict=True)
-    )
-    steady = steady and math.isfinite(period)
+    steady = all(map(_is_steady, plan.laws.values())) and math.isfinite(period)
     known = len(first) == 1 or steady
     if not known or plan.powered or plan.main in plan.ideal.displacements:
         return Repetition()

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from builders import made
 from running import run
 
@@ -213,3 +214,23 @@ def test_a_displacement_that_repeats_itself_needs_no_duration():
              'joints': {'guide': {'prismatic': ['ground', 'block']}}}  # fmt: skip
     course = {'coordinate': 'block', 'position': '20 mm + 5 mm*sin(4 rad/s*t)'}
     assert span(made({**block, 'drive': course}), None, None) == pytest.approx(0.5 * math.pi)
+
+
+@pytest.mark.parametrize(
+    ('crank', 'arm', 'said', 'again'),
+    [
+        ({'speed': '60 rpm'}, {'position': {**POINTS, 'periodic': True}}, 'crank and arm', 4.0),
+        ({'position': 'sin(2*pi*t)'}, {'position': 'cos(3*pi*t)'}, 'crank and arm', 2.0),
+        ({'position': 'sin(2*pi*t)'}, {'speed': '90 rpm'}, 'crank and arm', 2.0),
+        ({'position': 'sin(2*pi*t)'}, {'speed': '0 rpm'}, 'crank and arm', 1.0),
+        ({'position': 'sin(2*pi*t)'}, {'position': 'cos(3*t)'}, '', None),
+        ({'speed': '60 rpm'}, {'speed': {'points': [['0 s', '1 rad/s'], ['1 s', '0 rad/s']]}}, '',
+         None),
+    ],
+    ids=range(6),
+)  # fmt: skip
+def test_drives_are_computed_until_all_come_again(crank, arm, said, again):
+    scene = yaml.safe_load(CRANKS) | {'drives': {'crank': crank, 'arm': arm}}
+    found = made(scene).drive.repetition
+    assert found.duration == (pytest.approx(again) if again else None)
+    assert found.note('crank').startswith(f'{said} come again' if said else '')
