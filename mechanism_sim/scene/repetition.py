@@ -129,7 +129,7 @@ def _is_steady(laws: Sequence[Law]) -> bool:
 
 
 def _ways(plan: ScenePlan, c: str, period: float) -> Iterator[float]:
-    """Turns of a drive in one period [s], two, and so on; of what slides 0, or 0.5 away from it."""
+    """Turns of a drive in one period [s], two, and so on; of what slides 0, or 0.5 if off."""
     laws = unrolled(plan.laws[c], plan.sources.get(c))
     law, later, start = next(laws), next(laws, None), 0.0
     for n in range(MOST + 1):
