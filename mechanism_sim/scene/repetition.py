@@ -145,7 +145,7 @@ def _ways(plan: ScenePlan, c: str, period: float) -> Iterator[float]:
 
 
 def _by_turns(nominal: Nominal, period: float) -> Repetition:
-    """The same by the turns of the main drive alone.
+    """Turns of the main drive after which all that follows from it is as before.
 
     Where links are follows from the angle of the main drive alone, or from drives at constant
     speeds; when formulas of the time come again, from these alone. A link that looks alike at any
