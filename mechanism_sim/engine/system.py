@@ -215,13 +215,13 @@ class System:
         order = order or max(math.ceil(5.0 - 0.5 * math.log(rtol)), self.degree)
         tolerance = math.exp(-2.0 * (order - 1.5))
         integrator = compiled.integrator(
-            self._taylor(sticks), tolerance, compact, self.parameters.fired, owner or self
+            self.taylor(sticks), tolerance, compact, self.parameters.fired, owner or self
         )
         integrator.state[self.width] = scale * rtol / tolerance
         integrator.pars[:] = self.parameters.values
         return integrator
 
-    def _taylor(self, sticks: bool) -> compiled.TaylorEquations:
+    def taylor(self, sticks: bool) -> compiled.TaylorEquations:
         """Equations and guards of `integrator`, over their variables; made once."""
         if sticks not in self._taylors:
             self._taylors[sticks] = self._made(
