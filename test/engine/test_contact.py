@@ -153,3 +153,4 @@ def test_bounces_that_are_left_out_last_as_long_as_all_their_flights(restitution
         left, speed = left + 2.0 * speed / fall, restitution * speed
     assert remaining_time(rebound, -fall, restitution) == pytest.approx(left, rel=1e-12)
     assert remaining_time(rebound, fall, restitution) == remaining_time(rebound, -fall, 1.0) == 0
+    assert remaining_time(-1e-16, -fall, restitution) == 0

@@ -68,6 +68,6 @@ def remaining_time(rebound: float, acceleration: float, restitution: float) -> f
 
     Flights of ``2 v/|d|``, each shorter than the one before by the factor e.
     """
-    if acceleration >= 0.0 or restitution >= 1.0:
+    if rebound <= 0.0 or acceleration >= 0.0 or restitution >= 1.0:  # no approach but rounding
         return 0.0
     return -2.0 * rebound / (acceleration * (1.0 - restitution))
