@@ -50,6 +50,14 @@ def ends_meet(name: str, t: float) -> RunError:
     )
 
 
+def drawn_in(rope: str, t: float) -> RunError:
+    """The error of a rope of which a stretch has no length at a time [s]."""
+    return RunError(
+        f'{rope} has a stretch without length at t = {t:.9g} s, where points or pulleys of it '
+        'meet: end the run before, or stop what draws them together'
+    )
+
+
 def leaves_pulley(rope: str, pulley: str, t: float) -> RunError:
     """The error of a rope that is straight where a pulley turns it, at a time [s]."""
     return RunError(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.crossings import Crossings
 from mechanism_sim.engine.dense_output import Motion, instants
-from mechanism_sim.engine.events import ends_meet, leaves_pulley
+from mechanism_sim.engine.events import drawn_in, ends_meet, leaves_pulley
 from mechanism_sim.engine.observer import Instants, Observer, TouchTerms
 from mechanism_sim.numerics.polynomials import TWO_PI, Nodes, PiecewisePolynomial
 from mechanism_sim.planar.frames import STATE
@@ -213,13 +213,9 @@ class DynamicPhysics:
         if not (self._directed or self._wrapped) or not len(motion):
             return
         curve = motion.curve
-        q = self.moved(motion, np.arange(len(motion)), _LOOKS)[0]
+        q, v = self.moved(motion, np.arange(len(motion)), _LOOKS)
         for gap in self._wrapped:
-            for pulley, arc in gap.arcs(q).items():
-                leaps = np.abs(np.diff(arc.reshape(len(motion), -1), axis=1)) > math.pi
-                for k, look in np.argwhere(leaps)[:1].tolist():
-                    since = curve.duration[k] * _LOOKS.fractions[look]
-                    raise leaves_pulley(gap.name, pulley, float(curve.start[k] + since))
+            self._check_rope(gap, curve, q, v)
         for e in self._directed:
             x, y = e.between(q).reshape(2, len(motion), len(_LOOKS))
             past = x[:, 1:] * x[:, :-1] + y[:, 1:] * y[:, :-1] <= 0.0
@@ -234,6 +230,35 @@ class DynamicPhysics:
                 x0, y0 = e.between(curve.local(np.array([k]), np.array([since])).T)[:, 0].tolist()
                 if math.hypot(x0, y0) < _MEET * self.system.mechanism.size:  # else beside it
                     raise ends_meet(e.name, float(curve.start[k]) + since)
+
+    def _check_rope(self, gap: WrappedGap, curve: PiecewisePolynomial, q: Array, v: Array) -> None:
+        """Refuse a stretch that becomes shorter than nothing, and a pulley that turns no rope.
+
+        The root of a square makes of a length that falls below zero one that rises again.
+        """
+        shape = len(curve.duration), len(_LOOKS)
+        ahead = 1e-4 * np.repeat(curve.duration, len(_LOOKS))
+        now, least = gap.lengths(q), _MEET * self.system.mechanism.size
+        falls = (gap.lengths(q + ahead * v) < now).reshape(-1, *shape)
+        for stretch, k, look in np.argwhere(falls[:, :, :-1] & ~falls[:, :, 1:]).tolist():
+            within = curve.duration[k] * np.array(_LOOKS.fractions[look : look + 2])
+
+            def length(dt: float, k: int = k, stretch: int = stretch) -> float:
+                return float(gap.lengths(curve.local(np.array([k]), np.array([dt])).T)[stretch, 0])
+
+            found = scipy.optimize.minimize_scalar(
+                length, bounds=within, method='bounded', options={'xatol': 1e-9 * within[1]}
+            )
+            if found.fun < least:
+                raise drawn_in(gap.name, float(curve.start[k] + found.x))
+        for _, k, look in np.argwhere(now.reshape(falls.shape) < least)[:1].tolist():
+            since = curve.duration[k] * _LOOKS.fractions[look]
+            raise drawn_in(gap.name, float(curve.start[k] + since))
+        for pulley, arc in gap.arcs(q).items():
+            leaps = np.abs(np.diff(arc.reshape(shape), axis=1)) > math.pi
+            for k, look in np.argwhere(leaps)[:1].tolist():
+                since = curve.duration[k] * _LOOKS.fractions[look]
+                raise leaves_pulley(gap.name, pulley, float(curve.start[k] + since))
 
     @property
     def takes_power(self) -> bool:

@@ -260,7 +260,10 @@ class EndGap(Gap, Protocol):
 
 @runtime_checkable
 class WrappedGap(Gap, Protocol):
-    """The slack of a rope on pulleys, which it cannot leave."""
+    """The slack of a rope, whose open stretches have a length and which does not leave pulleys."""
+
+    def lengths(self, q: Array) -> Array:
+        """Lengths (k, N) [m] of its open stretches at q (n, N)."""
 
     def arcs(self, q: Array) -> dict[str, Array]:
         """Angles (N,) [rad] by which it lies on them at q (n, N), 0 to 2 pi; by their names."""

@@ -556,3 +556,27 @@ def test_a_rope_that_is_straight_has_left_its_pulley():
         with pytest.raises(RunError, match=said) as error:
             ms.simulate(machine, duration=1.2)
         assert 0.99 < float(re.search(said, str(error.value))[1]) <= 1.05
+
+
+@pytest.mark.parametrize(('ring', 'at'), [([1.0, 0.0], 1.0), (None, 5.0)])
+def test_a_stretch_that_is_drawn_in_has_no_length(ring, at):
+    """A drum of 100 mm that turns once a second winds a load up to a ring, or to itself."""
+    x = 1.0 if ring else 0.1
+    winch = {
+        'title': 'winch', 'gravity': [0.0, -9.81],
+        'links': {'ground': {'points': {'drum': [0.0, 0.0], 'ring': [x, 0.0]}},
+                  'drum': {'mass': 1.0, 'inertia': 0.01}, 'load': {'mass': 2.0}},
+        'joints': {'d': {'revolute': ['ground.drum', 'drum']},
+                   'g': {'prismatic': ['ground.ring', 'load'], 'axis': '-90 deg'},
+                   'rope': {'rope': ['drum', *(['ground.ring'] if ring else []), 'load'],
+                            'pulleys': {'drum': {'radius': 0.1, 'passes': 'clockwise'}}}},
+        'drive': {'coordinate': 'drum', 'speed': 2.0 * math.pi},
+        'initial': {'position': {'load': at}},
+    }  # fmt: skip
+    end = at / (0.2 * math.pi)
+    machine = made(winch, 'winch')
+    assert ms.simulate(machine, duration=0.999 * end).duration < end
+    with pytest.raises(RunError, match='rope has a stretch without length at t = ') as error:
+        ms.simulate(machine, duration=1.001 * end)
+    told = float(re.search(r'at t = (\S+) s', str(error.value))[1])
+    assert told == pytest.approx(end, rel=1e-7)

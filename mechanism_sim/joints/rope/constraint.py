@@ -23,6 +23,7 @@ from typing import ClassVar, NamedTuple
 
 import heyoka as hy
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
@@ -202,14 +203,22 @@ class Slack(Wall):
 
     closure: RopeClosure
 
-    def arcs(self, q: Array) -> dict[str, Array]:
-        """Angles (N,) [rad] by which it lies on pulleys at q (n, N), 0 to 2 pi; by their names."""
+    def _laid(self, q: Array) -> tuple[Array, NDArray[np.complex128]]:
+        """Lengths (k, N) [m] and directions of its open stretches at q (n, N)."""
         pulleys, tree = self.closure.joint.pulleys, self.closure.mechanism
         places = np.array([tree.locate_all(link, q, at) for (link, at), *_ in pulleys])
-        ways = []
-        for k, along in enumerate(np.diff(places[:, 0] + 1j * places[:, 1], axis=0)):
-            off = pulleys[k + 1].radius - pulleys[k].radius  # along = (l + i off) d
-            ways.append(along / (np.sqrt(np.maximum(np.abs(along) ** 2 - off**2, 0.0)) + 1j * off))
+        along = np.diff(places[:, 0] + 1j * places[:, 1], axis=0)  # (l + i off) d
+        off = np.diff([p.radius for p in pulleys])[:, None]
+        lengths = np.sqrt(np.maximum(np.abs(along) ** 2 - off**2, 0.0))
+        return lengths, along / (lengths + 1j * off)
+
+    def lengths(self, q: Array) -> Array:
+        """Lengths (k, N) [m] of its open stretches at q (n, N)."""
+        return self._laid(q)[0]
+
+    def arcs(self, q: Array) -> dict[str, Array]:
+        """Angles (N,) [rad] by which it lies on pulleys at q (n, N), 0 to 2 pi; by their names."""
+        ways, pulleys = self._laid(q)[1], self.closure.joint.pulleys
         found = {}
         for k, p in enumerate(pulleys[1:-1]):
             bend = ways[k + 1] * ways[k].conjugate()
