@@ -43,7 +43,7 @@ _THOUSANDS = re.compile(r'\s*[-+]?[1-9]\d{0,2},\d{3}\s*')
 _GROUPED = re.compile(r"\s*[-+]?\d{1,3}([., '])\d{3}(?:\1\d{3})*(?!\1)[.,]\d+\s*")
 _BRACKET = re.compile(r'[^/]*[\[(]')
 _FRAME = re.compile(r'\s*(?:TABLE_?(BEGIN|END)|(BEGIN|END)_?TABLE)\b', re.IGNORECASE)
-_REMARK = re.compile(r'(?<=\d)[;\s]+(//|#\s).*')
+_REMARK = re.compile(r'^([-+\d.,;\sEe]*\d)[;\s]+(//|#\s).*')  # behind numbers only
 _EXCEL = re.compile(r'"?sep=([;,|\t])"?', re.IGNORECASE)
 MISSING = '', 'nan', 'na', 'n/a', '-', 'null', 'none'
 """Cells that stand for a number that is not known, in any case."""
@@ -219,9 +219,10 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     larger : how many times as large it may be as `LARGEST` and `MOST`
     """
     where, most = f"{where}: '{path.name}'", larger * MOST
-    if found := _of_vectors(path, where, most):
+    data = _data(path, where, larger * LARGEST)
+    if found := _of_vectors(path, data, where, most):
         return found
-    heading, rows = _rows(path, where, larger * LARGEST)
+    heading, rows = _rows(path, data, where)
     _check_count(len(rows) - 1, where, most)
     if all(map(_is_number, rows[0][1])):
         names, units = [str(i + 1) for i in range(len(rows[0][1]))], [''] * len(rows[0][1])
@@ -232,9 +233,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
         if not any(units) and _are_units([row for _, row in rows[:2]]):
             units = [x.strip(' []()') for x in rows[0][1]] + [''] * (len(names) - len(rows[0][1]))
             rows = rows[1:]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f'{where} has several columns {quoted(name)}')
+    _check_names(names, where)
     for line, row in rows:
         if len(row) > len(names):
             halves = len(row) == 2 * len(names) and all(re.fullmatch(r'\s*-?\d+', x) for x in row)
@@ -250,16 +249,35 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     return CsvTable(where, heading, cells, units_of, [n for n, _ in rows])
 
 
-def _of_vectors(path: Path, where: str, most: int) -> CsvTable | None:
+def _data(path: Path, where: str, largest: int) -> bytes:
+    try:
+        data = documents.bytes_of(path, largest)
+    except OSError as error:
+        raise InputError(f'{where} cannot be read: {error.strerror or error}') from error
+    if len(data) > largest:
+        raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
+    return data
+
+
+def _of_vectors(path: Path, data: bytes, where: str, most: int) -> CsvTable | None:
     """The table in a file of arrays; None of others."""
-    columns = tables.vectors(path, where)
+    columns = tables.vectors(path, data, where)
     if not columns:
         return None
     rows = range(1, len(columns[0].values) + 1)
     _check_count(len(rows), where, most)
-    cells = {c.name: c.values for c in columns}
-    units = {c.name: _open(c.unit) for c in columns}
-    return CsvTable(where, ','.join(c.heading for c in columns), cells, units, rows)
+    headings = [c.heading for c in columns]
+    names, units = zip(*_names_and_units(headings), strict=True)
+    _check_names(names, where)
+    cells = dict(zip(names, (c.values for c in columns), strict=True))
+    units_of = dict(zip(names, map(_open, units), strict=True))
+    return CsvTable(where, ','.join(headings), cells, units_of, rows)
+
+
+def _check_names(names: Sequence[str], where: str) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f'{where} has several columns {quoted(name)}')
 
 
 def _check_count(count: int, where: str, most: int) -> None:
@@ -305,16 +323,14 @@ def _within(unit: str) -> bool:
     return unit[:1] + unit[-1:] in {'[]', '()'} and not set('[]()') & set(unit[1:-1])
 
 
-def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, list[str]]]]:
+def _rows(path: Path, data: bytes, where: str) -> tuple[str, list[tuple[int, list[str]]]]:
     """The first line with text, and line number and cells of each; at least one."""
     try:
-        data = documents.bytes_of(path, largest)
-        if len(data) > largest:
-            raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
-        text = tables.as_text(path, where) or _text(data)
+        sheet = tables.as_text(path, data, where)
+        text = _text(data) if sheet is None else sheet
         lines = text.splitlines()
         if '//' in text or '# ' in text:
-            lines = [_REMARK.sub('', line) for line in lines]
+            lines = [_REMARK.sub(r'\1', line) for line in lines]
         kept = [n for n, line in enumerate(lines) if line.strip() and not line.startswith('#')]
         framed, kept = _framed(lines, kept)
         told = _EXCEL.fullmatch(lines[kept[0]])
@@ -335,7 +351,7 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
         rows = [(kept[min(reader.line_num, len(kept)) - 1] + 1, row) for row in reader]
         if framed:  # behind its numbers stands the kind of a segment
             words = [k for k, cell in enumerate(rows[0][1]) if not _is_number(cell)]
-            rows = [(n, row[: min(words, default=len(row))]) for n, row in rows]
+            rows = [(n, row[: min(words, default=0) or len(row)]) for n, row in rows]
     except InputError:
         raise
     except UnicodeDecodeError as error:
@@ -343,8 +359,8 @@ def _rows(path: Path, where: str, largest: int) -> tuple[str, list[tuple[int, li
             f'{where} cannot be read: it is not comma-separated text in UTF-8; save it as '
             "'CSV UTF-8', or write it by a command with -o NAME.csv"
         ) from error
-    except (OSError, csv.Error, ValueError, IndexError) as error:
-        reason = getattr(error, 'strerror', None) or 'it is empty, or not comma-separated text'
+    except (csv.Error, ValueError, IndexError) as error:
+        reason = 'it is empty, or not comma-separated text'
         raise InputError(f'{where} cannot be read: {reason}') from error
     # a separator after the last cell, as some programs write it, makes no column
     if len(rows[0][1]) > 1 and all(row[-1:] == [''] for _, row in rows):
@@ -375,8 +391,11 @@ def _are_spaced(lines: Sequence[str], mark: str, first: str) -> bool:
     """True if spaces part the cells of all lines, commas none."""
     if mark not in first:
         return all(' ' in line.strip() for line in lines)
-    cells = (line.split() for line in lines)  # with decimal commas
-    return mark == ',' and all(len(x) > 1 and all(map(_is_number, x)) for x in cells)
+    # with decimal commas; a cell that begins with one stands behind a separator
+    cells = (line.split() for line in lines)
+    return mark == ',' and all(
+        len(x) > 1 and all(_is_number(y) and y[0] != ',' for y in x) for x in cells
+    )
 
 
 def _headings_at(lines: Sequence[str]) -> int:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -315,23 +315,24 @@ def _npz(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
         np.savez(file, **{c.name: np.asarray(c.values) for c in columns})  # type: ignore[arg-type]
 
 
-def as_text(path: Path, where: str) -> str:
-    """The first sheet of an .xlsx file as comma-separated text; empty of other endings.
+def as_text(path: Path, data: bytes, where: str) -> str | None:
+    """The first sheet of an .xlsx file as comma-separated text; None of other endings.
 
     Parameters
     ----------
+    data : all of the file
     where : begins the sentence about a file that cannot be read
     """
     if path.suffix.lower() != '.xlsx':
-        return ''
+        return None
     text = io.StringIO()
     writer = csv.writer(text, lineterminator='\n')
-    rows = _read(_of_xlsx, path, where)
+    rows = _read(_of_xlsx, path, data, where)
     writer.writerows([' '.join(str(_plain(x)).split()) for x in row] for row in rows)
     return text.getvalue()
 
 
-def vectors(path: Path, where: str) -> list[Column]:
+def vectors(path: Path, data: bytes, where: str) -> list[Column]:
     """Columns of a .mat, .npz or .parquet file, arrays of numbers or texts; none of others.
 
     Of vectors of several lengths those that are as long as the longest.
@@ -339,49 +340,55 @@ def vectors(path: Path, where: str) -> list[Column]:
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
         return []
-    found = _read(reader, path, where)
-    plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUO']
+    found = _read(reader, path, data, where)
+    plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUOM']
     longest = max((len(c.values) for c in plain), default=0)
     if others := [c.name for c in plain if 1 < len(c.values) < longest]:
         names = ', '.join(others)[:_SHOWN_NAMES]
         print_notice(f'{where}: vectors of other lengths are left out: {names}')
     if not longest:
         raise InputError(f'{where} has no vector of numbers')
-    return [
-        c._replace(values=c.values.astype(float) if c.values.dtype.kind in 'biuf' else
-                   [str(_plain(x)) for x in c.values])
-        for c in plain if len(c.values) == longest
-    ]  # fmt: skip
+    return [c._replace(values=_cells(c.values)) for c in plain if len(c.values) == longest]
 
 
-def _read(reader: Callable[[Path], Sequence[Any]], path: Path, where: str) -> Sequence[Any]:
+def _cells(values: NDArray[Any]) -> NDArray[Any] | list[str]:
+    if values.dtype.kind in 'biuf':
+        return values.astype(float)
+    if values.dtype.kind == 'M':
+        values = values.astype('M8[us]')  # of finer ones Python has plain numbers
+    return [str(_plain(x)) for x in values]
+
+
+def _read(
+    reader: Callable[[BinaryIO], Sequence[Any]], path: Path, data: bytes, where: str
+) -> Sequence[Any]:
     """Columns by a reader; its errors become one sentence."""
     if module := _NEEDS.get(path.suffix.lower()):
         needed(module, f'{where}: export it as .csv, for {path.suffix}')
     try:
-        return reader(path)
+        return reader(io.BytesIO(data))
     except Exception as error:  # libraries raise whatever a broken file leads to
         told = str(error).partition('\n')[0] or type(error).__name__
         cure = ": write it by save(..., '-v7')" if 'HDF reader' in told else ''
         raise InputError(f'{where} cannot be read: {told}{cure}') from error
 
 
-def _of_xlsx(path: Path) -> Sequence[Any]:
+def _of_xlsx(file: BinaryIO) -> Sequence[Any]:
     """Rows of the first sheet, of formulas their values."""
     from openpyxl import load_workbook  # noqa: PLC0415
 
-    book = load_workbook(path, read_only=True, data_only=True)
+    book = load_workbook(file, read_only=True, data_only=True)
     rows: list[Sequence[Any]] = list(book.worksheets[0].iter_rows(values_only=True))
     book.close()
     used = max((k for row in rows for k, x in enumerate(row) if x is not None), default=0)
     return [row[: used + 1] for row in rows]
 
 
-def _of_mat(path: Path) -> Sequence[Column]:
+def _of_mat(file: BinaryIO) -> Sequence[Column]:
     """Vectors, those of structures by ``STRUCTURE.FIELD``, and columns of matrices by a number."""
     import scipy  # noqa: PLC0415
 
-    data = scipy.io.loadmat(path, simplify_cells=True)
+    data = scipy.io.loadmat(file, simplify_cells=True)
     data = {k: x for k, x in data.items() if not k.startswith('__')}
     own = isinstance(data.get('units'), dict) and isinstance(data.get('names'), dict)
     units, names = (data.pop('units'), data.pop('names')) if own else ({}, {})
@@ -401,15 +408,15 @@ def _of_mat(path: Path) -> Sequence[Column]:
     return found
 
 
-def _of_npz(path: Path) -> Sequence[Column]:
-    with np.load(path) as file:
-        return [Column(name, file[name]) for name in file.files]
+def _of_npz(file: BinaryIO) -> Sequence[Column]:
+    with np.load(file) as data:
+        return [Column(name, data[name]) for name in data.files]
 
 
-def _of_parquet(path: Path) -> Sequence[Column]:
+def _of_parquet(file: BinaryIO) -> Sequence[Column]:
     import pyarrow.parquet as pq  # noqa: PLC0415
 
-    table = pq.read_table(path)
+    table = pq.read_table(file)
     units = [(f.metadata or {}).get(b'unit', b'').decode() for f in table.schema]
     return [
         Column(name, table[name].to_numpy(zero_copy_only=False), unit)
@@ -417,7 +424,7 @@ def _of_parquet(path: Path) -> Sequence[Column]:
     ]
 
 
-_READERS: Mapping[str, Callable[[Path], Sequence[Column]]] = {
+_READERS: Mapping[str, Callable[[BinaryIO], Sequence[Column]]] = {
     '.mat': _of_mat,
     '.npz': _of_npz,
     '.parquet': _of_parquet,

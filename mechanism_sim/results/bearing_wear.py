@@ -21,7 +21,7 @@ from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
-_BLOCK = 512  # segments at once
+_BLOCK = 2048  # parts of segments at once
 LOAD, LOAD_WAY, WORK, STRUCK_WAY, STRUCK_WORK = range(5)
 """Rows: integrals of normal force [N s], of it times slip speed [N m], of friction times slip
 speed [J]; of impacts, sums of normal impulse times slip speed [N m], and of friction [J]."""
@@ -64,10 +64,10 @@ def wear_sums(
         high = np.minimum(times[part + 1] - start[k], motion.curve.duration[k])
         turned = np.abs(motion.curve.local(k, high) - motion.curve.local(k, low))[:, angles]
         cuts = np.ceil(turned.max(axis=1, initial=0.0) * count / (2.0 * math.pi))
-        order = np.argsort(cuts, kind='stable')  # those of a block are cut as the last of them
-        for begin in range(0, len(k), _BLOCK):
-            block = order[begin : begin + _BLOCK]
-            finer = max(1, int(cuts[block[-1]]))
+        order = np.argsort(-cuts, kind='stable')  # those of a block are cut as the first of them
+        while order.size:
+            finer = max(1, int(cuts[order[0]]))
+            block, order = np.split(order, [max(1, _BLOCK // finer)])
             fractions = (np.arange(finer)[:, None] + SMOOTH.places.fractions).ravel() / finer
             width = (high - low)[block, None]
             seen = physics.observe(motion, k[block], low[block, None] + width * fractions)

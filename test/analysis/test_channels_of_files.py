@@ -217,8 +217,11 @@ def test_tables_without_times_have_a_rate_that_is_given(tmp_path):
     (tmp_path / 'b.txt').write_text('0.5\t1\n1.5\t2\n2.5\t4\n')
     shown = run_json('analyze', str(tmp_path / 'b.txt'), '--sample-rate', '2 Hz')['channels']
     assert (shown['2']['end'], shown['2']['largest']) == (1.0, 4.0)
+    dates = np.array(['2026-01-01', '2026-01-02'], 'M8[ns]')
+    np.savez(tmp_path / 'c.npz', time=dates, x=[1.0, 2.0])
     for file, more, words in (
         ('a.mat', [], "or give --sample-rate, as '12 kHz'"),
+        ('c.npz', [], "column 'time' has dates, as '2026-01-01 00:00:00'"),
         ('b.txt', ['--sample-rate', '0 Hz'], 'must be positive'),
         ('b.txt', ['--sample-rate', '2 kg'], "has the unit 'kg'"),
     ):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from openpyxl import Workbook
 
-from mechanism_sim.csv_tables import assume, named_unit, read_csv
+from mechanism_sim.csv_tables import LARGEST, assume, named_unit, read_csv
 from mechanism_sim.errors import InputError
 
 
@@ -145,6 +148,48 @@ def test_tables_of_electronic_cams_have_columns_by_number(table, text):
 def test_what_looks_like_a_remark_in_a_cell_is_none(table):
     with pytest.raises(InputError, match="got '#N/A'"):
         table('t\tx\n0\t1\n1\t#N/A\n').numbers('t', 'x')
+
+
+def test_a_remark_stands_behind_numbers_only(table):
+    found = table('t,run 1 # a,y\n0,wet 2 // b,5\n1,dry 1 // c,6\n')
+    assert list(found.cells) == ['t', 'run 1 # a', 'y']
+    assert found.numbers('y').T.tolist() == [[5.0, 6.0]]
+
+
+def test_commas_behind_spaces_are_no_decimal_signs(table):
+    found = table('0   ,1\n12  ,25\n')
+    assert found.numbers('1', '2').tolist() == [[0.0, 1.0], [12.0, 25.0]]
+
+
+def test_a_table_of_a_cam_may_have_headings(table):
+    found = table('TABLE_BEGIN\nmaster;slave;kind\n0;0;SPLINE\n1;2;SPLINE\nTABLE_END\n')
+    assert found.numbers('master', 'slave').tolist() == [[0.0, 0.0], [1.0, 2.0]]
+
+
+def test_names_of_vectors_have_units_and_stand_once(tmp_path):
+    """As data frames have them that were read from .csv."""
+    file = tmp_path / 'x.npz'
+    np.savez(file, **{'t [s]': np.arange(3.0), 'x [mm]': np.arange(3.0) ** 2})
+    found = read_csv(file, 'table')
+    assert found.units == {'t': 's', 'x': 'mm'}
+    assert found.numbers('x').T.tolist() == [[0.0, 1.0, 4.0]]
+    np.savez(file, **{'x [N]': np.arange(3.0), 'x [mm]': np.arange(3.0)})
+    with pytest.raises(InputError, match="has several columns 'x'"):
+        read_csv(file, 'table')
+
+
+def test_what_is_no_table_of_vectors_is_told_as_of_text(tmp_path):
+    """Too large before it is read; an empty sheet; no file at all."""
+    np.savez(tmp_path / 'x.npz', x=np.zeros(LARGEST // 8 + 1))
+    Workbook().save(tmp_path / 'x.xlsx')
+    (tmp_path / 'x.mat').mkdir()
+    for ending, words in (
+        ('npz', f'is larger than {LARGEST} bytes: give fewer points'),
+        ('xlsx', 'cannot be read: it is empty'),
+        ('mat', 'cannot be read: Is a directory'),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)):
+            read_csv(tmp_path / f'x.{ending}', 'table')
 
 
 def test_a_unit_of_a_joint_that_slides_or_turns_is_left_open(table):
