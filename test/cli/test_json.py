@@ -182,7 +182,7 @@ def test_refusals_are_strict_json(capsys, files, name):
     [
         (benchmarks, ()),
         pytest.param(hard, ('critical_damping', 'free_shaft'), marks=pytest.mark.slow),
-        (grid, ('--only', 'slot_001', '--workers', '1')),
+        (grid, ('--only', 'slot_001,geneva_001', '--workers', '1')),
     ],
 )
 def test_other_programs_print_strict_json(capsys, program, good):

@@ -119,6 +119,7 @@ FULL = 'the output cannot be written: No space left on device'
     ('words', 'code', 'said'),
     [
         (('scenes',), 1, FULL),
+        pytest.param(CHECK, 1, FULL, marks=pytest.mark.slow),
         (('--help',), 1, FULL),
         pytest.param((*CHECK, '--json'), 1, FULL, marks=pytest.mark.slow),
         (('check', 'nosuch', '--json'), 2, "there is no scene 'nosuch'"),
