@@ -30,6 +30,7 @@ from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.tolerances import TOLERANCES
 
 _MECHANISM = TOLERANCES.mechanism
+_ROUNDING = 4.0 * float(np.finfo(float).eps)
 
 
 class Excitation(NamedTuple):
@@ -250,7 +251,7 @@ class Linearisation:
         for _ in range(_MECHANISM.equilibrium):
             at, linear = self._finite(at)
             B, _ = self.basis(linear.J)
-            g, K = B.T @ linear.F, B.T @ linear.K @ B
+            g, K = B.T @ linear.F, reduced(linear.K, B)
             scale = 1.0 / np.abs(B / self.scale[:, None]).max(axis=0, initial=1e-300)
             g, K = scale * g, scale[:, None] * K * scale
             values, vectors = np.linalg.eigh((K + K.T) / 2.0)
@@ -410,6 +411,12 @@ class Linearisation:
         )
         q, v, a, f, size = (x[:, 0].reshape(2, -1) for x in found)
         return q, v, a, f, size
+
+
+def reduced(matrix: Array, B: Array) -> Array:
+    """``B^T matrix B``, 0 where its parts cancel: a spring beside a rigid joint holds nothing."""
+    found, parts = B.T @ matrix @ B, np.abs(B).T @ np.abs(matrix) @ np.abs(B)
+    return np.where(np.abs(found) <= len(B) * _ROUNDING * parts, 0.0, found)
 
 
 def _slopes(terms: Sequence[Term], by: Sequence[hy.expression]) -> list[Term]:

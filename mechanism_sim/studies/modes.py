@@ -19,7 +19,7 @@ from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import TorqueLaw
-from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point
+from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point, reduced
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
@@ -181,7 +181,7 @@ class LinearMachine:
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
         """Mass, damping and stiffness (f, f) of the independent coordinates."""
-        M, C, K = (self.B.T @ x @ self.B for x in (self.linear.M, self.linear.C, self.linear.K))
+        M, C, K = (reduced(x, self.B) for x in (self.linear.M, self.linear.C, self.linear.K))
         return M, C, K
 
     @property

@@ -702,6 +702,25 @@ def test_a_belt_of_taut_strands_is_a_spring(turns):
         campbell(made(scene | {'gravity': [0.0, -9.81]}), np.array([30.0]))
 
 
+def test_a_spring_beside_a_rigid_joint_holds_nothing():
+    """An elastic belt beside a rigid one: the rounding of what cancels is no stiffness."""
+    rigid = {'belt': ['motor', 'fan'], 'radii': [0.04, 0.1]}
+    (mode,) = modes(weightless(
+        links={
+            'ground': {'points': {'fan': [0.4, 0.1]}},
+            'motor': {'mass': 2.0, 'inertia': 0.003},
+            'fan': {'mass': 6.0, 'inertia': 0.08},
+        },
+        joints={
+            'motor_shaft': {'revolute': ['ground', 'motor']},
+            'fan_shaft': {'revolute': ['ground.fan', 'fan']},
+            'belt': rigid | {'stiffness': '50 N/mm', 'pretension': '500 N'},
+            'chain': rigid,
+        },
+    ))  # fmt: skip
+    assert mode.frequency == 0.0
+
+
 @pytest.mark.parametrize('variation', [None, 'contact_ratio'])
 def test_elastic_teeth_without_backlash_are_a_spring(variation):
     """A pair that is free has the mode sqrt(k (rb1^2/J1 + rb2^2/J2)), a held pinion leaves one."""
