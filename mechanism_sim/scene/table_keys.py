@@ -20,7 +20,7 @@ from mechanism_sim.numerics.curves import Curve, Interpolation, through
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.drawn_edges import drawn_edges
 from mechanism_sim.scene.motion_keys import PositionPart
-from mechanism_sim.units import QuantityValue, to_si_of, to_si_text
+from mechanism_sim.units import QuantityValue, counted, to_si_of, to_si_text
 
 _ALONG = 'rad', 'm', 's', 'rad/s', 'm/s', ''
 _EVEN = 0.25 * math.pi
@@ -220,7 +220,8 @@ def _unwrapped(values: Array, unit: str, where: str) -> Array:
     largest = np.abs(steps[~jumps]).max()
     if largest > _EVEN or TWO_PI - np.abs(steps[jumps]).min() > 2.0 * largest:
         return values
-    assume(f'{where}: whole turns are added where angles jump by one, {jumps.sum()} times')
+    times = counted(int(jumps.sum()), 'time')
+    assume(f'{where}: whole turns are added where angles jump by one, {times}')
     return np.unwrap(values, period=TWO_PI / scale)
 
 
