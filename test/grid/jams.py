@@ -54,7 +54,7 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
             return no_forces(run, machine.equations.system, touching, v[len(touching) :], friction)
         A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
         b = np.array([terms.free_acceleration[r] for r in rows])
-        return jams(A, b, v, friction)
+        return jams(A, b, v, friction.tolist())
 
     if ends():
         return True
