@@ -34,6 +34,9 @@ hy.set_logger_level_error()
 _LARGEST = 200_000
 """Nodes of expressions that are compared in a few milliseconds."""
 
+_LONG = 2_000_000
+"""Nodes of equations whose optimisation takes some 10 s; of 500,000 it takes 4 s, and pays."""
+
 OPTIMISATION = 3
 """LLVM's level at most. Without any, code of the last bits of others is made in a quarter of the
 time, which pays for runs of a second."""
@@ -87,6 +90,7 @@ class _KeyedTerms:
     ----------
     large : whether LLVM takes long to optimise them: four times as long as to compile them, for
         1 to 2 us in a call
+    long : whether that takes so long for equations that they are to be compact
     """
 
     def __init__(self, expressions: Sequence[hy.expression]) -> None:
@@ -94,12 +98,12 @@ class _KeyedTerms:
         nodes = 0
         try:
             for x in expressions:
-                nodes += len(x) or _LARGEST + 1  # 0: too many to count
-                if nodes > _LARGEST:
+                nodes += len(x) or _LONG + 1  # 0: too many to count
+                if nodes > _LONG:
                     break
         except OverflowError:
-            nodes = _LARGEST + 1
-        self.large = nodes > _LARGEST
+            nodes = _LONG + 1
+        self.large, self.long = nodes > _LARGEST, nodes > _LONG
         self._key: object = self.expressions
         if self.large:
             # of these themselves: equal ones that are kept may share other parts

@@ -158,4 +158,4 @@ class EquationsOfMotion:
         more = system.elements or system.lent or system.dynamics.rubs or flexible
         worn = any(getattr(c, 'profile', None) for c in self.plan.clearances.values())
         # few of them may be long, as of a loose Geneva wheel with friction: 40 s of compilation
-        return bool(more) or tabulated or many or worn or system.taylor(True).terms.large
+        return bool(more) or tabulated or many or worn or system.taylor(True).terms.long

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import mechanism_sim as ms
-from mechanism_sim.numerics import compiled
 from mechanism_sim.numerics.compiled import Evaluation
 from mechanism_sim.numerics.symbolic import add, dense, mul
 from mechanism_sim.planar.frames import Frames, Parameters
@@ -17,8 +16,8 @@ def in_symbols(mechanism, point, q, v, a):
     pulls = [add(*(mul(s, frames.a[c]) for c, s in x.gradient.items()), x.curvature) for x in jets]
     rows = [[x.value for x in jets], [x.rate for x in jets], pulls]
     motion = [*frames.q.values(), *frames.v.values(), *frames.a.values()]
-    function = compiled.function([dense(x) for row in rows for x in row], motion)
-    (found,) = Evaluation(function, frames.parameters.values, [6])(np.concatenate([q, v, a]))
+    terms = [dense(x) for row in rows for x in row]
+    (found,) = Evaluation(terms, motion, frames.parameters.values, [6])(np.concatenate([q, v, a]))
     return found.reshape(3, 2, -1)
 
 
