@@ -222,7 +222,12 @@ class System:
         return integrator
 
     def taylor(self, sticks: bool) -> compiled.TaylorEquations:
-        """Equations and guards of `integrator`, over their variables; made once."""
+        """Equations and guards of `integrator`, over their variables; made once.
+
+        Parameters
+        ----------
+        sticks : whether contacts may stick
+        """
         if sticks not in self._taylors:
             self._taylors[sticks] = self._made(
                 self.dynamics.stabilised if sticks else self.dynamics.sliding

@@ -36,8 +36,9 @@ def wear_sums(
     Normal force, slip and direction are those at 8 Gauss nodes of every step, or of each part of
     one in which links turn by the distance of two places; a node counts at both places beside it,
     by how near they are. So the direction of a force is kept wherever it points, and the sum of a
-    place is continuous in where nodes lie: it holds to some 0.3 %, while nodes that count where
-    they lie err by several.
+    place is continuous in where nodes lie: of 72 places it holds to some 0.3 %, of 180 to 1.4 %
+    where the contact goes round and the links do not; nodes that count where they lie err by
+    several.
 
     Parameters
     ----------

@@ -160,13 +160,19 @@ def check_way(machine: Machine, duration: float) -> None:
     all is as before after one. Several drives are tried together, at their own pace.
     """
     machine = machine.rigid
-    # as long as one that was tried, it is not looked at anew: a short run would cost half as much
+    # every run asks: as long a way as one that was gone is not tried anew
     if duration not in machine.drive.ways_tried:
         _try_way(machine, duration)
         machine.drive.ways_tried[duration] = ''
 
 
 def _try_way(machine: Machine, duration: float) -> None:
+    """Refuse what cannot be followed, see `check_way`; ends of ways are entered as they are tried.
+
+    Raises
+    ------
+    InputError
+    """
     tried = machine.drive.ways_tried
     check_stops(machine, duration)
     if machine.torque_driven:
