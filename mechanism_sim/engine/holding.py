@@ -58,13 +58,15 @@ def acting(
     none = dict.fromkeys(unknowns, hy.expression(0.0))
     factors = _factors(switches, rates, unknowns)
     none |= {x: (1.0 - z) * x for x, z in factors.items()}  # known where they do not hold
-    A = substitute(every, none)
     if rubs:
         # flanks of teeth bear as they would without
         share = {x: factors.get(x, hy.expression(1.0)) for x in unknowns}
-        slopes = [substitute([share[T] * hy.diff(x, T) for T in unknowns], none) for x in every]
+        each = [share[T] * hy.diff(x, T) for x in every for T in unknowns]
+        A = substitute([*every, *each], none)  # at once: one by one they would share no parts
+        slopes = [A[k : k + n] for k in range(len(every), len(A), n)]
     else:  # the same of shorter expressions, whose roundings are those of long ago
         most = {x: none[x] + factors.get(x, hy.expression(1.0)) for x in unknowns}
+        A = substitute(every, none)
         B = [substitute(every, none | {x: most[x]}) for x in unknowns]
         slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]
     found: list[hy.expression] = [hy.expression(0.0)] * n

@@ -5,8 +5,9 @@ The event loop needs none of it; functions are compiled when they are first call
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 import heyoka as hy
@@ -60,6 +61,14 @@ _OBSERVED = (
     'acceleration', 'gap', 'closure', 'normal_force', 'friction_force', 'friction_power',
     'drive_torque', 'reaction', 'moment', 'energy',
 )  # fmt: skip
+
+
+def _in_groups(
+    found: Sequence[hy.expression], groups: Iterable[Sequence[Term]]
+) -> list[list[hy.expression]]:
+    """Terms made of all groups at once, in these again: one by one they would share no parts."""
+    rest = iter(found)
+    return [list(islice(rest, len(group))) for group in groups]
 
 
 class Observer:
@@ -142,10 +151,9 @@ class Observer:
             return terms
         acts, parts = forces.acting(solved), forces.parts(solved)
         terms['part'] = [s.flag for s in forces.holding.values()]
-        found = {
-            name: substitute([dense(x) for x in group], parts) for name, group in terms.items()
-        }
-        return found | {'residual': acts.residual}
+        found = substitute([dense(x) for x in chain.from_iterable(terms.values())], parts)
+        groups = _in_groups(found, terms.values())
+        return dict(zip(terms, groups, strict=True)) | {'residual': acts.residual}
 
     def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
         """These terms as a function of what `_inputs` makes."""
@@ -170,7 +178,9 @@ class Observer:
         for k, side in enumerate(sides):
             replace[side] = hy.make_vars(f'side{k}')
             variables.append(replace[side])
-        groups = [substitute(self.system.run.unpulled(self._terms[n]), replace) for n in names]
+        terms = [self._terms[n] for n in names]
+        whole = self.system.run.unpulled([*chain.from_iterable(terms)])
+        groups = _in_groups(substitute(whole, replace), terms)
         frames = eq.frames
         state = [*frames.q.values(), *frames.v.values()]
         prescribed = [frames.a[c] for c in self.system.prescribed]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import heyoka as hy
 import mpmath as mp
 import numpy as np
@@ -167,6 +169,7 @@ def test_the_laws_compile_with_their_parameters_left_open(kind):
         [(depth, rate), (rate, -law.normal_force(depth, rate, SPEED) / MASS)],
         [start, SPEED],
         pars=[K, 1.0],
+        opt_level=0,
         t_events=[hy.t_event(depth - 0.5 * start, direction=hy.event_direction.negative)],
     )
     for e in NOMINAL:
@@ -182,7 +185,7 @@ def test_numbers_arrays_and_expressions_give_the_same_force():
     depth, rate, approach = rng.uniform(0.1, 1.0, (3, 20)) * [[1e-5], [1.0], [2.0]]
     x = hy.make_vars('depth', 'rate', 'approach')
     for law in (Hertz(K), *(kind(K, 0.6) for kind in DAMPED)):
-        compiled = hy.cfunc([law.normal_force(*x), law.elastic_energy(x[0])], vars=x)
+        compiled = hy.cfunc([law.normal_force(*x), law.elastic_energy(x[0])], vars=x, opt_level=0)
         N, energy = compiled(np.array([depth, rate, approach]))
         assert law.normal_force(depth, rate, approach) == pytest.approx(N, rel=1e-14)
         assert law.elastic_energy(depth) == pytest.approx(energy, rel=1e-14)
@@ -242,7 +245,7 @@ SCALE = OIL.viscosity * OIL.radius * (OIL.width / OIL.clearance) ** 3
 def compiled_film(bearing):
     v = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing')
     motion = JournalMotion(*v)
-    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v)
+    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v, opt_level=0)
 
 
 FILM = compiled_film(OIL)
@@ -438,13 +441,26 @@ def test_the_film_compiles_with_its_parameters_left_open():
     assert filled(motion, pars=pars) == pytest.approx(FILM(motion), rel=1e-14)
 
 
+def test_what_a_film_does_in_one_motion_is_made_once():
+    """Force, moments and loss share it, and so do machines of one kind."""
+    first, again = (JournalMotion(*hy.make_vars('x', 'y', 'vx', 'vy', 'a', 'b')) for _ in '12')
+    for film in (OIL, replace(OIL, full=True), replace(OIL, supply=1e5)):
+        assert film.force(first) is film.force(again)
+        assert film.moments(first) is film.moments(again)
+        assert film.force(first) is not film.force(first._replace(share=0.5))
+    assert OIL.force(first) is not replace(OIL, full=True).force(first)
+
+
 def test_a_loaded_journal_spirals_from_rest_at_the_centre_to_ocvirks_point():
     names = hy.make_vars('x', 'y', 'vx', 'vy')
     x, y, vx, vy = names
     mass, load, spin = 2.0, 60.0, 150.0
     fx, fy = OIL.force(JournalMotion(x, y, vx, vy, hy.par[0], hy.expression(0.0)))
     flow = hy.taylor_adaptive(
-        [(x, vx), (y, vy), (vx, fx / mass), (vy, (fy - load) / mass)], [0.0] * 4, pars=[spin]
+        [(x, vx), (y, vy), (vx, fx / mass), (vy, (fy - load) / mass)],
+        [0.0] * 4,
+        pars=[spin],
+        opt_level=0,  # its optimisation takes a hundred times as long as the run
     )
     flow.propagate_until(0.3)
 

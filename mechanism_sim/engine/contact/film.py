@@ -20,18 +20,21 @@ x > 1, and 1 before, is the share of the suction that the supply holds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
 from math import cos, factorial, pi, sin
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import heyoka as hy
 import numpy as np
 
+from mechanism_sim.numerics.symbolic import kept
 from mechanism_sim.tolerances import TOLERANCES
 
 _CONTACTS = TOLERANCES.contacts
 
-
+T = TypeVar('T')
 Vector = tuple[hy.expression, hy.expression]
 
 
@@ -73,6 +76,18 @@ class JournalMotion(NamedTuple):
         return self.share * self.x, self.share * self.y
 
 
+def _once(make: Callable[[ShortBearing, JournalMotion], T]) -> Callable[..., T]:
+    """The same objects for the same motion: heyoka walks through equal ones apart, each anew."""
+
+    @wraps(make)
+    def found(film: ShortBearing, motion: JournalMotion) -> T:
+        walls = (*motion.shape.depth, *motion.shape.slope) if motion.shape else ()
+        key = make, film, motion.shape and (motion.shape.steepest, motion.shape.blur)
+        return kept(key, lambda *_: make(film, motion), *motion[:7], *walls)
+
+    return found
+
+
 @dataclass(frozen=True)
 class ShortBearing:
     """A journal carried by oil. All quantities may be heyoka parameters.
@@ -90,6 +105,7 @@ class ShortBearing:
     full: bool = False  #: whether the supply keeps it from rupturing: pressures below it pull
     supply: float = 0.0  #: [Pa] pressure of the supply above that at which it ruptures
 
+    @_once
     def force(self, motion: JournalMotion) -> Vector:
         """Force of the oil on the journal [N], through its centre; the bushing takes the opposite.
 
@@ -111,7 +127,7 @@ class ShortBearing:
         With a supply the other half pulls, see `_suction`; of worn walls see `_between`.
         """
         if motion.shape:
-            fx, fy, _, _ = self._between(motion, motion.shape)
+            fx, fy, _, _ = self._between(motion)
             return fx, fy
         ux, uy = motion.squeeze
         x, y = motion.place
@@ -137,6 +153,7 @@ class ShortBearing:
         scale = self.viscosity * self.radius * (self.width / c) ** 3
         return -scale * (along * ux - across * uy), -scale * (along * uy + across * ux)
 
+    @_once
     def moments(self, motion: JournalMotion) -> Vector:
         """Moments of the oil's shear on journal and bushing [N m], about the centre of each.
 
@@ -150,7 +167,7 @@ class ShortBearing:
         petroff = 2.0 * pi * self.viscosity * self.width * self.radius**3 / self.clearance
         slip = motion.spin_journal - motion.spin_bushing
         if motion.shape:
-            fx, fy, turning, thin = self._between(motion, motion.shape)
+            fx, fy, turning, thin = self._between(motion)
             drag = petroff * slip * thin - 0.5 * turning
         else:
             fx, fy = self.force(motion)
@@ -163,8 +180,9 @@ class ShortBearing:
         ux, uy = motion.squeeze
         return (motion.x * uy - motion.y * ux) / self.clearance
 
+    @_once
     def _between(
-        self, motion: JournalMotion, shape: FilmShape
+        self, motion: JournalMotion
     ) -> tuple[hy.expression, hy.expression, hy.expression, hy.expression]:
         """Force on the journal (x, y) and moment of the pressure between worn walls, mean of c/h.
 
@@ -179,6 +197,8 @@ class ShortBearing:
         angles. The pressure ends over an angle where it ruptures (`FilmShape.blur`), so that F is
         smooth: it is within 1.5 % of the integral where walls touch, and nearer elsewhere.
         """
+        shape = motion.shape
+        assert shape  # noqa: S101 - given
         ux, uy = motion.squeeze
         x, y = motion.place
         half_slip = 0.5 * (motion.spin_journal - motion.spin_bushing)
