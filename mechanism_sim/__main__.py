@@ -4,6 +4,7 @@ import atexit
 import gc
 import os
 import sys
+import threading
 from pathlib import PurePath
 
 from mechanism_sim import ending
@@ -24,11 +25,13 @@ def main() -> None:
     try:
         command()
     except SystemExit as ended:
-        if isinstance(ended.code, int) and ended.code:
+        code = ended.code or 0
+        others = {*threading.enumerate()} - {threading.main_thread()}
+        if isinstance(code, int) and all(thread.daemon for thread in others):
             # All is said and in order, and to take down what was imported takes long.
             atexit._run_exitfuncs()
             sys.stdout.flush()
-            os._exit(ended.code)
+            os._exit(code)
         raise
 
 

@@ -131,6 +131,29 @@ def test_a_command_that_still_imports_ends_so_too(number, after):
     assert (process.returncode, said) == (130, 'mechanism-sim: interrupted\n')
 
 
+def test_a_command_that_is_done_ends_at_once_but_for_who_still_works():
+    """What was imported is not taken down; exit functions run, threads are waited for."""
+    text = (
+        f'{FOLLOW}import atexit, sys, threading; from mechanism_sim.__main__ import main\n'
+        'class Kept:\n'
+        '    def __del__(self): print("taken down")\n'
+        'kept, late = Kept(), "late" in sys.argv[2:]\n'
+        'atexit.register(print, "exit function")\n'
+        'def work(): threading.main_thread().join(); print("worked")\n'
+        'if late: threading.Thread(target=work).start(); del sys.argv[2:]\n'
+        'main()\n'
+    )
+    said = [
+        subprocess.run(
+            [sys.executable, '-c', text, '--version', *late],
+            capture_output=True, text=True, check=True, timeout=TIMEOUT,
+        ).stdout.split('\n')[1:]
+        for late in ((), ('late',))
+    ]  # fmt: skip
+    assert said[0] == ['exit function', '']
+    assert said[1][:2] == ['worked', 'exit function']
+
+
 def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
     env = {**os.environ, ending.PARENT: str(os.getppid())}  # not who starts it
     done = subprocess.run(

@@ -45,11 +45,11 @@ OF_BAGS = (
     ('plot', 'run.mcap', 'velocity.rocker', '-o', 'plot.svg'),
 )
 LOADED = """
-import runpy, sys
+import sys
 for line in open(sys.argv[1]).read().splitlines():
-    sys.argv[1:] = line.split()
+    from mechanism_sim.cli import main
     try:
-        runpy.run_module('mechanism_sim', run_name='__main__', alter_sys=True)
+        main(line.split())
     except SystemExit as ended:
         assert not ended.code, line
     print('LOADED', *sorted(sys.modules))
