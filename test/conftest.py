@@ -56,9 +56,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(mark)
 
 
-AS_USERS = 'network', 'optimised'
-"""Marks of tests that compare runs of this process with others, or with recorded bits."""
 _optimised: set[tuple[Path, str]] = set()
+
+
+def _is_as_users(item: pytest.Item) -> bool:
+    """True if runs of this process are compared with those of others, or with recorded bits.
+
+    On a network of its own (the fixture) nodes are in this process, unless a test says otherwise.
+    """
+    alone = 'network' in getattr(item, 'fixturenames', ())
+    return any(map(item.get_closest_marker, ['optimised'] if alone else ['network', 'optimised']))
 
 
 def _parts(item: pytest.Item) -> set[tuple[Path, str]]:
@@ -71,8 +78,7 @@ def _parts(item: pytest.Item) -> set[tuple[Path, str]]:
 
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Thousands of tests stay until the end: not looked through again whenever garbage is."""
-    as_users = [x for x in session.items if any(map(x.get_closest_marker, AS_USERS))]
-    _optimised.update(*map(_parts, as_users))
+    _optimised.update(*map(_parts, filter(_is_as_users, session.items)))
     gc.freeze()
     gc.set_threshold(20_000)  # what a test makes is mostly gone by then
 

@@ -430,7 +430,7 @@ def test_a_film_moves_the_links_as_the_textbook_equations_integrated_by_scipy():
     names = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing')
     film = ShortBearing(0.03, 0.02, 0.01, 1e-4)
     motion = JournalMotion(*names)
-    compiled = hy.cfunc([*film.force(motion), *film.moments(motion)], vars=names)
+    compiled = hy.cfunc([*film.force(motion), *film.moments(motion)], names, opt_level=0)
     overrides = {f'{CLEARANCE}.contact': FILM, f'{CLEARANCE}.radial': 1e-4}
     machine = ms.load_scene('four_bar_clearance', overrides)
     state = machine.initial_state()

@@ -27,7 +27,7 @@ HALF = ShortBearing(viscosity=0.02, width=8e-3, radius=10e-3, clearance=30e-6)
 def compiled(bearing):
     v = hy.make_vars('x', 'y', 'vx', 'vy', 'journal', 'bushing', 'share')
     motion = JournalMotion(*v)
-    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v)
+    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v, opt_level=0)
 
 
 SUPPLIES = 1e3, 3e5, 2e7

@@ -43,7 +43,9 @@ def film(request):
     parts = [[hy.expression(x) for x in part] for part in WORN.along()]
     shape = FilmShape(*parts, hy.expression(WORN.steepest), WORN.blur)
     bearing, motion = ShortBearing(**OIL, **KINDS[request.param]), JournalMotion(*v, shape=shape)
-    return hy.cfunc([*bearing.force(motion), *bearing.moments(motion)], vars=v), bearing
+    return hy.cfunc(
+        [*bearing.force(motion), *bearing.moments(motion)], vars=v, opt_level=0
+    ), bearing
 
 
 def cut_pressure(motion, bearing, theta, z):

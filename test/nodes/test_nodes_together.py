@@ -255,6 +255,7 @@ def play(nodes: dict[str, SimulationNode]) -> None:
         operator.destroy_node()
 
 
+@pytest.mark.optimised  # as in the other process
 def test_machines_in_two_namespaces_do_not_disturb_each_other(network, tmp_path):
     """One in another process runs to its end while one of no namespace waits in this."""
     bags = {'': tmp_path / 'plain.mcap', 'left/': tmp_path / 'left.mcap'}

@@ -215,7 +215,7 @@ def skew_four_bar(gravity=(3.0, -7.0)):
 
 def evaluate(terms, equations, q, v):
     symbols = [*equations.frames.q.values(), *equations.frames.v.values()]
-    function = hy.cfunc([dense(t) for t in terms], vars=symbols)
+    function = hy.cfunc([dense(t) for t in terms], vars=symbols, opt_level=0)
     pars = equations.parameters.values[: function.nparams]
     return function(np.array([*q, *v]), pars=np.array(pars))
 
@@ -462,7 +462,7 @@ def test_jets_of_sums_products_and_quotients_against_differences():
         f for j in jets for f in (j.value, j.gradient['p'], j.gradient['r'], j.rate, j.curvature)
     ]
     symbols = [*frames.q.values(), *frames.v.values()]
-    function = hy.cfunc([dense(t) for t in terms], vars=symbols)
+    function = hy.cfunc([dense(t) for t in terms], vars=symbols, opt_level=0)
     got = function(np.array([*q, *v]), pars=np.array(parameters.values)).reshape(-1, 5)
     by = [
         numbers(q),

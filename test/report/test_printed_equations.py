@@ -266,7 +266,7 @@ def engine(machine, terms, state, parameters=()):
     expressions = [*(dense(t) for t in terms), hy.expression(0.0)]
     rows = present_rows(eq, *state[:2]) | dict.fromkeys(turns_of(eq), 0.0) | states_of(eq)
     expressions = list(hy.subs(expressions, {x: hy.expression(n) for x, n in rows.items()}))
-    function = hy.cfunc(expressions, vars=symbols)
+    function = hy.cfunc(expressions, vars=symbols, opt_level=0)
     values = np.array(eq.parameters.values)
     for name, value in parameters:
         values[eq.parameters.names[name]] = value
@@ -301,7 +301,7 @@ def present_rows(eq, q, v):
             waiting.append(switch)
             continue
         wound = hy.subs(switch.place, {x: hy.expression(n) for x, n in known.items()})
-        place = hy.cfunc([wound], vars=[*eq.frames.q.values(), *eq.frames.v.values()])
+        place = hy.cfunc([wound], [*eq.frames.q.values(), *eq.frames.v.values()], opt_level=0)
         (at,) = place(np.concatenate([q, v]), pars=np.array(eq.parameters.values)[: place.nparams])
         numbers = switch.values_at(np.array([at]))[:, 0]
         found |= zip(switch.symbols, numbers.tolist(), strict=True)
@@ -679,8 +679,8 @@ def test_every_formula_is_read_by_another_program(variant):
         for line in e['latex'].split('\\\\')
     ]  # fmt: skip
     assert len(equations) > 4
-    for formula in (*symbols, *equations):
-        parser.parse(f'${formula.strip()}$')
+    for formula in {x.strip() for x in (*symbols, *equations)}:
+        parser.parse(f'${formula}$')
 
 
 def balanced(text):

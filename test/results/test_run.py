@@ -227,8 +227,8 @@ def test_revolutions_may_be_written():
 def test_a_stream_that_was_interrupted_amid_a_piece_does_not_go_on():
     """What of the piece was counted nobody knows; after a break between pieces it goes on."""
     machine = ms.load_scene('four_bar_clearance')
-    whole = ms.stream(machine, revolutions=200).finish()
-    run = ms.stream(machine, revolutions=200)
+    whole = ms.stream(machine, revolutions=50).finish()
+    run = ms.stream(machine, revolutions=50)
     for _ in run:
         break
     assert vars(run.finish().totals) == vars(whole.totals)
@@ -236,7 +236,7 @@ def test_a_stream_that_was_interrupted_amid_a_piece_does_not_go_on():
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    run = ms.stream(machine, revolutions=200, progress=interrupt)
+    run = ms.stream(machine, revolutions=50, progress=interrupt)
     with pytest.raises(KeyboardInterrupt):
         run.finish()
     with pytest.raises(RunError, match='interrupted amid a piece'):
