@@ -9,7 +9,7 @@ from mechanism_sim.engine.contact.problem import ContactProblem
 from mechanism_sim.engine.holding_impulse import ImpulseWork, stop
 from mechanism_sim.engine.present_state import PresentState, rate_of
 from mechanism_sim.errors import RunError
-from mechanism_sim.planar.switches import HOLDS, Switch
+from mechanism_sim.planar.switches import HOLDS, Switch, by_level
 from mechanism_sim.tolerances import TOLERANCES
 
 _JOINT_FRICTION = TOLERANCES.joint_friction
@@ -70,7 +70,7 @@ class Switching:
 
     def find_rows(self) -> None:
         """Set the rows as the present state has them."""
-        for _ in range(self._system.switch_levels):
+        for _ in by_level(self._system.switches):  # until each row follows from those before it
             places = zip(self._system.switches, self.places(), strict=True)
             self.set_rows(tuple(s.row_at(x) for s, x in places))
 

@@ -29,7 +29,6 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import FirstOrderState, Gap, Relation
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.planar.switched_functions import Edges
-from mechanism_sim.planar.switches import by_level
 from mechanism_sim.tolerances import TOLERANCES
 
 _GUARDS = TOLERANCES.guards
@@ -127,11 +126,6 @@ class System:
     def rounding(self) -> float:
         """[m] Two roundings of a position of the mechanism."""
         return 2.0 * float(np.spacing(self.mechanism.reach))
-
-    @property
-    def switch_levels(self) -> int:
-        """How many times rows must be set until each follows from those before it."""
-        return len(by_level(self.switches))
 
     @cached_property
     def guard_functions(self) -> list[hy.expression]:

@@ -186,7 +186,10 @@ class Part(BaseModel):
         if not isinstance(data, dict):
             return data
         data = {key: plain(value) for key, value in data.items()}
-        empty = [k for k, v in data.items() if v is None or (type(v) is dict and _has_none(v))]
+        empty = [  # `in` would compare arrays
+            k for k, v in data.items()
+            if v is None or (type(v) is dict and any(x is None for x in v.values()))
+        ]  # fmt: skip
         if not empty:
             return data
         fields = {field.alias or name: field for name, field in cls.model_fields.items()}
@@ -213,10 +216,6 @@ class Part(BaseModel):
         which : `include`, `exclude`, `exclude_unset` of pydantic
         """
         return self.model_dump(by_alias=True, **which)
-
-
-def _has_none(named: dict[str, Any]) -> bool:
-    return any(value is None for value in named.values())  # `in` would compare arrays
 
 
 def _without_empty_names(named: dict[str, Any], kind: Any) -> dict[str, Any]:

@@ -62,11 +62,6 @@ class Told:
         self.words, self.slides = words, slides
         self.difference, self.repeats = difference, repeats
 
-    @property
-    def is_force(self) -> bool:
-        """True if it is known only where masses are."""
-        return self.units[-1] in ('N', 'N m')
-
 
 class ToothLoad(NamedTuple):
     """A force on a shaft where teeth touch, in space; N instants."""

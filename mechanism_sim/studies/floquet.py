@@ -117,10 +117,12 @@ class FloquetMap:
             raise InputError(f'{self._machine.name}: {ends[0]}')
         f, k = len(self._free), len(self._own)
         begun = np.zeros((len(J), 2 * k))
+        # of coordinates, then of rates, among those of all
+        free = [*self._free, *(len(self._kinematics.coordinates) + i for i in self._free)]
         for j, direction in enumerate(np.eye(2 * k)):
             for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
                 q, v = self._motion(x + offset * _STEP * direction)
-                begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[self._whole_state]
+                begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[free]
         rows = [*self._own, *(f + i for i in self._own)]
         flow = flow_at_end(motion, self._free)[rows] / self.scale
         return np.asarray((J @ begun)[rows] / self.scale[:, None]), np.asarray(flow)
@@ -128,11 +130,6 @@ class FloquetMap:
     @cached_property
     def _flows(self) -> Flows:
         return Flows.by_state(self._machine, 0.0)
-
-    @property
-    def _whole_state(self) -> list[int]:
-        """Indices of the free coordinates, then of their rates, among those of all."""
-        return [*self._free, *(len(self._kinematics.coordinates) + i for i in self._free)]
 
 
 def applies(machine: Machine) -> bool:

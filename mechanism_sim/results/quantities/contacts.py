@@ -59,7 +59,7 @@ def of_readings(machine: Machine) -> Iterator[Quantity]:
             if not (notes and isinstance(told := notes[0], Told)) or field in joint.untold:
                 continue
             known = machine.physics.has_forces and joint.name not in machine.physics.undetermined
-            if known or not told.is_force:
+            if known or told.units[-1] not in ('N', 'N m'):  # of forces only where masses are
                 yield _of_field(machine, joint, field, told)
 
 
