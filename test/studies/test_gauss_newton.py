@@ -134,7 +134,7 @@ def test_correlated_errors_widen_the_limits():
 
 
 def test_a_signal_of_another_machine_is_said_to_be_none():
-    record = measured(1)
+    record = measured(1, count=150)
     walk = np.cumsum(np.random.default_rng(2).standard_normal(len(record.times)))
     other = QuantityRecord(record.machine, record.name, record.times, 0.25 + 0.05 * walk)
     found = identify([other], wanted(other), seed=1)

@@ -189,12 +189,16 @@ def test_a_journal_goes_on_with_another_limit(tmp_path):
     """As afresh, with the runs of the same depths from the journal: here that of the new one."""
     table = tmp_path / 'life.csv'
     how = {'cycles': 1e12, 'revolutions': 2, 'skip': 0}
-    journal = tmp_path / 'life.csv.journal'
+    journal, afresh = tmp_path / 'life.csv.journal', {}
     for limit, tolerance in ((1.01, 0.02), (1.1, 0.02), (1.1, 0.01), (1.01, 0.02)):
         given = {**how, 'tolerance': tolerance}
         lines = len(journal.read_text().splitlines()) - 1 if journal.exists() else 0
         found = ms.life(wheel(), f'clearance > {limit * CLEARANCE} m', table=table, **given)
-        fresh = ms.life(wheel(), f'clearance > {limit * CLEARANCE} m', **given)
+        if (limit, tolerance) not in afresh:
+            afresh[limit, tolerance] = ms.life(
+                wheel(), f'clearance > {limit * CLEARANCE} m', **given
+            )
+        fresh = afresh[limit, tolerance]
         assert (found.cycles, found.low, found.high) == (fresh.cycles, fresh.low, fresh.high)
         assert {n: x.tolist() for n, x in found.table().items()} == {
             n: x.tolist() for n, x in fresh.table().items()

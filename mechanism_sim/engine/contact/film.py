@@ -77,7 +77,7 @@ class JournalMotion(NamedTuple):
 
 
 def _once(make: Callable[[ShortBearing, JournalMotion], T]) -> Callable[..., T]:
-    """The same objects for the same motion: heyoka walks through equal ones apart, each anew."""
+    """Make equal motions give the same objects: heyoka walks through others apart, each anew."""
 
     @wraps(make)
     def found(film: ShortBearing, motion: JournalMotion) -> T:
