@@ -309,7 +309,7 @@ def follow(
     shared : the plan of those that begin near to where they settle
     """
     state: State | None = None
-    before: Array | None = None
+    before: Machine | None = None
     course = _Course()
     found: list[dict[str, Any]] = []
     for change in changes:
@@ -321,11 +321,12 @@ def follow(
         except InputError as error:  # of a range some values may not be
             why = str(error)
         if why:
-            none = {'note': why, 'value': value, 'branch': branch, 'state': None}
-            found.append(_NOTHING | none)
+            found.append(_NOTHING | {'note': why, 'value': value, 'branch': branch, 'state': None})
             state, course = None, _Course()
             continue
-        shift = None if before is None else own - before
+        if state and before:
+            state = _carried(state, before, machine)
+        shift = None if before is None else own - _begin(before)
         for begin, seen in _starts(state, shift, course.step()):
             try:
                 near = shared if shared and begin else plan
@@ -336,7 +337,7 @@ def follow(
             except RunError as error:
                 response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
-        state, before = None if branch == START else state, own
+        state, before = None if branch == START else state, machine
         course.enter(ends)
     return {'responses': found}
 
@@ -410,6 +411,21 @@ def _begin(machine: Machine) -> Array:
     found = converted(plan.ideal, plan.loose, start.q, start.v)
     free = [plan.loose.coordinates.index(c) for c in machine.equations.system.free]
     return np.concatenate([x[free] for x in found])
+
+
+def _carried(state: State, before: Machine, machine: Machine) -> State | None:
+    """A state with its states of first order over the scales of another machine; None of others.
+
+    They are moved by what lies between their starts, as positions and rates are.
+    """
+    old, new = (one.equations.system.states for one in (before, machine))
+    if len(old) != len(new):
+        return None
+    moved = [
+        (x * a.scale + (b.start - a.start)) / b.scale
+        for x, a, b in zip(state.states, old, new, strict=True)
+    ]
+    return replace(state, states=tuple(moved))
 
 
 def _moved(state: State, step: Array) -> State:

@@ -267,7 +267,8 @@ def read_plan(
         with _in_run(where):
             named = str(given.get(SCENE, file.scene))
             if named not in bases:
-                bases[named] = content_of(str(path.parent / named) if _is_path(named) else named)
+                file_of = path.parent / named if named.endswith(('.yaml', '.yml')) else named
+                bases[named] = content_of(str(file_of))
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
             overrides, left_out = _without_play(overrides)
@@ -307,7 +308,9 @@ def read_plan(
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
                 texts = (*_texts(asked), *(m.text for m in read))
                 ruling += [list(texts)] if texts else []
-                ruling += [_measurement_keys(nudged)] if read or _read_sensors(asked) else []
+                figures = (x for m in asked for f in m.figures for x in f.names)
+                sensed = read or any(x.startswith('sensors.') for x in figures)
+                ruling += [_measurement_keys(nudged)] if sensed else []
                 key = _hash(ruling)
                 runs.append(Run(len(runs), base.name, nudged, values, given, key, texts))
     _refuse_hopeless(path.name, runs)
@@ -401,10 +404,6 @@ def _of_all(measured: Iterable[tuple[str, ...]]) -> tuple[str, ...]:
     """The measures that all scenes have."""
     first, *others = measured
     return tuple(text for text in first if all(text in other for other in others))
-
-
-def _read_sensors(measures: Iterable[OwnMeasure]) -> bool:
-    return any(n.startswith('sensors.') for m in measures for f in m.figures for n in f.names)
 
 
 def _by_component(sweep: SweepFile) -> SweepFile:
@@ -563,10 +562,6 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
 def _measurement_keys(scene: Scene) -> dict[str, Any]:
     """Keys of a scene about its measurements."""
     return scene.to_document(include={'sensors', 'oscillators'})
-
-
-def _is_path(scene: str) -> bool:
-    return scene.endswith(('.yaml', '.yml'))
 
 
 def _describe(given: Mapping[str, Any]) -> str:
