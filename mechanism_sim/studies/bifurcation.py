@@ -168,22 +168,18 @@ class Bifurcation:
         """The columns of the table."""
         rows = [(r, k) for r in self.responses for k in range(len(r.points))]
         given = [unrounded(self.scale * r.value) for r, _ in rows]
-        first = [
+        quantities = enumerate(zip(self.plan.of, self.units, self.words, strict=True))
+        return [
             Column(self.parameter.path, given, self.unit, 'varied'),
             Column('branch', [r.branch for r, _ in rows], '', 'how the response was reached'),
             Column('period', [r.period for r, _ in rows], '', 'turns of the drive; 0: none found'),
             Column('response', [r.number for r, _ in rows], '', 'of those that coexist'),
-        ]
-        return (
-            first
-            + [
+            *(
                 Column(name, [float(r.points[k, i]) for r, k in rows], unit, words)
-                for i, (name, unit, words) in enumerate(
-                    zip(self.plan.of, self.units, self.words, strict=True)
-                )
-            ]
-            + [Column('settled', [int(r.settled) for r, _ in rows], '', '0: it still converges')]
-        )
+                for i, (name, unit, words) in quantities
+            ),
+            Column('settled', [int(r.settled) for r, _ in rows], '', '0: it still converges'),
+        ]
 
 
 def bifurcation(

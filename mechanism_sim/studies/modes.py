@@ -539,39 +539,43 @@ def campbell(machine: Machine, speeds: Array) -> list[Station]:
     A torque or a motor is replaced by what keeps the speed. Where a force does not turn with the
     drive, modes are those at the start, and a warning says how much they change over the turn.
     """
-    main, found = turning(machine, '--speeds'), derivatives(machine, held=kept(machine))
-    stations, change = list[Station](), 0.0
+    turning(machine, '--speeds')
+    found = derivatives(machine, held=kept(machine))
+    stations, told = list[Station](), False
     for speed in map(float, speeds):
         one = linearised(machine, speed=speed, known=found)
         stations.append(_station(one, speed))
-        if change <= _STEADY and (change := _change_over_turn(one, stations[-1])) > _STEADY:
-            warnings.warn(
-                f'{machine.name}: modes at a steady speed CHANGE over the turn of {main}, their '
-                f'frequencies by {100.0 * change:.2g} % at {speed:g} rad/s, as a force does not '
-                'turn with it: those at the start are shown',
-                RunWarning,
-                stacklevel=2,
-            )
+        told = told or warn_over_turn(one, speed)
     return stations
 
 
-def _change_over_turn(one: LinearMachine, here: Station) -> float:
-    """Largest relative change of a natural frequency by a third of a turn, either way.
+def warn_over_turn(one: LinearMachine, speed: float) -> bool:
+    """Warn of a machine that is not the same all over the turn of its drive at a steady speed.
 
-    It is 1 where modes oscillate that did not, or there is no equilibrium.
+    It is seen by its natural frequencies a third of a turn on, either way.
     """
-    own, change = [mode.frequency for mode in here.oscillating], 0.0
-    for turn in (-2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0) if here.speed else ():
-        q = one.at.q + turn / here.speed * one.at.v
+    try:
+        own = [mode.frequency for mode in one.modes() if mode.oscillates]
+    except InputError:  # what has no mass has responses, but no modes
+        return False
+    change = 0.0
+    for turn in (-2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0) if speed else ():
+        q = one.at.q + turn / speed * one.at.v
         try:
-            there = linearised(one.machine, start=q, speed=here.speed, known=one.derivatives)
-        except InputError:
-            return 1.0
-        other = [mode.frequency for mode in _station(there, here.speed).oscillating]
-        if len(other) != len(own):
-            return 1.0
-        change = max([change, *(abs(b / a - 1.0) for a, b in zip(own, other, strict=True))])
-    return min(change, 1.0)
+            there = linearised(one.machine, start=q, speed=speed, known=one.derivatives).modes()
+            other = [mode.frequency for mode in there if mode.oscillates]
+            change = max([change, *(abs(b / a - 1.0) for a, b in zip(own, other, strict=True))])
+        except (InputError, ValueError):  # there is no equilibrium, or other modes oscillate
+            change = 1.0
+    if change > _STEADY:
+        warnings.warn(
+            f'{one.machine.name}: its modes CHANGE over the turn of {one.machine.plan.main}, '
+            f'frequencies by {100.0 * min(change, 1.0):.2g} % at {speed:g} rad/s, as a force does '
+            'not turn with it: results are for the start',
+            RunWarning,
+            stacklevel=3,
+        )
+    return change > _STEADY
 
 
 def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[CriticalSpeed]:
