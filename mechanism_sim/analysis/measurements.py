@@ -107,19 +107,15 @@ def measurements(
             if machine is None and scene_text(bag) is None:
                 raise InputError(f'{path} does not hold its scene: give a machine by --scene')
             machine = machine or machine_of(bag)
-            if not channel and _is_of_sensor(bag, machine, sensor):
+            # signals of a sensor are what the bag gives, and not numbers of its messages
+            sensed = sensor in machine.scene.sensors or sensor not in catalogue(machine)
+            if not channel and sensed and find_topics(bag)['sensors']:
                 found.append(_of_sensor(bag, machine, signal_of(bag, sensor).since(skip)))
                 continue
             channels = _channels_of(bag, channel)
         chosen = _chosen(path, machine, sensor, channel, channels)
         found += [_of_channel(path, machine, name, c, skip) for name, c in chosen.items()]
     return found
-
-
-def _is_of_sensor(bag: Bag, machine: Machine, name: str | None) -> bool:
-    """True if signals of a sensor are what a bag gives, and not numbers of its messages."""
-    given = bool(find_topics(bag)['sensors'])
-    return given and (name in machine.scene.sensors or name not in catalogue(machine))
 
 
 def _channels_of(bag: Bag, path: str | None) -> dict[str, ChannelSamples]:

@@ -26,6 +26,7 @@ from mechanism_sim.results.bearing_wear import shared, wear_sums
 from mechanism_sim.results.turns import impact_means, impacts_by_turn
 
 MARKED = 6  #: impacts marked in [SB] 8.11
+_SECTORS = 72  # of a circle, in maps of wear
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,11 +212,7 @@ class WearMap:
 
 
 def wear_maps(
-    record: Record,
-    joint: str,
-    sectors: int = 72,
-    pin_radius: float | None = None,
-    skip: int = 0,
+    record: Record, joint: str, pin_radius: float | None = None, skip: int = 0
 ) -> tuple[WearMap, WearMap]:
     """Wear of the bushing and of the pin of a joint.
 
@@ -225,7 +222,6 @@ def wear_maps(
 
     Parameters
     ----------
-    sectors : into which the circle is divided
     pin_radius : [m]; that of the scene unless told. Of a pin without friction it does not change
         the motion, but it does how far surfaces slide
     skip : whole turns at the start that are left out
@@ -242,15 +238,15 @@ def wear_maps(
             f'{record.machine.name}: the pin of {joint} has friction and a radius of '
             f'{play.journal:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
         )
-    if sectors < 1 or radius < 0.0:
-        raise InputError('a wear map needs a sector or more, and a pin radius of at least 0')
-    edges = np.linspace(-np.pi, np.pi, sectors + 1)
+    if radius < 0.0:
+        raise InputError('a wear map needs a pin radius of at least 0')
+    edges = np.linspace(-np.pi, np.pi, _SECTORS + 1)
     rose = impact_rose(record, joint, skip)
     times = np.array([record.begin(skip), np.inf])
-    first = -np.pi + np.pi / sectors
-    followed = wear_sums(record.machine, record.piece, joint, sectors, times, radius, first=first)
+    first = -np.pi + np.pi / _SECTORS
+    followed = wear_sums(record.machine, record.piece, joint, _SECTORS, times, radius, first=first)
     maps = (
-        WearMap(link, edges, shared(angle, rose.normal_impulse, sectors, first), *own[:3, 0])
+        WearMap(link, edges, shared(angle, rose.normal_impulse, _SECTORS, first), *own[:3, 0])
         for link, angle, own in zip(
             (rose.bushing, rose.pin), (rose.on_bushing, rose.on_pin), followed, strict=True
         )

@@ -99,8 +99,8 @@ class Brush:
                 continue
             x, y, angle = pose[self._skeleton.links.index(shape.link), :3].tolist()
             bare = shape.kind == 'link' and len(shape.outline) < 2
-            curve = _spine(shape) if not bare else None
-            if curve is not None:
+            if not bare:  # a bar's ends, or the edge of another shape
+                curve = shape.outline if len(shape.outline) == 2 else _closed(shape.outline)
                 if shape.bends:
                     curve = subdivided(curve, shape.symbol)
                 path = self._deformed(shape.link, ShapePath('line', (curve,)), pose)
@@ -134,11 +134,6 @@ def _look(style: str, number: int) -> dict[str, Any]:
     if style == 'paper':
         return {'fc': PAPER, 'ec': INK, 'lw': 0.9}
     return {'fc': INK if style == 'ink' else ACCENT, 'ec': 'none', 'lw': 0.0}
-
-
-def _spine(shape: Shape) -> Array:
-    """A bar's ends, or the edge of another shape."""
-    return shape.outline if len(shape.outline) == 2 else _closed(shape.outline)
 
 
 def _closed(outline: Array) -> Array:

@@ -63,7 +63,7 @@ def four_bars_json(found: Sequence[PathFourBar]) -> dict[str, Any]:
 def _finding_text(finding: Finding) -> str:
     unit, scale = for_people(finding.unit)
     key, path, lines = finding.parameter, finding.parameter.path, []
-    wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.6g} {unit}'
+    wanted = '' if finding.wanted is None else f' = {scale * finding.wanted:.9g} {unit}'
     for one in finding.found:
         note = ' (it jumps across the wanted value there)' if one.jump else ''
         if finding.wanted is None and one.value in (finding.curve[0][0], finding.curve[-1][0]):

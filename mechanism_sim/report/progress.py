@@ -41,42 +41,30 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
 @contextmanager
 def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error for so many runs: finished, failed, time left."""
-    log = _Log(label, total, quiet)
+    last, first = time.monotonic(), list[tuple[float, int]]()
     with _task(label, total, quiet, *_around('MofNCompleteColumn')) as update:
 
         def show(finished: int, failed: int = 0) -> None:
+            nonlocal last
             update(completed=finished, note=f'{failed} failed' if failed else '')
-            log.line(finished, failed)
+            now = time.monotonic()
+            if finished and not first:  # before it are imports and compilation
+                first.append((now, finished))
+            # lines for files, where it is no terminal, of work that takes minutes
+            if quiet or sys.stderr.isatty() or now < last + EVERY or not finished:
+                return
+            last = now
+            note = f', {failed} failed' if failed else ''
+            told = f' of {total}{note}'
+            began, before = first[0]
+            if finished >= before + _PACE:
+                left = (total - finished) / (finished - before) * (now - began)
+                told += f', about {left:.0f} s left'
+            if finished > total:  # of a search nobody knows how many follow the first
+                told = note
+            print(f'{label}: {finished}{told}', file=sys.stderr, flush=True)
 
         yield show
-
-
-class _Log:
-    """Lines on standard error for files, where it is no terminal: of work that takes minutes."""
-
-    def __init__(self, label: str, total: int, quiet: bool) -> None:
-        self._label, self._total = label, total
-        self._last = time.monotonic()
-        self._first: tuple[float, int] | None = None  # before it are imports and compilation
-        self._silent = quiet or sys.stderr.isatty()
-
-    def line(self, finished: int, failed: int) -> None:
-        """So many are finished."""
-        now = time.monotonic()
-        if finished and self._first is None:
-            self._first = now, finished
-        if self._silent or now < self._last + EVERY or not finished:
-            return
-        self._last = now
-        note = f', {failed} failed' if failed else ''
-        told = f' of {self._total}{note}'
-        began, before = self._first or (now, finished)
-        if finished >= before + _PACE:
-            left = (self._total - finished) / (finished - before) * (now - began)
-            told += f', about {left:.0f} s left'
-        if finished > self._total:  # of a search nobody knows how many follow the first
-            told = note
-        print(f'{self._label}: {finished}{told}', file=sys.stderr, flush=True)
 
 
 @contextmanager

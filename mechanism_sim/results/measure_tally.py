@@ -286,9 +286,8 @@ class FigureTally:
             own, search = next(x for x in self._searches if name in x[0])
             i = own.index(name)
             low, high = float(search.least[i]), float(search.greatest[i])
-            x = {'highest': high, 'lowest': low, 'largest': max(-low, high), 'range': high - low}[
-                kind
-            ]
+            largest = max(-low, high) + 0.0  # of what is zero all the time: without a sign
+            x = {'highest': high, 'lowest': low, 'largest': largest, 'range': high - low}[kind]
             if self._unbounded.get(name):
                 x = math.inf if kind in ('largest', 'range') else math.nan
                 note = 'it tends to infinity at a singular position'

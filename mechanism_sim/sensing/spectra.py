@@ -301,11 +301,11 @@ def _per_turn(turned: Sequence[Array]) -> int:
     return int(min(max(math.ceil((1.0 - 1e-9) / step), 8), _MOST))
 
 
-def order_spectrum(turns: TurnSegments, window: str = 'boxcar') -> OrderSpectrum:
+def order_spectrum(turns: TurnSegments) -> OrderSpectrum:
     """Amplitudes over orders, the `frequency` being in cycles a turn; of the longest series.
 
     Over whole turns an order that is a whole number leaks nowhere, however the speed varies; that
-    is why the window is none. 'hann' suits what belongs to no order.
+    is why the window is none.
     """
     longest = max(turns.series(), key=len)
-    return OrderSpectrum(**vars(amplitude(longest, float(turns.values.shape[1]), window)))
+    return OrderSpectrum(**vars(amplitude(longest, float(turns.values.shape[1]), 'boxcar')))

@@ -131,15 +131,15 @@ def _check(
 ) -> None:
     """Refuse a grid of which neither the corners nor the middle can be, before anything runs."""
     middle = places[len(places) // 2]
-    looked = [row[k] for row in (places[0], places[-1]) for k in (0, -1)]
+    corners = [row[k] for row in (places[0], places[-1]) for k in (0, -1)]
     refused = []
-    for change in [*looked, middle[len(middle) // 2]]:
+    for change in [*corners, middle[len(middle) // 2]]:
         try:
             Machine(name, check_scene(name, content, change)).initial_state()
+            return
         except InputError as error:
             refused.append(error)
-    if len(refused) > len(looked):
-        raise refused[0]
+    raise refused[0]
 
 
 def _kinds(found: Sequence[Response], alike: bool) -> list[int]:

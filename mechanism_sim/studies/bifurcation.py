@@ -168,22 +168,18 @@ class Bifurcation:
         """The columns of the table."""
         rows = [(r, k) for r in self.responses for k in range(len(r.points))]
         given = [unrounded(self.scale * r.value) for r, _ in rows]
-        first = [
+        quantities = enumerate(zip(self.plan.of, self.units, self.words, strict=True))
+        return [
             Column(self.parameter.path, given, self.unit, 'varied'),
             Column('branch', [r.branch for r, _ in rows], '', 'how the response was reached'),
             Column('period', [r.period for r, _ in rows], '', 'turns of the drive; 0: none found'),
             Column('response', [r.number for r, _ in rows], '', 'of those that coexist'),
-        ]
-        return (
-            first
-            + [
+            *(
                 Column(name, [float(r.points[k, i]) for r, k in rows], unit, words)
-                for i, (name, unit, words) in enumerate(
-                    zip(self.plan.of, self.units, self.words, strict=True)
-                )
-            ]
-            + [Column('settled', [int(r.settled) for r, _ in rows], '', '0: it still converges')]
-        )
+                for i, (name, unit, words) in quantities
+            ),
+            Column('settled', [int(r.settled) for r, _ in rows], '', '0: it still converges'),
+        ]
 
 
 def bifurcation(
@@ -309,7 +305,7 @@ def follow(
     shared : the plan of those that begin near to where they settle
     """
     state: State | None = None
-    before: Array | None = None
+    before: Machine | None = None
     course = _Course()
     found: list[dict[str, Any]] = []
     for change in changes:
@@ -321,11 +317,12 @@ def follow(
         except InputError as error:  # of a range some values may not be
             why = str(error)
         if why:
-            none = {'note': why, 'value': value, 'branch': branch, 'state': None}
-            found.append(_NOTHING | none)
+            found.append(_NOTHING | {'note': why, 'value': value, 'branch': branch, 'state': None})
             state, course = None, _Course()
             continue
-        shift = None if before is None else own - before
+        if state and before:
+            state = _carried(state, before, machine)
+        shift = None if before is None else own - _begin(before)
         for begin, seen in _starts(state, shift, course.step()):
             try:
                 near = shared if shared and begin else plan
@@ -336,7 +333,7 @@ def follow(
             except RunError as error:
                 response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
-        state, before = None if branch == START else state, own
+        state, before = None if branch == START else state, machine
         course.enter(ends)
     return {'responses': found}
 
@@ -410,6 +407,21 @@ def _begin(machine: Machine) -> Array:
     found = converted(plan.ideal, plan.loose, start.q, start.v)
     free = [plan.loose.coordinates.index(c) for c in machine.equations.system.free]
     return np.concatenate([x[free] for x in found])
+
+
+def _carried(state: State, before: Machine, machine: Machine) -> State | None:
+    """A state with its states of first order over the scales of another machine; None of others.
+
+    They are moved by what lies between their starts, as positions and rates are.
+    """
+    old, new = (one.equations.system.states for one in (before, machine))
+    if len(old) != len(new):
+        return None
+    moved = [
+        (x * a.scale + (b.start - a.start)) / b.scale
+        for x, a, b in zip(state.states, old, new, strict=True)
+    ]
+    return replace(state, states=tuple(moved))
 
 
 def _moved(state: State, step: Array) -> State:

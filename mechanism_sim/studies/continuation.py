@@ -589,14 +589,10 @@ def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
 
 
 def _known(made: list[ResponseBranch], found: Bifurcation, value: float, returns: Array) -> bool:
-    """True if one of the branches passes through states (P, 2 f) at a value."""
-    _, scale, turns = measure(found.machine)
-    return any(_holds(branch, value, returns, turns / scale) for branch in made)
-
-
-def _holds(branch: ResponseBranch, value: float, returns: Array, turns: Array) -> bool:
-    """True if a branch passes through states (P, 2 f) at a value, begun at any of their turns."""
-    for there, step in _places(branch, value, turns):
+    """True if one of the branches passes through states (P, 2 f) at a value, begun at any turn."""
+    _, scale, period = measure(found.machine)
+    turns = period / scale
+    for there, step in (x for branch in made for x in _places(branch, value, turns)):
         near = ONE + _BENT * step.max(axis=0)
         if any((np.abs(way) <= near).all() for way in _ways(there, returns, turns)):
             return True

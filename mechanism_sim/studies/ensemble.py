@@ -171,7 +171,11 @@ def _overrides(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _by_rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Rows of columns; a single value holds in all of them."""
-    several = {name: list(x) for name, x in columns.items() if _is_column(x)}
+    several = {
+        name: list(x)
+        for name, x in columns.items()  # a text is one value, and so is an array without axes
+        if hasattr(x, '__len__') and getattr(x, 'ndim', 1) > 0 and not isinstance(x, str | Mapping)
+    }
     sizes = {name: len(x) for name, x in several.items()}
     if len({*sizes.values()}) > 1:
         said = ', '.join(f'{name} has {n}' for name, n in sizes.items())
@@ -179,12 +183,6 @@ def _by_rows(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
     count = next(iter(sizes.values()), 1)
     every = {name: several.get(name, [x] * count) for name, x in columns.items()}
     return [{name: x[k] for name, x in every.items()} for k in range(count)]
-
-
-def _is_column(x: Any) -> bool:
-    """True of several values, False of one, such as a text."""
-    several = hasattr(x, '__len__') and getattr(x, 'ndim', 1) > 0
-    return several and not isinstance(x, str | Mapping)
 
 
 def _value(name: str, x: Any) -> tuple[str, Any]:

@@ -115,14 +115,12 @@ class FloquetMap:
         J, limits = self._flows.transition(motion, [])
         if ends := [limit for limit in limits if limit.ends]:
             raise InputError(f'{self._machine.name}: {ends[0]}')
-        f, k = len(self._free), len(self._own)
-        begun = np.zeros((len(J), 2 * k))
-        # of coordinates, then of rates, among those of all
-        free = [*self._free, *(len(self._kinematics.coordinates) + i for i in self._free)]
+        f, k, n = len(self._free), len(self._own), len(self._kinematics.coordinates)
+        begun, whole = np.zeros((len(J), 2 * k)), [*self._free, *(n + i for i in self._free)]
         for j, direction in enumerate(np.eye(2 * k)):
             for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
                 q, v = self._motion(x + offset * _STEP * direction)
-                begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[free]
+                begun[: 2 * f, j] += weight / _STEP * np.concatenate([q, v])[whole]
         rows = [*self._own, *(f + i for i in self._own)]
         flow = flow_at_end(motion, self._free)[rows] / self.scale
         return np.asarray((J @ begun)[rows] / self.scale[:, None]), np.asarray(flow)

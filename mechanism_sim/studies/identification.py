@@ -337,17 +337,11 @@ class Identification:
         kept = [k for k, row in enumerate(mine) if not has_failed(row)]
         return Design(places[kept], np.array([mine[k]['features'] for k in kept]))
 
-    def find(self, rounds: Sequence[int] = ROUNDS, design: Design | None = None) -> Result:
-        """Estimates from so many simulations in each round.
-
-        Parameters
-        ----------
-        design : simulations all over the box, made for other measurements of the same experiment;
-            they take the place of the first round
-        """
+    def find(self, rounds: Sequence[int] = ROUNDS) -> Result:
+        """Estimates from so many simulations in each round."""
         observed = np.concatenate([m.features for m in self.measurements])
         low, high = self.low, self.high
-        near = everything = design or self.explore(low, high, rounds[0])
+        near = everything = self.explore(low, high, rounds[0])
         fits = _fit(near)
         found = self._outcome(near, fits, observed)
         for count in rounds[1:]:

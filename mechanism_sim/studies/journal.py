@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from collections.abc import Collection
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
@@ -36,6 +37,7 @@ class Journal(FinishedRows):
     restart : forget what is there
     study : its name in messages
     size : number of its runs, where it is known before
+    keys : of all its runs, if it goes on from a journal of some of them, whatever their plan
     """
 
     def __init__(
@@ -45,6 +47,7 @@ class Journal(FinishedRows):
         restart: bool = False,
         study: str = 'sweep',
         size: int | None = None,
+        keys: Collection[str] | None = None,
     ) -> None:
         super().__init__()
         self._study, self._size = study, size
@@ -58,12 +61,12 @@ class Journal(FinishedRows):
         with output.errors_as_sentences(self.path):
             self._file = self.path.open('a+b')
         try:
-            self._begin(plan, restart)
+            self._begin(plan, restart, keys)
         except InputError:
             self._file.close()
             raise
 
-    def _begin(self, plan: str, restart: bool) -> None:
+    def _begin(self, plan: str, restart: bool, keys: Collection[str] | None) -> None:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -78,14 +81,15 @@ class Journal(FinishedRows):
             self._append(head)
             return
         entries = [self._parse(line, n) for n, line in enumerate(lines, 1)]
-        if entries[0] != head:
-            same = entries[0].get('sweep') == head['sweep']
-            what = 'of another version of the software' if same else f'of another {self._study}'
+        rows = {entry['key']: entry['row'] for entry in entries[1:]}
+        known = entries[0].get('sweep') == plan or (keys is not None and rows.keys() <= {*keys})
+        if entries[0] | {'sweep': plan} != head or not known:
+            what = 'of another version of the software' if known else f'of another {self._study}'
             raise InputError(
                 f"'{self.path}' is {what}: choose another name for the table, or give --restart "
                 'to begin anew'
             )
-        self.rows = {entry['key']: entry['row'] for entry in entries[1:]}
+        self.rows = {k: row for k, row in rows.items() if keys is None or k in keys}
         self.failed = sum(map(has_failed, self.rows.values()))
 
     def _parse(self, line: bytes, number: int) -> dict[str, Any]:

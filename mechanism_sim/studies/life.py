@@ -171,10 +171,8 @@ class Life:
 
     def columns(self) -> list[Column]:
         """A row for each stage."""
-        every, stages = (
-            [Column('cycles', [s.cycles for s in self.stages], '', 'so far')],
-            self.stages,
-        )
+        stages = self.stages
+        every = [Column('cycles', [s.cycles for s in stages], '', 'so far')]
         for k, joint in enumerate(self.joints):
             for name, values in (
                 ('clearance', [s.clearance[k] for s in stages]),

@@ -15,7 +15,6 @@ from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.frames import Frames, Parameters
-from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.switched_functions import SwitchedFunction
 from mechanism_sim.scene import Machine
@@ -91,10 +90,6 @@ class _Cycle:
         self._motion = machine.nominal.run(laws, loads=True).motion(self.period)
         self._physics = NominalPhysics(machine.nominal.motion, self.mechanism, None)
 
-    def at(self, times: Array) -> Observation:
-        """The motion without forces, at times (N,) [s] of the scene's speed."""
-        return self._physics.observe(self._motion, *self._motion.curve.find(times))
-
     def force(self, pair: HigherPair, factor: float) -> Callable[[Array], Array]:
         """The contact force (N,) at times (N,), the drive being `factor` times as fast."""
         frames = Frames(self.mechanism.coordinates, Parameters())
@@ -105,11 +100,10 @@ class _Cycle:
         index = self.mechanism.joints.index(pair)
 
         def force(times: Array) -> Array:
-            o = self.at(times)
             curve = self._motion.curve
-            turns = outside(
-                self._forces.outside, self.mechanism.coordinates, curve, *curve.find(times)
-            )
+            where = curve.find(times)
+            o = self._physics.observe(self._motion, *where)
+            turns = outside(self._forces.outside, self.mechanism.coordinates, curve, *where)
             v, a = factor * o.velocity, factor**2 * o.acceleration
             seen = self._forces(o.local, v, a, turns)
             (n,) = direction(o.local)

@@ -7,6 +7,7 @@ belts with pretension and elastic teeth without backlash are springs.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,7 +17,7 @@ import numpy as np
 import scipy
 
 from mechanism_sim.arrays import Array, ComplexArray
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.planar.closures import closures
 from mechanism_sim.planar.drive import TorqueLaw
 from mechanism_sim.planar.linearisation import Excitation, Linear, Linearisation, Point, reduced
@@ -40,6 +41,7 @@ _REAL = 1e-7
 _MEETS = 1e-9
 _NONE = 1e300  # [Hz] of a mode that is not there
 _HALVINGS = 12  # of an interval in which modes begin or cease to oscillate
+_STEADY = 1e-6  # of a frequency: by how much it may change over a turn, and is as good as steady
 #: 1 - cos^2 of the angle between two shapes up to which they are one
 _ONE_SHAPE = 1e-12
 
@@ -408,12 +410,7 @@ def linearised(
     if at is None and not speed and machine.plan.main in machine.plan.powered:
         at = _steady(machine, found, near)
     if at is None:
-        raise InputError(
-            f'{machine.name}: no equilibrium was found near the start'
-            f'{f" at a speed of {speed:g}" if speed else ""}: something must hold every '
-            "coordinate that a weight, a load or a drive's torque moves; start nearer to it by "
-            "'initial.position'"
-        )
+        raise _without_equilibrium(machine, speed)
     linear = found(at)
     _, rows = machine.plan.kinematics(()).closure(at.q[:, None])  # elastic joints among them
     if speed and np.abs(rows @ at.v).max(initial=0.0) > 1e-9 * abs(speed) * found.scale.max():
@@ -422,6 +419,17 @@ def linearised(
             'each other, so the modes change over the turn: take --along'
         )
     return LinearMachine(machine, found, at, linear, *found.basis(linear.J))
+
+
+def _without_equilibrium(machine: Machine, speed: float) -> InputError:
+    """Error of a machine that nothing holds near its start, which says what may be missing."""
+    at, touching = f' at a speed of {speed:g}' if speed else '', ', '.join(machine.plan.touching)
+    beside = f', and contacts ({touching}) do not here: put a spring there' if touching else ''
+    return InputError(
+        f'{machine.name}: no equilibrium was found near the start{at}: something must hold every '
+        f"coordinate that a weight, a load or a drive's torque moves{beside}; start nearer to it "
+        "by 'initial.position'"
+    )
 
 
 def _steady(machine: Machine, found: Linearisation, start: Point) -> Point | None:
@@ -528,14 +536,46 @@ def along(machine: Machine, count: int) -> list[Station]:
 def campbell(machine: Machine, speeds: Array) -> list[Station]:
     """The modes at steady speeds (s,) [rad/s] of the drive, about the relative equilibrium.
 
-    A torque or a motor is replaced by what keeps the speed.
+    A torque or a motor is replaced by what keeps the speed. Where a force does not turn with the
+    drive, modes are those at the start, and a warning says how much they change over the turn.
     """
     turning(machine, '--speeds')
     found = derivatives(machine, held=kept(machine))
-    return [
-        _station(linearised(machine, speed=float(speed), known=found), float(speed))
-        for speed in speeds
-    ]
+    stations, told = list[Station](), False
+    for speed in map(float, speeds):
+        one = linearised(machine, speed=speed, known=found)
+        stations.append(_station(one, speed))
+        told = told or warn_over_turn(one, speed)
+    return stations
+
+
+def warn_over_turn(one: LinearMachine, speed: float) -> bool:
+    """Warn of a machine that is not the same all over the turn of its drive at a steady speed.
+
+    It is seen by its natural frequencies a third of a turn on, either way.
+    """
+    try:
+        own = [mode.frequency for mode in one.modes() if mode.oscillates]
+    except InputError:  # what has no mass has responses, but no modes
+        return False
+    change = 0.0
+    for turn in (-2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0) if speed else ():
+        q = one.at.q + turn / speed * one.at.v
+        try:
+            there = linearised(one.machine, start=q, speed=speed, known=one.derivatives).modes()
+            other = [mode.frequency for mode in there if mode.oscillates]
+            change = max([change, *(abs(b / a - 1.0) for a, b in zip(own, other, strict=True))])
+        except (InputError, ValueError):  # there is no equilibrium, or other modes oscillate
+            change = 1.0
+    if change > _STEADY:
+        warnings.warn(
+            f'{one.machine.name}: its modes CHANGE over the turn of {one.machine.plan.main}, '
+            f'frequencies by {100.0 * min(change, 1.0):.2g} % at {speed:g} rad/s, as a force does '
+            'not turn with it: results are for the start',
+            RunWarning,
+            stacklevel=3,
+        )
+    return change > _STEADY
 
 
 def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[CriticalSpeed]:
@@ -578,13 +618,8 @@ def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[Criti
                 if abs(excess(there := at(w), k)) <= _MEETS * abs(w):
                     enter(there, k)
 
-    for a, b in pairwise(stations):
+    for a, b in pairwise([*stations, *stations[-1:]]):  # the last one may be at a crossing, too
         search(a, b, _HALVINGS)
-    if stations:
-        last = stations[-1]
-        for k in range(len(last.oscillating)):
-            if last.speed and not excess(last, k):
-                enter(last, k)
     return sorted(found, key=lambda x: x.speed)
 
 

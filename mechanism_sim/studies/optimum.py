@@ -309,11 +309,8 @@ class _Problem:
         The slope of the cost is then opposite to a sum of those of constraints at their limits,
         with factors that are not negative (Karush, Kuhn and Tucker); at a corner it is not.
         """
-        aims, none = (
-            self._aims,
-            self._search.trials.exact(self._whole(x), self._search.free) is None,
-        )
-        if none or aims.targets:
+        aims, trials = self._aims, self._search.trials
+        if trials.exact(self._whole(x), self._search.free) is None or aims.targets:
             return False
         off, slopes, bounds = self._scaled(x), self._slopes(x), np.array(aims.bounds, int)
         equal, others = bounds[aims.equal], bounds[~aims.equal]

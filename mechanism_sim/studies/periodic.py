@@ -59,6 +59,8 @@ class PeriodicResponse:
         return None if abs(largest - 1.0) <= self.spread else largest < 1.0
 
 
+_REACHED = 1e-9
+"""Residual of a periodic response."""
 CLOCK = (
     "of a force that repeats let a wheel 'clock' be driven at constant speed, 2.8 rad/s, and "
     'write cos(clock) instead of cos(2.8*t)'
@@ -243,7 +245,6 @@ def find_periodic(
     machine: Machine,
     longest: int = 8,
     transient: int = 60,
-    tolerance: float = 1e-9,
     progress: Callable[[str], None] = lambda _: None,
 ) -> PeriodicResponse | None:
     """The periodic response that the machine settles to, if it has one.
@@ -252,7 +253,6 @@ def find_periodic(
     ----------
     longest : period that is looked for [revolutions]
     transient : revolutions to wait first
-    tolerance : residual to reach
     progress : called with the present action
 
     Returns
@@ -271,14 +271,12 @@ def find_periodic(
     if best > 1e-4:
         return None
     # the shortest period that comes back about as well as the best
-    period = next(p for p, r in enumerate(returns, 1) if r <= max(100.0 * best, tolerance))
+    period = next(p for p, r in enumerate(returns, 1) if r <= max(100.0 * best, _REACHED))
     progress(f'period {period}: residual and multipliers')
-    return _refine(section, visited[-1], period, tolerance)
+    return _refine(section, visited[-1], period)
 
 
-def _refine(
-    section: PoincareMap, state: State, period: int, tolerance: float
-) -> PeriodicResponse | None:
+def _refine(section: PoincareMap, state: State, period: int) -> PeriodicResponse | None:
     """Newton's method on what a period changes, down to its rounding: multipliers depend on it."""
     best: tuple[float, State, int, float] | None = None
     for _ in range(12):
@@ -286,7 +284,7 @@ def _refine(
         end, impacts, impulse = section.map(state, period)
         change = section.difference(state, end)
         residual = float(np.abs(change).max())
-        if best and best[0] <= tolerance and residual > 0.5 * best[0]:
+        if best and best[0] <= _REACHED and residual > 0.5 * best[0]:
             break
         if best is None or residual < best[0]:
             best = residual, state, impacts, impulse
@@ -296,7 +294,7 @@ def _refine(
         J = basis.T @ J @ basis
         step = np.linalg.lstsq(J - np.eye(len(J)), -basis.T @ change, rcond=None)[0]
         state = section.displace(state, basis @ step)
-    if best is None or best[0] > tolerance:
+    if best is None or best[0] > _REACHED:
         return None
     residual, state, impacts, impulse = best
     section.map(state, period, audited=True)

@@ -267,9 +267,8 @@ def read_plan(
         with _in_run(where):
             named = str(given.get(SCENE, file.scene))
             if named not in bases:
-                bases[named] = content_of(
-                    str(path.parent / named) if named.endswith(('.yaml', '.yml')) else named
-                )
+                file_of = path.parent / named if named.endswith(('.yaml', '.yml')) else named
+                bases[named] = content_of(str(file_of))
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
             overrides, left_out = _without_play(overrides)
@@ -309,10 +308,9 @@ def read_plan(
                 ruling: list[Any] = [machine.fingerprint, machine.level.value, vars(extent)]
                 texts = (*_texts(asked), *(m.text for m in read))
                 ruling += [list(texts)] if texts else []
-                sensed = (
-                    n.startswith('sensors.') for m in asked for f in m.figures for n in f.names
-                )
-                ruling += [_measurement_keys(nudged)] if read or any(sensed) else []
+                figures = (x for m in asked for f in m.figures for x in f.names)
+                sensed = read or any(x.startswith('sensors.') for x in figures)
+                ruling += [_measurement_keys(nudged)] if sensed else []
                 key = _hash(ruling)
                 runs.append(Run(len(runs), base.name, nudged, values, given, key, texts))
     _refuse_hopeless(path.name, runs)

@@ -19,7 +19,14 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.quantities.motion import DERIVATIVES, RATES
 from mechanism_sim.scene import Machine
 from mechanism_sim.studies import frames
-from mechanism_sim.studies.modes import LinearMachine, derivatives, kept, linearised, turning
+from mechanism_sim.studies.modes import (
+    LinearMachine,
+    derivatives,
+    kept,
+    linearised,
+    turning,
+    warn_over_turn,
+)
 from mechanism_sim.vibration.systems import impedance
 
 _AXES = ('x', 'y')
@@ -151,6 +158,7 @@ def response(
         turning(machine, '--speed')
         known = derivatives(machine, source.excitation, kept(machine))
     one = linearised(machine, source.excitation, speed=speed, known=known)
+    warn_over_turn(one, speed)
     units = units_of(one, quantities)
     w = 2.0 * np.pi * np.asarray(frequency, float)
     reactions = any(name.startswith('reaction.') for name in units)

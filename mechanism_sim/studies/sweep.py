@@ -124,7 +124,9 @@ def run_plan(
         workers = Workers(workers, dask, apart=True, lost=_LOST)
     began = time.perf_counter()
     into = _window_folder(plan, table, windows, restart)
-    with Journal(table, plan.fingerprint, restart, size=plan.size) as journal:
+    # files go by the numbers of runs, which others have in a longer sweep
+    keys = None if into or bags or plan.bags else {run.key for run in plan.runs}
+    with Journal(table, plan.fingerprint, restart, size=plan.size, keys=keys) as journal:
         every = _tasks(plan, _bag_folder(plan, table, bags), into)
         tasks = [task for task in every if not _is_complete(task, journal.rows.get(task.key))]
         for task in tasks:  # one without its windows is made anew

@@ -75,6 +75,12 @@ def test_figures_over_time_agree_with_fine_sampling(nominal):
         assert one(nominal, text).value == pytest.approx(expected, rel=1e-3, abs=1e-9), text
 
 
+def test_the_largest_of_what_is_zero_has_no_sign():
+    machine = ms.load_scene('four_bar_nominal', {'drive.speed': 0.0})
+    found = one((machine, ms.simulate(machine, duration=0.1)), 'largest(velocity.crank)')
+    assert math.copysign(1.0, found.value) == 1.0
+
+
 def test_extremes_are_those_of_the_motion_to_rounding(nominal):
     """A cycle finds the same by itself; sampling gets there from below only."""
     machine, _ = nominal

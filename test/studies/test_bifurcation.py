@@ -360,6 +360,26 @@ def test_a_crank_at_rest_is_told_and_has_no_response():
     assert [row['impacts_per_turn'] is None for row in rows] == [x['value'] == 0.0 for x in rows]
 
 
+def test_a_start_of_a_state_is_that_of_each_value():
+    """An amplitude that is a state without a rate: ``x'' + 2 x' + x = A cos t`` has x' = A/2.
+
+    Its scale is a power of two, so that values on both sides of one are told apart, too.
+    """
+    scene = made({
+        'gravity': [0.0, 0.0],
+        'links': {'block': {'mass': 1.0}, 'clock': {'mass': 1.0, 'inertia': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']},
+                   'axle': {'revolute': ['ground', 'clock']}},
+        'drive': {'coordinate': 'clock', 'speed': 1.0},
+        'states': {'A': {'start': 1.0, 'rate': '0*t'}},
+        'loads': {'f': {'at': 'block', 'force': ['A*cos(clock) - 2*block_rate - block', 0.0]}},
+    })  # fmt: skip
+    found = ms.bifurcation(scene, {'states.A.start': (1.0, 5.0, 3)}, transient=8, keep=4)
+    assert len(found.responses) == 6
+    for r in found.responses:
+        assert r.points[:, 0] == pytest.approx([0.5 * r.value] * len(r.points), rel=1e-9)
+
+
 @pytest.mark.slow
 def test_what_is_foretold_past_a_pitchfork_is_left():
     """A pendulum that swings alike to both sides, less damped no more: a multiplier passes +1.

@@ -200,6 +200,30 @@ def test_bad_input_is_refused_in_one_sentence(tmp_path):
         assert len(str(refused.value).splitlines()) == 1
 
 
+@pytest.mark.usefixtures('in_this_process')
+def test_a_sweep_goes_on_with_runs_that_are_added_before_and_between(tmp_path):
+    """By what its rows follow from, not by their numbers: one run is new, and the table is whole.
+
+    A sweep that has not all of them is another one.
+    """
+
+    def of(*speeds):
+        grid = ', '.join(f'{speed} rpm' for speed in speeds)
+        text = f'scene: four_bar_nominal\nrevolutions: 1\ngrid: {{drive.speed: [{grid}]}}\n'
+        return plan_of(tmp_path, text)
+
+    table, fresh = tmp_path / 'grown.csv', tmp_path / 'fresh.csv'
+    run_plan(of(300, 340), table)
+    grown, _ = run_plan(of(280, 300, 320, 340), table)
+    run_plan(of(280, 300, 320, 340), fresh)
+    assert (grown.computed, grown.kept, grown.failed) == (2, 2, 0)
+    assert table.read_text(encoding='utf-8') == fresh.read_text(encoding='utf-8')
+    with pytest.raises(InputError, match='is of another sweep'):
+        run_plan(of(280, 300, 360), table)
+    with pytest.raises(InputError, match='is of another sweep'):
+        run_plan(of(280, 300, 320, 340, 360), table, bags=str(tmp_path / 'bags'))
+
+
 # --- a row --------------------------------------------------------------------------------------
 
 

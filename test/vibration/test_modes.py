@@ -632,6 +632,13 @@ def test_what_cannot_be_is_refused():
     hastening = ms.load_scene('torsional_shaft', {'drive.torque': {'constant': 5.0}})
     with pytest.raises(InputError, match='no equilibrium'):
         modes(hastening)
+    hanging = made({
+        'links': {'mass': {'mass': 2.0}}, 'gravity': [0.0, -9.81],
+        'joints': {'guide': {'prismatic': ['ground', 'mass'], 'axis': '90 deg', 'stops': {
+            'lower': 0.0, 'contact': {'law': 'hertz', 'stiffness': 1e3, 'exponent': 1.0}}}},
+    })  # fmt: skip
+    with pytest.raises(InputError, match=r'contacts \(guide\) do not here: put a spring there'):
+        modes(hanging)
     with pytest.raises(InputError, match='repeats itself'):
         station(hastening)
     with pytest.raises(InputError, match='links without mass'):
@@ -763,6 +770,27 @@ def test_a_disk_on_a_turning_shaft_has_the_drag_of_its_speed():
         assert mode.frequency == pytest.approx(np.sqrt(k / inertia) / TURN, **EXACT)
         ratio = (0.05 + 0.004 * w) / (2.0 * np.sqrt(k * inertia))
         assert mode.damping_ratio == pytest.approx(ratio, **EXACT)
+
+
+@pytest.mark.parametrize('g', [0.0, 10.0])
+def test_modes_that_change_over_the_turn_are_told(g, recwarn):
+    """A pendulum that hangs from a turning arm: ``w^2 = (R W^2 + g)/l`` below, - g above."""
+    machine = made({
+        'gravity': [0.0, -g],
+        'links': {'arm': {'mass': 1.0, 'inertia': 1.0, 'points': {'end': [0.2, 0.0]}},
+                  'bob': {'mass': 1.0, 'inertia': 1e-3, 'cog': 0.3}},
+        'joints': {'axle': {'revolute': ['ground', 'arm']},
+                   'pin': {'revolute': ['arm.end', 'bob']}},
+        'drive': {'coordinate': 'arm', 'speed': 10.0, 'start_angle': -0.5 * np.pi},
+        'initial': {'position': {'bob': -0.5 * np.pi}},
+    })  # fmt: skip
+    (there,) = campbell(machine, np.array([20.0]))
+    w = np.sqrt(0.3 * (0.2 * 20.0**2 + g) / (0.3**2 + 1e-3))
+    assert there.modes[0].frequency == pytest.approx(w / TURN, **EXACT)
+    response(machine, read_source(machine, torque='bob'), [], np.array([1.0]), 20.0)
+    told = [str(one.message) for one in recwarn if 'CHANGE over the turn' in str(one.message)]
+    assert len(told) == 2 * bool(g)
+    assert all('of arm, frequencies by ' in one and '% at 20 rad/s' in one for one in told)
 
 
 def test_belts_are_ideal_under_harmonics():
