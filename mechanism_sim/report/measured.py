@@ -23,8 +23,7 @@ def rows(found: Sequence[Measured]) -> list[SummaryRow]:
     for m in found:
         unit, scale = for_people(m.unit, abs(m.value))
         half = f' +- {scale * m.half_width:.2g}' if math.isfinite(m.half_width) else ''
-        size = 0.0 if abs(m.value) <= m.rounding else m.value
-        value = 'none' if math.isnan(m.value) else f'{number(scale * size, 6)}{half}'
+        value = 'none' if math.isnan(m.value) else f'{number(scale * m.value, 6)}{half}'
         said = [m.text] * (m.name != m.text) + [m.resolution] * (m.resolution != EXACT)
         made.append(SummaryRow(m.name, value, unit, '; '.join(said)))
     return made

@@ -166,6 +166,7 @@ class Measurement:
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
             x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
             rounding = _rounding(measure, {f: x for f, (x, _) in results.items()}, blurs)
+            x = 0.0 if abs(x) <= rounding else x
             out.append(
                 Measured(
                     measure.name, x, units[measure.name], measure.text, resolution, half,

@@ -26,7 +26,10 @@ from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
+from mechanism_sim.report.charts.course import ChartedRun
+from mechanism_sim.report.charts.curves import over_drive
 from mechanism_sim.report.charts.lines import against, against_recorded, chart
+from mechanism_sim.report.charts.motion import over
 from mechanism_sim.report.charts.subjects import orders
 from mechanism_sim.report.figures import paint
 from mechanism_sim.sensing.spectra import LineSpectrum
@@ -404,15 +407,38 @@ def test_angles_begin_anew_with_every_turn(solution):
                 np.testing.assert_allclose(y, x, atol=1e-6)
 
 
-@pytest.mark.parametrize(('revolutions', 'end'), [(1, 360.0), (2, 720.0), (5, 720.0)])
-def test_what_comes_again_after_two_turns_is_drawn_over_both(revolutions, end):
-    """A four-stroke engine, as one line; of one turn alone there is no more than that."""
+def four_stroke():
+    """An engine whose force on the piston comes again after two turns."""
     points = [[f'{x} deg', f'{p} N'] for x, p in ((0, 900), (200, 100), (540, 50), (720, 900))]
-    engine = ms.load_scene('slider_crank', {
+    return ms.load_scene('slider_crank', {
         'tables': {'gas': {'points': points, 'periodic': True}},
         'loads': {'gas': {'at': 'piston', 'force': ['-gas(crank)', '0 N']}},
         'drive.start_angle': '90 deg',
     })  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('revolutions', 'said'),
+    [(1, 'The last full turn of the crank.'), (2, 'The last 2 full turns of the crank.'),
+     (5, 'The last 2 full turns of the crank.')],
+)  # fmt: skip
+def test_pages_show_as_many_turns_as_bring_all_again(revolutions, said):
+    """It was the last one alone, without the force of the other stroke."""
+    solution = ms.simulate(four_stroke(), revolutions=revolutions)
+    course = ChartedRun(ms.open_run(solution))
+    chart = over_drive(course, 'forces', '', ['reaction.rod_piston.size'])
+    assert chart.panels[0].x.high == 360.0 * course.again
+    assert over(course) == said
+    peak = np.nanmax(np.concatenate([c.y for c in chart.panels[0].curves]))
+    t = np.linspace(0.0, solution.duration, 4001)
+    sizes = solution.sample(t, 'reaction.rod_piston.size')['reaction.rod_piston.size']
+    assert peak == pytest.approx(sizes.max(), rel=1e-4)
+
+
+@pytest.mark.parametrize(('revolutions', 'end'), [(1, 360.0), (2, 720.0), (5, 720.0)])
+def test_what_comes_again_after_two_turns_is_drawn_over_both(revolutions, end):
+    """As one line; of one turn alone there is no more than that."""
+    engine = four_stroke()
     solution = ms.simulate(engine, revolutions=revolutions)
     axes = solution.plot('drive_torque', against='angle').axes[0]
     assert axes.get_xlim() == (0.0, end)

@@ -19,7 +19,7 @@ import mechanism_sim as ms
 from mechanism_sim.cli import main
 from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
-from mechanism_sim.report import figures, measured, plots
+from mechanism_sim.report import figures, plots
 from mechanism_sim.results.cycle import measures_of
 from mechanism_sim.results.measure_tally import EXACT
 
@@ -366,8 +366,7 @@ def test_a_boxer_is_balanced_to_the_last_bit_wherever_it_is_asked_for():
     t, name = np.linspace(0.0, 0.019, 2001), 'shaking_moment'
     assert not solution.sample(t, name)[name].any()
     texts = ('largest(shaking_force)', 'mean(drive_power)')
-    found = measured.rows(ms.measure(solution, texts))
-    assert [row.value for row in found] == ['0', '0']
+    assert [found.value for found in ms.measure(solution, texts)] == [0.0, 0.0]
 
 
 @pytest.mark.slow
