@@ -165,17 +165,14 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
 
 
 def _of_whole_turns(record: Record, signal: Signal) -> LineSpectrum | None:
-    """Spectrum of as many turns as bring all again, whose orders lie on one line each.
-
-    None where nothing comes again, or the longest run of samples is too short for it.
-    """
-    machine, x = record.machine, signal.longest
-    drive = machine.drive
+    """Spectrum of turns that bring all again: an order lies on one line. None without any."""
+    machine, drive, x = record.machine, record.machine.drive, signal.longest
     if record.slides or machine.torque_driven or drive.commands or not drive.steady:
         return None
     span = drive.repetition.turns * drive.period * signal.rate
-    count = round(span * int((len(x) + 0.5) / span))
-    return power([x[:count]], signal.rate, count, 'boxcar') if count else None
+    whole = int((len(x) + 0.5) / span)  # 0 of a drive at rest
+    x = x[: round(span * whole)] if whole else x[:0]
+    return power([x], signal.rate, len(x), 'boxcar') if whole else None
 
 
 def to_json(found: Sequence[Difference]) -> list[dict[str, object]]:

@@ -76,7 +76,7 @@ class Background:
 
         One that waits and has grown large is ended, too: the next job begins a new one.
         """
-        if self._process is not None and not self._busy and self._grown():
+        if self._process and not self._busy and resident(self._process.pid) > LARGEST:
             self.close()
         if self._since is not None and time.monotonic() > self._since + PATIENCE:
             self.close()
@@ -89,9 +89,6 @@ class Background:
             self._process.kill()
             self._process.join()
         self._process, self._since, self._busy = None, None, False
-
-    def _grown(self) -> bool:
-        return resident(self._process.pid) > LARGEST
 
     def _start(self) -> None:
         context = get_context('spawn')

@@ -21,11 +21,6 @@ _IMPACTS = TOLERANCES.impacts
 _SIGNS = {int(mode): sign for sign, mode in SLIDING.items()}
 
 
-def slips_of(state: ContactState, gaps: Sequence[int]) -> list[int]:
-    """Signs of the slips of gaps by their modes, 0 of what does not slide."""
-    return [_SIGNS.get(state.modes[i], 0) for i in gaps]
-
-
 def unjam(state: ContactState, jams: int) -> int:
     """End a slide that no force can keep by an impact without collision, `jams` times at most.
 
@@ -98,7 +93,8 @@ def stop_jammed_slide(state: ContactState, closed: list[int], gap: int) -> list[
     state.refresh()
     rows, A, friction = _coupling(state, closed)
     try:
-        impulses = stop_slide(A, state.problem.rate[rows], friction, slips_of(state, closed))
+        slips = [_SIGNS.get(state.modes[i], 0) for i in closed]  # 0 of what does not slide
+        impulses = stop_slide(A, state.problem.rate[rows], friction, slips)
     except ArithmeticError:
         with suppress(ArithmeticError):  # or else sliding goes on, or ends where contacts rest
             return shock_contacts(state, closed, closed, gap)

@@ -303,11 +303,7 @@ def _reader(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
     recorded = channel.metadata.get('topic_type_hash', '')
     if recorded.startswith('RIHS') and recorded != known:
         raise MessageError(f'{schema.name} was another type when this was recorded')
-    return partial(_ros, schema.name)
-
-
-def _ros(name: str, data: bytes) -> Any:
-    return deserialize(_plain(data), name)
+    return lambda data: deserialize(_plain(data), schema.name)
 
 
 def _defined(schema: Schema) -> Callable[[bytes], Any]:

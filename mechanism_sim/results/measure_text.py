@@ -222,7 +222,8 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
         function, argument.text, names, percent, since, until, 'per' in given, argument, path
     )
     of_events = figure.of_events
-    if of_events and (len({_series_of(n) for n in names}) > 1 or function not in _EVENTS_TOO):
+    kinds = {'.'.join(name.split('.')[:2]) for name in names}  # impacts.JOINT of impacts.JOINT.KEY
+    if of_events and (len(kinds) > 1 or function not in _EVENTS_TOO):
         raise InputError(
             f'{function} in {quoted(text)} must be of one kind of events or samples, and events '
             f'have {", ".join(sorted(_EVENTS_TOO))}'
@@ -235,11 +236,6 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
     if not names:
         raise InputError(f'{function} in {quoted(text)} names no quantity')
     return figure
-
-
-def _series_of(name: str) -> str:
-    """Kind of events or samples that a name is of: ``impacts.JOINT.KEY`` of ``impacts.JOINT``."""
-    return '.'.join(name.split('.')[:2])
 
 
 def _bound(text: str | None, where: str) -> Bound | None:

@@ -175,7 +175,7 @@ def _points_of(
     table, units = read_csv(path, where), keys.get('units')
     chosen = columns if (columns := keys.get('columns')) is not None else list(table.cells)[:2]
     for key, given in (('columns', chosen), ('units', units or ['', ''])):
-        if not isinstance(given, list) or len(given) != 2 or not all(map(_is_text, given)):
+        if not isinstance(given, list) or [*map(type, given)] != [str, str]:
             raise InputError(f'{table.where}: {key} must be a list of two names')
     found = []
     for name, asked, fitting in zip(chosen, units or ['', ''], wanted, strict=True):
@@ -231,10 +231,6 @@ def _alike(said: str, asked: str) -> bool:
         return to_si_text(f'1 {said}') == to_si_text(f'1 {asked}')
     except ValueError:  # a heading may have another remark in brackets
         return True
-
-
-def _is_text(x: Any) -> bool:
-    return isinstance(x, str)
 
 
 def allowed_file(where: str, folder: Path, name: str) -> Path:

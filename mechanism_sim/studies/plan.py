@@ -267,7 +267,8 @@ def read_plan(
         with _in_run(where):
             named = str(given.get(SCENE, file.scene))
             if named not in bases:
-                bases[named] = content_of(str(path.parent / named) if _is_path(named) else named)
+                beside = named.endswith(('.yaml', '.yml'))
+                bases[named] = content_of(str(path.parent / named) if beside else named)
             base = bases[named]
             overrides = {k: v for k, v in {**file.set, **given}.items() if k != SCENE}
             overrides, left_out = _without_play(overrides)
@@ -563,10 +564,6 @@ def _value(scene: Scene, path: str) -> float | str | bool | None:
 def _measurement_keys(scene: Scene) -> dict[str, Any]:
     """Keys of a scene about its measurements."""
     return scene.to_document(include={'sensors', 'oscillators'})
-
-
-def _is_path(scene: str) -> bool:
-    return scene.endswith(('.yaml', '.yml'))
 
 
 def _describe(given: Mapping[str, Any]) -> str:

@@ -256,7 +256,9 @@ def test_a_sensor_across_its_guide_is_asked_about(axis, asks):
         'joints.ground_piston.axis': '90 deg', 'guess': {'rod': '90 deg', 'piston': '250 mm'},
         'sensors': {'head': {'link': 'piston', 'axis': axis, 'sample_rate': '1 kHz'}},
     })  # fmt: skip
-    said = [doubt for doubt in doubts(upright) if doubt.startswith('sensors.head.axis: the piston')]
+    said = [
+        doubt for doubt in doubts(upright) if doubt.startswith('sensors.head.axis: the piston')
+    ]
     assert len(said) == asks
     samples = ms.open_run(ms.simulate(upright, revolutions=1)).signal('head').longest
     assert bool(samples.any()) is not asks

@@ -81,12 +81,7 @@ class BinExtremes:
 
 
 class Envelope:
-    """The least and the largest value of C rows by the angle of a drive, over all turns.
-
-    Parameters
-    ----------
-    span : [deg] after which all comes again
-    """
+    """The least and the largest value of C rows over a span of a drive [deg], of all spans."""
 
     def __init__(self, rows: int, bins: int = 720, span: float = 360.0) -> None:
         self._span = span
