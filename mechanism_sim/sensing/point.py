@@ -83,9 +83,8 @@ class PointOnLink(DirectSource):
     def still(self) -> bool:
         """True if nothing can be read: the point slides across the axis, and never turns."""
         c, s = math.cos(self._turn), math.sin(self._turn)
-        across = (abs(c * x + s * y) <= 1e-9 * math.hypot(x, y) for _, _, (x, y) in self._arms)
-        turning = self._turns or any(i is not None for i, _, _ in self._arms)
-        return not turning and self._gravity == (0.0, 0.0) and all(across)
+        read = [i is not None or abs(c * x + s * y) > 1e-9 for i, _, (x, y) in self._arms]
+        return not any(read) and not self._turns and self._gravity == (0.0, 0.0)
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""

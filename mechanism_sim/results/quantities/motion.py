@@ -270,7 +270,8 @@ class _Shaking:
         found = np.array([fx, fy, moment])
         # what forces leave of each other by rounding is nothing: a machine is balanced
         length = self._mechanism.size
-        size = _SOLVED * (np.abs(o.reaction).sum(axis=(0, 1)) + o.kinetic_energy / length)
+        size = np.abs(o.reaction).sum(axis=(0, 1)) + np.abs(found[:2]).sum(axis=0)
+        size = _SOLVED * (size + o.kinetic_energy / length)
         found[np.abs(found) <= np.array([size, size, size * length])] = 0.0
         return found
 
