@@ -74,7 +74,8 @@ def beside(path: Path | str, devices: bool = True) -> Iterator[Path]:
         part = _new_part(target, 0o666 if kept is None else 0o600)
         try:
             yield part
-            _sync(part)
+            with part.open('rb') as file:
+                os.fsync(file.fileno())
             if kept is None or _made_like(part, kept):
                 part.replace(target)
             else:
@@ -98,11 +99,6 @@ def _new_part(target: Path, mode: int) -> Path:
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
     os.close(os.open(part, flags, mode))
     return part
-
-
-def _sync(part: Path) -> None:
-    with part.open('rb') as file:
-        os.fsync(file.fileno())
 
 
 def _made_like(part: Path, kept: os.stat_result) -> bool:

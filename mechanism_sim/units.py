@@ -87,6 +87,7 @@ _KNOWN = {
     'W': (Decimal(1), 'W'),
     'kW': (Decimal(1000), 'W'),
     'mW': (Decimal('1e-3'), 'W'),
+    'PS': (Decimal('735.49875'), 'W'),
     'mJ': (Decimal('1e-3'), 'J'),
     'km': (Decimal(1000), 'm'),
     'dm': (Decimal('1e-1'), 'm'),
@@ -151,6 +152,7 @@ _TRADE: tuple[tuple[re.Pattern[str], Any], ...] = (
     (re.compile(r'(?<![A-Za-z])([mk]?N|m?Pa)(s)(?![A-Za-z])'), r'\1 \2'),  # Ns, Pas
     (re.compile(r'(?<![A-Za-z])(?:r|U|rev)\s*/\s*min\s*(?:\^|\*\*)\s*2(?!\d)', re.I), 'rpm/min'),
     (re.compile(r'(?<![A-Za-z])(?:RPM|(?:r|U|rev)\s*/\s*min)(?!\s*\*\*|[A-Za-z^])', re.I), 'rpm'),
+    (re.compile(r'(?:deg|°)\s*(?:CA|KW)(?![A-Za-z])'), 'deg'),  # of the crank of an engine
     (re.compile(r'(?<![A-Za-z])lbm(?![A-Za-z])'), 'lb'),
     (re.compile(r'(?<![A-Za-z])kp(?![A-Za-z])'), 'kgf'),
     (re.compile(r'\s+(?=[*/^)]|$)|(?<=[*/(])\s+'), ''),

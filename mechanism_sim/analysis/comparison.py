@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim import text_table
+from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.play import joint_of_gap
@@ -18,7 +19,7 @@ from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene.facts import as_written
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.indicators import indicators
-from mechanism_sim.sensing.spectra import power
+from mechanism_sim.sensing.spectra import LineSpectrum, power
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people, given, number
 
@@ -26,6 +27,7 @@ SEVERITY = 10.0, 1000.0
 """[Hz] Band of the severity of vibration: rms of the velocity, ISO 20816-1:2016, 4.3."""
 
 _BRIEF = 48  # letters of the name of a run
+_FEW = 32  # lines below a band
 _OCTAVES = 31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000  # [Hz] IEC 61260-1, nominal
 
 
@@ -145,17 +147,32 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
             ('crest factor', seen.crest, ''), ('kurtosis', seen.kurtosis, ''),
         ):  # fmt: skip
             yield ('sensors', name, word, unit), math.nan if value is None else value
-        spectrum = power(signal.runs, signal.rate, len(signal.longest))
-        f, energy = spectrum.frequency, spectrum.values * spectrum.step
+        faded = power(signal.runs, signal.rate, len(signal.longest))
+        whole = _of_whole_turns(record, signal) or faded
         if signal.unit == 'm/s^2':
+            f, energy = whole.frequency, whole.values * whole.step
             inside = (f >= SEVERITY[0]) & (f <= SEVERITY[1])
             speed = energy[inside] / (2.0 * np.pi * f[inside]) ** 2
             yield ('severity', name, 'velocity, rms', 'm/s'), math.sqrt(speed.sum())
         edges = 1000.0 * 2.0 ** (np.arange(len(_OCTAVES) + 1) - 5.5)
         for middle, (low, high) in zip(_OCTAVES, pairwise(edges), strict=True):
+            # under Hann's window an order lies on three lines, of which a low band may lose one
+            lines = whole if low < _FEW * faded.step else faded
+            f = lines.frequency
             if f[1] < low and high <= 0.5 * signal.rate:
-                part = energy[(f >= low) & (f < high)].sum()
+                part = lines.values[(f >= low) & (f < high)].sum() * lines.step
                 yield ('spectra', name, f'octave at {middle:g} Hz', signal.unit), math.sqrt(part)
+
+
+def _of_whole_turns(record: Record, signal: Signal) -> LineSpectrum | None:
+    """Spectrum of turns that bring all again: an order lies on one line. None without any."""
+    machine, drive, x = record.machine, record.machine.drive, signal.longest
+    if record.slides or machine.torque_driven or drive.commands or not drive.steady:
+        return None
+    span = drive.repetition.turns * drive.period * signal.rate
+    whole = int((len(x) + 0.5) / span)  # 0 of a drive at rest
+    x = x[: round(span * whole)] if whole else x[:0]
+    return power([x], signal.rate, len(x), 'boxcar') if whole else None
 
 
 def to_json(found: Sequence[Difference]) -> list[dict[str, object]]:

@@ -88,17 +88,14 @@ class Recorder(SimulationNode):
     def on_ready(self) -> None:
         """Messages that came early are written now, but the recording began with them."""
         self.writer.begin()
-        self._add_topics()
+        for topic, (kind, qos) in self._topics.items():
+            self.writer.add_topic(topic, type_name(kind), policies(qos))
         if self.first_heard is not None:
             self.writer.count_from(self.first_heard)
 
     def _flush(self) -> None:
         if self.ready:
             self.writer.flush()
-
-    def _add_topics(self) -> None:
-        for topic, (kind, qos) in self._topics.items():
-            self.writer.add_topic(topic, type_name(kind), policies(qos))
 
     def _record(self, topic: str, kind: Any, qos: QoSProfile, heard: QoSProfile) -> None:
         name = self.resolve_topic_name(topic)

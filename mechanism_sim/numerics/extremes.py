@@ -83,8 +83,6 @@ class ExtremeSearch:
     groups : (C,) what each function belongs to; rounding is measured by the largest of a group
     sizes : of groups, in whose values what is larger cancels out
     positive : which functions are at least zero, such as sizes of forces
-    sums : of groups, those whose values, times a factor, cancel out in theirs: a moment that is
-        nothing but rounding has no extremes
 
     Attributes
     ----------
@@ -97,17 +95,11 @@ class ExtremeSearch:
         groups: Sequence[Hashable],
         sizes: Mapping[Hashable, float] = MappingProxyType({}),
         positive: Sequence[bool] | None = None,
-        sums: Mapping[Hashable, tuple[Hashable, float]] = MappingProxyType({}),
     ) -> None:
         known = list(dict.fromkeys(groups))
         self._group = np.array([known.index(g) for g in groups], np.intp)
         self._largest = np.array([sizes.get(g, 0.0) for g in known])
         self._sized = [known.index(g) for g in sizes if g in known]
-        self._sums = [
-            (known.index(g), known.index(other), factor)
-            for g, (other, factor) in sums.items()
-            if g in known and other in known
-        ]
         count = len(groups)
         at_least = np.zeros(count, bool) if positive is None else np.asarray(positive)
         self._highest = np.append(np.full(count, np.inf), np.where(at_least, 0.0, np.inf))
@@ -141,12 +133,7 @@ class ExtremeSearch:
     @property
     def rounding(self) -> Array:
         """Size of errors (C,): what differs by less is the same."""
-        largest = self._largest
-        if self._sums:
-            largest = largest.copy()
-            for group, other, factor in self._sums:
-                largest[group] = max(largest[group], factor * largest[other])
-        return _ROUNDING.value * largest[self._group]
+        return np.asarray(_ROUNDING.value * self._largest[self._group])
 
     @property
     def _limit(self) -> Array:

@@ -272,18 +272,15 @@ def detail_sections(details: Details) -> Iterator[Section]:
 
 def _spectrum(name: str, line: SignalSpectrum) -> Section:
     s = line.spectrum
-    whole = float(s.values.sum()) or 1.0
+    whole = float(s.values.sum())
     rows = [(f, x, f'{100 * x / whole:.3g} %') for f, x in s.strongest(_LINES)]
     rms = f'{math.sqrt(whole * s.step):.6g} {line.signal_unit}'.rstrip()
     title = (
         f'power spectrum of {name}: lines {s.step:.4g} Hz apart up to {s.frequency[-1]:.4g} '
         f'Hz, RMS {rms} of all lines'
     )
-    # the mean of each segment is taken off (Welch), and what is slower with it
-    span = 1.0 / s.step if s.step else math.inf
-    note = f'RMS and shares are those about the mean of each segment of {span:.4g} s'
     head = 'peak at [Hz]', line.unit, 'share of all lines'
-    return Section(title, table=[head, *rows], notes=[note])
+    return Section(title, table=[head, *rows], notes=['RMS and shares are those about the mean'])
 
 
 def _envelope(name: str, line: SignalSpectrum) -> Section:

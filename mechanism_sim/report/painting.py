@@ -100,6 +100,8 @@ def _legend(axes: Any, panel: Panel, artists: Mapping[str, Any]) -> None:
     }  # fmt: skip
     if panel.form == 'polar':  # beside it, for above is its title
         place = {'loc': 'upper left', 'bbox_to_anchor': (1.15, 1.0)}
+    # a power of ten that the numbers leave out stands above the axis, too, at its other end
+    axes.yaxis.set_offset_position('right' if side == 'left' else 'left')
     axes.legend(
         [artists[e] for e in entries], entries, borderaxespad=0.2, frameon=False,
         fontsize=7.5, handlelength=2.6, **place,

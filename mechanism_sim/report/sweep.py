@@ -56,20 +56,15 @@ def render(summary: SweepSummary, plan: SweepPlan, rows: Sequence[Row]) -> str:
     lines += [f'run {run.index} failed: {row["status"]}' for run, row in failed[:10]]
     if len(failed) > 10:
         lines.append(f'and {len(failed) - 10} more failed')
-    return '\n'.join(
-        [
-            *lines,
-            f'{counted(summary.runs, "run")}, {summary.failed} failed; {summary.computed} '
-            f'computed now in {summary.wall_time:.1f} s ({summary.cpu_time:.1f} s of CPU), '
-            f'{summary.kept} before',
-            f'  table in {summary.table}',
-            *(
-                [f'  {summary.windows} windows in {summary.windows_folder}']
-                if summary.windows_folder
-                else []
-            ),
-        ]
-    )
+    lines += [
+        f'{counted(summary.runs, "run")}, {summary.failed} failed; {summary.computed} '
+        f'computed now in {summary.wall_time:.1f} s ({summary.cpu_time:.1f} s of CPU), '
+        f'{summary.kept} before',
+        f'  table in {summary.table}',
+    ]
+    if summary.windows_folder:
+        lines.append(f'  {summary.windows} windows in {summary.windows_folder}')
+    return '\n'.join(lines)
 
 
 def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
@@ -77,9 +72,7 @@ def _few(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
     measures = plan.measured
     table: list[list[str]] = []
     heads = ['run']
-    # the scale and the unit in which impulses are read
-    large = max((abs(number(row, 'impulse')) for row in rows), default=0.0)
-    scale, unit = (1.0, 'N s') if large >= 1.0 else (1e3, 'mN s')
+    unit, scale = for_people('N s', _largest(rows, 'impulse'))
     if measures:
         shown = [(c.name, *for_people(c.unit, _largest(rows, c.name))) for c in measures]
         heads += [f'{name} [{u}]' if u else name for name, u, _ in shown]

@@ -96,10 +96,14 @@ def modes_text(table: ModeTable) -> str:
         modes = table.stations[0].modes
         names = list(dict.fromkeys(name for mode in modes for name in mode.shape))
         head = ['mode', *(str(k + 1) for k in range(len(modes)))]
+        ratios = [m.damping_ratio for m in modes]
+        # none of a real root alone, 0 of a rigid-body mode
+        alone = [len(m.roots) == 1 and bool(m.time_constants) for m in modes]
+        natural = ['-' if x else f'{m.frequency:.6g}' for x, m in zip(alone, modes, strict=True)]
         rows: list[list[str]] = [
             head,
-            ['natural frequency [Hz]', *map(_frequency, modes)],
-            ['damping ratio', *map(_damping_ratio, modes)],
+            ['natural frequency [Hz]', *natural],
+            ['damping ratio', *('-' if x is None else f'{x:.6g}' for x in ratios)],
             ['damped frequency [Hz]', *(f'{m.damped_frequency:.6g}' for m in modes)],
         ]
         if any(m.time_constants for m in modes):
@@ -129,15 +133,6 @@ def modes_text(table: ModeTable) -> str:
         speeds = ', '.join(map(_critical, table.critical))
         lines.append(f'critical speeds [rad/s]: {speeds}')
     return '\n'.join(lines)
-
-
-def _frequency(mode: NormalMode) -> str:
-    """Natural frequency [Hz]; none of a real root alone, 0 of a rigid-body mode."""
-    return '-' if len(mode.roots) == 1 and mode.time_constants else f'{mode.frequency:.6g}'
-
-
-def _damping_ratio(mode: NormalMode) -> str:
-    return '-' if mode.damping_ratio is None else f'{mode.damping_ratio:.6g}'
 
 
 def _time_constants(mode: NormalMode) -> str:

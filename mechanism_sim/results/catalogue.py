@@ -120,6 +120,11 @@ class Catalogue(Mapping[str, Quantity]):
                 f"{machine.name}: '{name}': the drive is not a motor; drive_torque and "
                 f'velocity.{machine.plan.main} are those of any drive'
             )
+        if (sensor := name.removeprefix('sensor.')) in machine.scene.sensors:
+            return InputError(
+                f"{machine.name}: '{name}' is a sensor: in measures its samples are "
+                f"'sensors.{sensor}', in Python those of to_frame('{sensor}')"
+            )
         kinds = dict.fromkeys(q.kind for q in self._known.values())
         kind, _, joint = name.partition('.')
         forces = 'reaction', 'tooth_force', 'bearing_force'

@@ -101,7 +101,9 @@ class Measurement:
         )
         self._machine = machine
         figures = list(dict.fromkeys(f for m in self.measures for f in m.figures))
-        names = [n for f in figures if not f.of_events for n in _names_of(machine, f)]
+        over_time = [f for f in figures if not f.of_events]
+        names = [n for f in over_time for n in f.names]
+        names += [speed_of(machine, f) for f in over_time if f.function == 'work']
         self._quantities = {name: catalogue(machine).find(name) for name in names}
         self._series = EventSeries(machine, [f for f in figures if f.of_events])
         self._turns = DriveTurns(machine, begin)
@@ -166,6 +168,7 @@ class Measurement:
             resolution = ', '.join([s for s in said if s != EXACT]) or EXACT
             x, half = measure.value(lambda f: results[f][0]), self._half_width(measure)
             rounding = _rounding(measure, {f: x for f, (x, _) in results.items()}, blurs)
+            x = 0.0 if abs(x) <= rounding else x
             out.append(
                 Measured(
                     measure.name, x, units[measure.name], measure.text, resolution, half,
@@ -287,11 +290,6 @@ def check_measures(machine: Machine, measures: dict[str, str] | Sequence[str], w
     """Refuse measures that cannot be taken of a machine."""
     if measures:
         Measurement(machine, measures, where=where)
-
-
-def _names_of(machine: Machine, f: Figure) -> list[str]:
-    """The names in a figure, and what its work is made of."""
-    return [*f.names, speed_of(machine, f)] if f.function == 'work' else [*f.names]
 
 
 class Window:

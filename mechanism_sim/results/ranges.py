@@ -81,17 +81,12 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].
 
     Rounding is measured by the largest value of a kind in one unit; that of gaps and the like,
-    which are differences of lengths, by the size of the machine; that of what the frame gets by
-    the forces in joints, whose sum it is.
+    which are differences of lengths, by the size of the machine.
     """
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
-    sums: dict[Hashable, tuple[Hashable, float]] = {
-        ('shaking_force', 'N'): (('reaction', 'N'), 1.0),
-        ('shaking_moment', 'N m'): (('reaction', 'N'), size),
-    }
     sizes = [quantity.part == 'size' for quantity in wanted]
-    return ExtremeSearch(groups, differences, sizes, sums)
+    return ExtremeSearch(groups, differences, sizes)
 
 
 def travel(machine: Machine, motion: Motion) -> float:

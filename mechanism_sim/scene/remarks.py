@@ -28,6 +28,7 @@ from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.repetition import WHOLE, calls_of_angles, is_whole
 from mechanism_sim.scene.table_keys import TablePart
+from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.units import to_si, written
 
 _GYRATION = 30.0
@@ -69,6 +70,7 @@ def doubts(machine: Machine) -> list[str]:
         *_oils(machine),
         *_others(machine),
         *_tables(machine),
+        *_still_sensors(machine),
     ]
 
 
@@ -162,6 +164,17 @@ def _sizes(machine: Machine) -> dict[str, float]:
             places = [*points.values(), (0.0, 0.0)]
             sizes[link] = max(math.dist(a, b) for a in places for b in places)
     return sizes
+
+
+def _still_sensors(machine: Machine) -> Iterator[str]:
+    for name, sensor in machine.scene.sensors.items():
+        source = sensor.source(machine)
+        if isinstance(source, PointOnLink) and source.still:
+            yield (
+                f'sensors.{name}.axis: the {sensor.link} never moves along it, so that the sensor '
+                "reads 0: 'along' is the x axis of the link, whatever guide it has: is another "
+                'meant?'
+            )
 
 
 def _inertias(machine: Machine) -> Iterator[str]:

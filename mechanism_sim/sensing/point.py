@@ -79,6 +79,13 @@ class PointOnLink(DirectSource):
         self._gravity = mechanism.gravity if gravity else (0.0, 0.0)
         self._before: Array | None = None
 
+    @property
+    def still(self) -> bool:
+        """True if nothing can be read: the point slides across the axis, and never turns."""
+        c, s = math.cos(self._turn), math.sin(self._turn)
+        read = [i is not None or abs(c * x + s * y) > 1e-9 for i, _, (x, y) in self._arms]
+        return not any(read) and not self._turns and self._gravity == (0.0, 0.0)
+
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Acceleration (1, N) [m/s^2] at instants as those of ``curve.at(segments, dt)``."""
         curve = replace(motion.curve, coefficients=motion.curve.coefficients[:, self._used])

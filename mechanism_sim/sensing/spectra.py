@@ -81,9 +81,10 @@ def power(
 ) -> LineSpectrum:
     """One-sided power spectral density by Welch's method, [unit^2/Hz].
 
-    Mean of the periodograms of segments that overlap by half, the constant part of each taken off.
-    Summed over the lines it is the variance: exactly that of a single segment under a window
-    'boxcar', in the mean otherwise.
+    Mean of the periodograms of segments that overlap by half, the mean of all samples taken off:
+    that of each segment would be part of an oscillation of which it holds few periods. Summed
+    over the lines it is the variance: exactly that of a single segment under a window 'boxcar',
+    in the mean otherwise.
 
     Parameters
     ----------
@@ -96,10 +97,11 @@ def power(
     longest, total = max(map(len, signals)), sum(map(len, signals))
     length = min(segment or max(_SHORTEST, 2 ** int(math.log2(total / 8 + 1))), longest)
     sums, weight = np.zeros(length // 2 + 1), 0
+    mean = math.fsum(float(np.sum(x)) for x in signals) / total
     for x in signals:
         if len(x) >= length:
             count = 1 + (len(x) - length) // (length - length // 2)
-            sums += count * scipy.signal.welch(x, rate, window, length)[1]
+            sums += count * scipy.signal.welch(x - mean, rate, window, length, detrend=False)[1]
             weight += count
     return LineSpectrum(_lines(length, rate), sums / weight)
 

@@ -21,7 +21,7 @@ from mechanism_sim.results.run import Piece
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.channel import Channel
-from mechanism_sim.studies.plan import Run, SweepPlan
+from mechanism_sim.studies.plan import SweepPlan
 from mechanism_sim.studies.runs import file_errors
 from mechanism_sim.studies.schema import WindowsPart
 from mechanism_sim.studies.windows import Cutter, SampleWindow
@@ -95,7 +95,11 @@ def shards(plan: SweepPlan, folder: Path) -> dict[int, Shard]:
                     OVERLOADS, pa.int32(), '', 'samples cut at the end of the range, if it has one'
                 )
             ]
-            if any(_may_cut(run, plan.windows) for run in plan.runs)
+            if any(
+                run.scene.sensors[name].adc.range
+                for run in plan.runs
+                for name in plan.windows.sensors_of(run.scene)
+            )
             else []
         ),
         _field(SIGNAL, kind, 'SI', f'{size} consecutive samples'),
@@ -107,11 +111,6 @@ def shards(plan: SweepPlan, folder: Path) -> dict[int, Shard]:
         labels, file = {c.name: c.values[run.index] for c in columns}, f'{run.stem}.parquet'
         found[run.index] = Shard(folder / file, run.scene, plan.windows, labels, schema)
     return found
-
-
-def _may_cut(run: Run, windows: WindowsPart) -> bool:
-    """True if a sensor of a run has a range."""
-    return any(run.scene.sensors[name].adc.range for name in windows.sensors_of(run.scene))
 
 
 def _field(name: str, kind: Any, unit: str = '', meaning: str = '') -> Any:

@@ -54,6 +54,13 @@ def test_a_tone_has_its_size_and_its_line(rig):
     assert values.sum() * step == pytest.approx(SIZE**2 / 2.0, rel=1e-3)
 
 
+def test_the_spectrum_of_a_signal_that_is_zero_has_no_rms(tmp_path):
+    file = tmp_path / 'still.csv'
+    file.write_text('t [s],acc [m/s^2]\n' + ''.join(f'{k / RATE!r},0\n' for k in range(512)))
+    said = run('analyze', str(file), '--spectrum', 'acc').stdout
+    assert 'RMS 0 m/s^2 of all lines' in said
+
+
 def test_whole_numbers_of_a_wav_are_parts_of_its_full_scale(tmp_path):
     file = tmp_path / 'rig.wav'
     wavfile.write(file, int(RATE), np.round(WAVE / 5.0 * 2**15).astype(np.int16))

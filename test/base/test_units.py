@@ -109,6 +109,7 @@ TRADE = (
     ('3 oz-in', 'N m', 3 * INCH * WEIGHT / 16), ('3 lb/in', 'N/m', 3 * WEIGHT / INCH),
     ('3 oz in^2', 'kg m^2', 3 * POUND / 16 * INCH**2),
     ('3 lb-ft^2', 'kg m^2', 3 * POUND * (12 * INCH) ** 2),
+    ('2 PS', 'W', 150 * Fraction('9.80665')),  # of 75 kgf m/s each
 )  # fmt: skip
 
 
@@ -116,8 +117,14 @@ TRADE = (
 def test_units_as_workshops_and_catalogues_write_them(text, unit, exact):
     """Pounds and inches by their definitions: 0.45359237 kg, 25.4 mm, 9.80665 m/s^2."""
     assert to_si(text, unit) == pytest.approx(float(exact), rel=2e-16)
-    if text in ('3 Nm', '3 Nmm', '3 N⋅m', '3 kNm'):  # tables read them too
+    if text in ('3 Nm', '3 Nmm', '3 N⋅m', '3 kNm', '2 PS'):  # tables read them too
         assert to_si_text(text) == (to_si(text, unit), unit)
+
+
+@pytest.mark.parametrize('unit', ['°KW', '° CA', 'deg CA', 'degKW'])
+def test_degrees_of_the_crank_of_an_engine_are_degrees(unit):
+    assert to_si(f'90 {unit}', 'rad') == to_si('90 deg', 'rad')
+    assert to_si_text(f'90 {unit}') == to_si_text('90 deg')
 
 
 def test_numbers_of_numpy_and_quantities_of_pint_are_as_text():

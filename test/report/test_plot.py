@@ -15,6 +15,7 @@ from PIL import Image
 from running import run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim.analysis.details import SignalSpectrum
 from mechanism_sim.analysis.open_run import Asked
 from mechanism_sim.analysis.series import parse
 from mechanism_sim.engine.events import Mode
@@ -25,8 +26,13 @@ from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
+from mechanism_sim.report.charts.course import ChartedRun
+from mechanism_sim.report.charts.curves import over_drive
 from mechanism_sim.report.charts.lines import against, against_recorded, chart
+from mechanism_sim.report.charts.motion import over
+from mechanism_sim.report.charts.subjects import orders
 from mechanism_sim.report.figures import paint
+from mechanism_sim.sensing.spectra import LineSpectrum
 from ros_interfaces.definitions import field_descriptions
 
 JOINT, POINT = 'coupler_rocker', 'coupler.cog'
@@ -399,6 +405,68 @@ def test_angles_begin_anew_with_every_turn(solution):
             assert low - 1e-6 <= np.nanmin(y) < np.nanmax(y) <= high + 1e-6
             if shade == LINKS[0]:
                 np.testing.assert_allclose(y, x, atol=1e-6)
+
+
+def four_stroke():
+    """An engine whose force on the piston comes again after two turns."""
+    points = [[f'{x} deg', f'{p} N'] for x, p in ((0, 900), (200, 100), (540, 50), (720, 900))]
+    return ms.load_scene('slider_crank', {
+        'tables': {'gas': {'points': points, 'periodic': True}},
+        'loads': {'gas': {'at': 'piston', 'force': ['-gas(crank)', '0 N']}},
+        'drive.start_angle': '90 deg',
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('revolutions', 'said'),
+    [(1, 'The last full turn of the crank.'), (2, 'The last 2 full turns of the crank.'),
+     (5, 'The last 2 full turns of the crank.')],
+)  # fmt: skip
+def test_pages_show_as_many_turns_as_bring_all_again(revolutions, said):
+    """It was the last one alone, without the force of the other stroke."""
+    solution = ms.simulate(four_stroke(), revolutions=revolutions)
+    course = ChartedRun(ms.open_run(solution))
+    chart = over_drive(course, 'forces', '', ['reaction.rod_piston.size'])
+    assert chart.panels[0].x.high == 360.0 * course.again
+    assert over(course) == said
+    peak = np.nanmax(np.concatenate([c.y for c in chart.panels[0].curves]))
+    t = np.linspace(0.0, solution.duration, 4001)
+    sizes = solution.sample(t, 'reaction.rod_piston.size')['reaction.rod_piston.size']
+    assert peak == pytest.approx(sizes.max(), rel=1e-4)
+
+
+@pytest.mark.parametrize(('revolutions', 'end'), [(1, 360.0), (2, 720.0), (5, 720.0)])
+def test_what_comes_again_after_two_turns_is_drawn_over_both(revolutions, end):
+    """As one line; of one turn alone there is no more than that."""
+    engine = four_stroke()
+    solution = ms.simulate(engine, revolutions=revolutions)
+    axes = solution.plot('drive_torque', against='angle').axes[0]
+    assert axes.get_xlim() == (0.0, end)
+    shown = [line for line in axes.lines if len(line.get_xdata()) > 1]
+    x, y = max(shown, key=lambda line: np.ptp(line.get_xdata())).get_data()
+    for angle in np.radians([100.0, 200.0, 300.0] + [400.0, 700.0] * (revolutions > 1)):
+        begun = (angle - np.pi / 2) % np.radians(end) / engine.drive.start[1]
+        wanted = solution.sample(begun, 'drive_torque')['drive_torque'][0]
+        known = np.isfinite(x)
+        order = np.argsort(x[known])
+        found = np.interp(np.degrees(angle), x[known][order], y[known][order])
+        assert found == pytest.approx(wanted, abs=1e-3 * np.ptp(y[known]))
+
+
+def test_a_power_of_ten_beside_an_axis_is_not_under_its_legend():
+    t = np.linspace(0.0, 1.0, 9)
+    curve = ChartCurve(t, 1e-7 * t, 'small')
+    (axes,) = lines.draw(Chart('x', '', (Panel(Axis('t'), Axis('y'), (curve,)),))).axes
+    axes.figure.savefig(io.BytesIO(), format='png')
+    ten, legend = axes.yaxis.get_offset_text(), axes.get_legend()
+    assert ten.get_text()
+    assert not ten.get_window_extent().overlaps(legend.get_window_extent())
+
+
+def test_the_axis_of_orders_has_words_of_its_drive():
+    line = SignalSpectrum(LineSpectrum(np.arange(5.0), np.arange(5.0)), 'm/s^2')
+    (panel,) = orders('acc', line, 'crank').panels
+    assert panel.x.title == 'order of the crank [cycles per turn]'
 
 
 def test_cycles_are_plotted_over_the_angle():

@@ -304,6 +304,15 @@ def test_plots_have_labels_with_units(nominal):
 
 
 def test_rounding_is_drawn_as_a_line_at_zero():
+    cycle = ms.cycle('windshield_wiper')
+    name = 'velocity.rocker_coupler'
+    assert cycle[name].any()  # of 1e-15 rad/s: it is led in a parallelogram
+    curves = [c for chart in plots.charts(cycle) for p in chart.panels for c in p.curves]
+    assert not next(c.y for c in curves if c.of == name).any()
+
+
+def test_what_forces_on_the_frame_leave_of_each_other_is_nothing():
+    """It was 1e-16 N m, as a difference of moments of forces."""
     lifter = made({
         'mechanism': 'linkage',
         'gravity': [0, '-9.81 m/s^2'],
@@ -320,11 +329,44 @@ def test_rounding_is_drawn_as_a_line_at_zero():
         'drive': {'coordinate': 'cam', 'speed': '120 rpm'},
     })  # fmt: skip
     cycle = ms.cycle(lifter)
-    assert cycle['shaking_moment'].any()  # of 1e-16 N m, as a difference of moments of forces
+    assert not cycle['shaking_moment'].any()
     curves = [c for chart in plots.charts(cycle) for p in chart.panels for c in p.curves]
     shown = {c.of: c.y for c in curves if len(c.y) > 1}
     assert not shown['shaking_moment'].any()
     np.testing.assert_array_equal(shown['drive_torque'], cycle['drive_torque'])
+
+
+def test_a_boxer_is_balanced_to_the_last_bit_wherever_it_is_asked_for():
+    """In samples, measures and extremes alike; of 3 kN in the rods."""
+    crank, w = 0.045, 100.0 * math.pi
+    links = {
+        'ground': {},
+        'crank': {'length': 2.0 * crank, 'points': {'a': [crank, 0], 'b': [-crank, 0]},
+                  'cog': 0, 'mass': 8, 'inertia': 0.01},
+    }  # fmt: skip
+    joints, guess = {'main': {'revolute': ['ground', 'crank']}}, {}
+    for side, axis in (('a', '0 deg'), ('b', '180 deg')):
+        rod, piston = f'rod_{side}', f'piston_{side}'
+        links |= {rod: {'length': 0.15, 'mass': 0}, piston: {'mass': 0.5}}
+        joints |= {
+            f'big_{side}': {'revolute': [f'crank.{side}', rod]},
+            f'small_{side}': {'revolute': [f'{rod}.end', piston]},
+            f'bore_{side}': {'prismatic': ['ground', piston], 'axis': axis},
+        }
+        guess |= {rod: axis, piston: '150 mm'}
+    boxer = made({
+        'mechanism': 'linkage', 'links': links, 'joints': joints, 'guess': guess,
+        'drive': {'coordinate': 'crank', 'speed': w},
+    })  # fmt: skip
+    cycle = ms.cycle(boxer)
+    assert cycle['reaction.small_a.size'].max() == pytest.approx(0.5 * w**2 * crank * 1.3)
+    for name in ('shaking_force.x', 'shaking_force.y', 'shaking_moment'):
+        assert not cycle[name].any()
+    solution = ms.simulate(boxer, revolutions=1)
+    t, name = np.linspace(0.0, 0.019, 2001), 'shaking_moment'
+    assert not solution.sample(t, name)[name].any()
+    texts = ('largest(shaking_force)', 'mean(drive_power)')
+    assert [found.value for found in ms.measure(solution, texts)] == [0.0, 0.0]
 
 
 @pytest.mark.slow

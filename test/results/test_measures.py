@@ -449,6 +449,13 @@ def test_a_scene_names_its_measures_and_moves_as_before(nominal, capsys):
     for override, said in (
         ({'measures': {'peak': 'largest(x)'}}, "there is no quantity 'x'"),
         ({'measures': {'peak': 'large(x)'}}, "measures.peak: 'large' in"),
+        (
+            {
+                'measures': {'x': 'rms(tip)'},
+                'sensors': {'tip': {'link': 'rocker', 'sample_rate': '1 kHz'}},
+            },
+            "in measures its samples are 'sensors.tip'",
+        ),
     ):
         bad = ms.load_scene('four_bar_nominal', override)
         with pytest.raises(InputError, match=said):

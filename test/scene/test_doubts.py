@@ -247,3 +247,18 @@ def test_degrees_in_a_guess_are_questioned_but_not_metres_of_what_slides():
     assert len([*angle_questions(scene | {'guess': {'rod': -12.6, 'piston': 7.0}})]) == 1
     assert not [x for name in ms.scene_names()
                 for x in angle_questions(read_yaml(find_scene(name), 'scene'))]  # fmt: skip
+
+
+@pytest.mark.parametrize(('axis', 'asks'), [('along', True), ('across', False), ('60 deg', False)])
+def test_a_sensor_across_its_guide_is_asked_about(axis, asks):
+    """The piston slides along y, and keeps the direction of its x axis: that is 'along' it."""
+    upright = ms.load_scene('slider_crank', {
+        'joints.ground_piston.axis': '90 deg', 'guess': {'rod': '90 deg', 'piston': '250 mm'},
+        'sensors': {'head': {'link': 'piston', 'axis': axis, 'sample_rate': '1 kHz'}},
+    })  # fmt: skip
+    said = [
+        doubt for doubt in doubts(upright) if doubt.startswith('sensors.head.axis: the piston')
+    ]
+    assert len(said) == asks
+    samples = ms.open_run(ms.simulate(upright, revolutions=1)).signal('head').longest
+    assert bool(samples.any()) is not asks

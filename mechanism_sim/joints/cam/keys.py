@@ -592,18 +592,15 @@ class _CamReader:
                 )
         return MeasuredLaw(ways, rises, given.degree, self._slides, error)
 
-    def _must_turn(self, way: str) -> None:
-        if self._slides:
-            raise InputError(
-                f"law.{way} is for cams that turn: describe this one's by 'segments' or 'points'"
-            )
-
     def _shaped(self, follower: Follower) -> Cam:
         """A cam whose shape is given, and the law that follows."""
         law, base = self.joint.law, self.joint.base_radius
         assert law is not None  # noqa: S101 - checked
         way = next(way for way in _WAYS if getattr(law, way))
-        self._must_turn(way)
+        if self._slides:
+            raise InputError(
+                f"law.{way} is for cams that turn: describe this one's by 'segments' or 'points'"
+            )
         given = law.profile
         if given is None:
             assert base is not None  # noqa: S101 - checked

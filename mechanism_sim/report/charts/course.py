@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -39,7 +40,7 @@ class ChartWindow:
     ----------
     start, end : of the part [s]
     frames : quantities of frames on springs, all over the run
-    turning : whether there is a `reach`
+    again : turns of the drive over which there is a `reach`; 0 for none
 
     Attributes
     ----------
@@ -48,11 +49,11 @@ class ChartWindow:
 
     def __init__(
         self, record: Record, start: float, end: float, frames: Sequence[Quantity] = (),
-        turning: bool = False,
+        again: int = 0,
     ) -> None:  # fmt: skip
         self.record, self.start, self.end = record, start, end
         self.quantities = {q.name: q for q in (*_charted(record.machine), *frames)}
-        self._reach = Envelope(len(self.quantities)) if turning else None
+        self._reach = Envelope(len(self.quantities), span=360.0 * again) if again else None
         self._levels = HeldLevels([n for n, q in self.quantities.items() if q.unit in _LOADS])
 
     @cached_property
@@ -154,7 +155,8 @@ class ChartedRun:
     begin : from when on it counts [s]
     run : all of it from then on
     turns : the last turns of the main drive, from and up to: whole ones from angle zero on, or
-        the last one from any angle; None if it makes none
+        the last one from any angle, or as many as bring all again; None if it makes none
+    again : of these, on the axis of an angle
     detail : these turns; all of the run if there are none
     """
 
@@ -166,10 +168,11 @@ class ChartedRun:
             for name in record.machine.scene.oscillators
             for quantity in _of_frame(name, record.machine.oscillator(name).take(record.history))
         ]
-        self.turns = _last_turns(record, skip)
+        self.again, self.turns = _last_turns(record, skip)
         first, last = record.whole_turns(skip) if record.has_turns else (0, 0)
-        many = record.machine.level.dynamic and last - first > TURNS
-        self.run = ChartWindow(record, self.begin, record.end, self._frames, many)
+        many = record.machine.level.dynamic and last - first > TURNS * self.again
+        reach = self.again if many else 0
+        self.run = ChartWindow(record, self.begin, record.end, self._frames, reach)
         self.detail = self.run
         if self.turns:
             start, end = record.times_at(np.array(self.turns)).tolist()
@@ -180,7 +183,7 @@ class ChartedRun:
         """The angle of the main drive, or time where it makes no turns."""
         if self.turns is None:
             return OVER_TIME
-        return over_turns(self.record.machine.plan.main, self.record.degrees)
+        return over_turns(self.record.machine.plan.main, self.record.degrees, self.again)
 
     @cached_property
     def struck(self) -> Array:
@@ -222,18 +225,20 @@ class ChartedRun:
         return ChartWindow(beside, detail.start, end)
 
 
-def _last_turns(record: Record, skip: int) -> tuple[float, float] | None:
-    if record.has_turns:
-        first, last = record.whole_turns(skip)
-        return max(first, last - (_SHOWN if record.machine.level.dynamic else 1)), last
-    begin, end = record.turned(np.array([record.start, record.end])).tolist()
-    if not end - begin >= 1.0 - 1e-9:  # nor is it where the drive slides: no number
-        return None
-    try:
-        record.times_at(np.array([end - 1.0]))
-    except InputError:
-        return None  # it turns back on the way
-    return end - 1.0, end
+def _last_turns(record: Record, skip: int) -> tuple[int, tuple[float, float] | None]:
+    """As many turns as bring all again, or one, and the last turns that are shown."""
+    begin, end = record.turned(np.array([record.begin(skip), record.end])).tolist()
+    for again in dict.fromkeys([record.machine.drive.repetition.turns, 1]):
+        if record.has_turns:
+            first, last = record.whole_turns(skip)
+            shown = again * (_SHOWN if record.machine.level.dynamic else 1)
+            if last - first >= again:
+                return again, (max(first, last - shown), last)
+        if end - begin >= again - 1e-9:  # nor is it where the drive slides: no number
+            with suppress(InputError):  # it may turn back on the way
+                record.times_at(np.array([end - again]))
+                return again, (end - again, end)
+    return 1, None
 
 
 def _driven(record: Record, t: Array) -> Array:

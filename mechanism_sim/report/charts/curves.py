@@ -61,11 +61,11 @@ def _chart(
     window: ChartWindow, over: Abscissa,
 ) -> Chart:  # fmt: skip
     found, ideal = [window.series(name) for name in names], course.ideal
-    if over.turns == bool(course.turns) and ideal is not None:
+    if bool(over.span) == bool(course.turns) and ideal is not None:
         found += [ideal.series(name, ideal=True) for name in names if name in ideal.quantities]
-    if not over.turns:
+    if not over.span:
         over = over._replace(axis=replace(over.axis, low=window.start, high=window.end))
     struck = course.struck[(course.struck >= window.start) & (course.struck <= window.end)]
     own = numbers(course.record.machine.mechanism)
-    made = panels(found, over, own, struck, course.run.reach if over.turns else {})
+    made = panels(found, over, own, struck, course.run.reach if over.span else {})
     return Chart(key, title, tuple(made), over.kind, joint, columns(made))

@@ -18,6 +18,7 @@ from mechanism_sim.analysis.series import Items, Series, parse, sampled
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.export.palette import GROUND, index
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (
     DIRECTION,
@@ -50,7 +51,7 @@ TURNS = 3
 _BESIDE = 6  # panels above each other, more are in two columns
 _KINDS = 2  # quantities that an axis names
 _SLACK = 1e-7  # [deg]
-_WHOLE = 350.0  # [deg] of a turn that counts as one
+_WHOLE = 0.97  # of a turn that counts as one
 _MARKS = 1500  # places along a panel at which impacts can be told apart
 _MANY = 40_000  # points of a line, more are thinned
 _ACROSS = {'x': 'y', 'y': 'x', 'along': 'across', 'across': 'along'}  # components of a vector
@@ -62,13 +63,13 @@ class Abscissa(NamedTuple):
 
     Attributes
     ----------
-    turns : whether it is an angle [deg], drawn within a turn
+    span : of an angle, what is drawn of it [deg]: a turn, or as many as bring all again
     of : the quantity, where it is neither time nor the angle of the drive
     """
 
     axis: Axis
     at: Callable[[Array], Array]
-    turns: bool = False
+    span: float = 0.0
     of: str = ''
 
     @property
@@ -76,7 +77,7 @@ class Abscissa(NamedTuple):
         """As charts have it."""
         if self.axis is DIRECTION:
             return 'polar'
-        return 'angle' if self.turns else 'other' if self.of else 'time'
+        return 'angle' if self.span else 'other' if self.of else 'time'
 
 
 OVER_TIME = Abscissa(TIME, lambda t: t)
@@ -94,7 +95,10 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
         return OVER_TIME
     if what == 'angle':
         i = physics.coordinates.index(main)
-        return over_turns(main, lambda t: np.asarray(np.degrees(curve(t)[:, i])))
+        turns, ends = run.machine.drive.repetition.turns, np.array([curve.start[0], curve.end])
+        if abs(np.diff(curve(ends)[:, i])[0]) < _WHOLE * turns * TWO_PI:
+            turns = 1
+        return over_turns(main, lambda t: np.asarray(np.degrees(curve(t)[:, i])), turns)
     found = catalogue(run.machine).find(what)
     unit, scale = for_people(found.unit)
     axis = DIRECTION if found.part == 'direction' else Axis(found.words, unit)
@@ -124,14 +128,14 @@ def check_abscissa(machine: Machine, what: str) -> None:
         catalogue(machine).find(what)
 
 
-def over_turns(drive: str, at: Callable[[Array], Array]) -> Abscissa:
+def over_turns(drive: str, at: Callable[[Array], Array], turns: int = 1) -> Abscissa:
     """Over the angle of a drive, which `at` gives [deg] at times (N,) [s]."""
-    return Abscissa(turn_of(drive), at, True)
+    return Abscissa(turn_of(drive, turns), at, 360.0 * turns)
 
 
-def turn_of(drive: str) -> Axis:
-    """The angle of a drive within a turn."""
-    return Axis(f'angle of the {drive}', 'deg', 0.0, 360.0, every=45.0)
+def turn_of(drive: str, turns: int = 1) -> Axis:
+    """The angle of a drive within a turn, or as many as bring all again."""
+    return Axis(f'angle of the {drive}', 'deg', 0.0, 360.0 * turns, every=45.0 * turns)
 
 
 def colours(names: Iterable[str], numbers: Mapping[str, int]) -> Iterator[int]:
@@ -222,7 +226,7 @@ def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
 def marks(over: Abscissa, t: Array) -> Array:
     """Where impacts at times (N,) [s] are marked; no two where they cannot be told apart."""
     x = over.at(t) if len(t) else NOTHING
-    x = np.mod(x, 360.0) if over.turns else x
+    x = np.mod(x, over.span) if over.span else x
     return np.asarray(x[tallest(x, np.zeros(len(x)), _MARKS)])
 
 
@@ -279,21 +283,21 @@ def _of(
     else:
         same |= {'label': d.label}
     if s.events:
-        x = np.mod(x, 360.0) if over.turns else x
+        x = np.mod(x, over.span) if over.span else x
         yield ChartCurve(x, y, form='dots', marker='circle-open', **same)
         return
     if over.of:
         line = ChartCurve(x, y, dash=0 if s.ideal else dash, when=s.t, **same)
         yield from [line] if s.ideal else [line, line.start()]
         return
-    if not over.turns:
+    if not over.span:
         yield ChartCurve(*_thinned(x, y), dash=0 if s.ideal else dash, **same)
         return
-    pieces = _pieces(x, y, s.t)
-    whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE]
+    pieces = _pieces(x, y, s.t, over.span)
+    whole = [k for k, (x, *_) in enumerate(pieces) if np.ptp(x) > _WHOLE * over.span]
     newest = whole[-1] if whole else 0
     if reach is None and len(pieces) > TURNS and whole and not s.ideal:
-        reach = Envelope.of(x, s.values)
+        reach = Envelope.of(x, s.values, over.span)
     if s.unit == 'rad':
         # angles [deg] less the whole turns that bring each turn nearest to the newest one
         start = float(pieces[newest][1][0])
@@ -324,33 +328,33 @@ def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
 Turn = tuple[Array, Array, Array]
 
 
-def _pieces(x: Array, y: Array, t: Array) -> list[Turn]:
+def _pieces(x: Array, y: Array, t: Array, span: float) -> list[Turn]:
     """Angles within a turn [deg], values and times, turn by turn.
 
     Parameters
     ----------
     x : (N,) angles [deg], rising or falling; where they pass a whole turn a place is put in
     """
-    nearest = 360.0 * np.round(x / 360.0)
+    nearest = span * np.round(x / span)
     x = np.where(np.abs(x - nearest) < _SLACK, nearest, x)
-    turn = np.floor(x / 360.0)
+    turn = np.floor(x / span)
     ends = np.flatnonzero(np.diff(turn) != 0.0) + 1
     found = []
     for a, b in zip([0, *ends], [*ends, len(x)], strict=True):
         rows = np.array([x[a:b], y[a:b], t[a:b]])
-        low = 360.0 * turn[a]
+        low = span * turn[a]
         if b < len(x):
-            rows = np.append(rows, _crossing(x, y, t, b, turn), axis=1)
+            rows = np.append(rows, _crossing(x, y, t, b, span), axis=1)
         if a > 0:
-            rows = np.append(_crossing(x, y, t, a, turn), rows, axis=1)
+            rows = np.append(_crossing(x, y, t, a, span), rows, axis=1)
         if np.ptp(rows[0]) > 10.0 * _SLACK or len(ends) == 0:
-            found.append((np.clip(rows[0] - low, 0.0, 360.0), rows[1], rows[2]))
+            found.append((np.clip(rows[0] - low, 0.0, span), rows[1], rows[2]))
     return found
 
 
-def _crossing(x: Array, y: Array, t: Array, k: int, turn: Array) -> Array:
+def _crossing(x: Array, y: Array, t: Array, k: int, span: float) -> Array:
     """The place (3, 1) between two others where one turn ends and the next begins."""
-    at = 360.0 * max(turn[k - 1], turn[k])
+    at = span * np.floor(max(x[k - 1], x[k]) / span)
     share = (at - x[k - 1]) / (x[k] - x[k - 1])
     return np.array([[at], *([z[k - 1] + share * (z[k] - z[k - 1])] for z in (y, t))])
 

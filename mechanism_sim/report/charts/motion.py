@@ -31,13 +31,14 @@ def over(course: ChartedRun) -> str:
     if course.turns is None:
         return f'Over time, as the {course.record.machine.plan.main} makes no full turn.'
     first, last = course.turns
-    main, count = course.record.machine.plan.main, round(last - first)
-    turns = 'The last full turn' if count == 1 else f'The last {count} full turns'
+    main, count, again = course.record.machine.plan.main, round(last - first), course.again
+    shown = again if course.run.reach else count
+    turns = 'The last full turn' if shown == 1 else f'The last {shown} full turns'
     found = f'{turns} of the {main}'
     if course.run.reach:
-        found = f'The last full turn of the {main}; the pale band is the range over all turns'
-    elif count > 1:
-        found += ', the one before the last faint'
+        found += '; the pale band is the range over all turns'
+    elif count > again:
+        found += ', the one before the last faint' if again == 1 else f', all but {again} faint'
     if course.ideal is not None:
         found += '; the thick pale line is the machine with ideal joints'
     return f'{found}.'

@@ -277,7 +277,7 @@ def density(name: str, line: Spectral, rate: float | None, number: int = 0) -> C
 
 def orders(name: str, line: Spectral, drive: str, number: int = 0) -> Chart:
     """Amplitudes by order of the drive."""
-    axis = Axis('order', f'cycles per turn of the {drive}')
+    axis = Axis(f'order of the {drive}', 'cycles per turn')
     panel = _amplitudes(name, line, 1.0, axis, number)
     return Chart(f'sensor-{name}-orders', f'{name}: orders', (panel,), 'frequency', name)
 

@@ -81,16 +81,17 @@ class BinExtremes:
 
 
 class Envelope:
-    """The least and the largest value of C rows by the angle of a drive, over all turns."""
+    """The least and the largest value of C rows over a span of a drive [deg], of all spans."""
 
-    def __init__(self, rows: int, bins: int = 720) -> None:
+    def __init__(self, rows: int, bins: int = 720, span: float = 360.0) -> None:
+        self._span = span
         self._least = np.full((bins, rows), np.inf)
         self._largest = np.full((bins, rows), -np.inf)
 
     def add(self, angle: Array, values: Array) -> None:
         """Enter values (C, N) at angles (N,) [deg] of any turn."""
         bins = len(self._least)
-        of = np.rint(angle * (bins / 360.0)).astype(np.intp) % bins
+        of = np.rint(angle * (bins / self._span)).astype(np.intp) % bins
         order = np.argsort(of, kind='stable')
         of, values = of[order], values[:, order]
         firsts = np.flatnonzero(np.diff(of, prepend=-1))
@@ -98,25 +99,25 @@ class Envelope:
             kept[of[firsts]] = reduce(kept[of[firsts]], reduce.reduceat(values, firsts, axis=1).T)
 
     def rows(self) -> list[Array]:
-        """Of each row angles 0 to 360 [deg], least and greatest values around them (3, N)."""
-        bins = len(self._least)
-        at = np.arange(bins + 1) * (360.0 / bins)
+        """Of each row angles of the span [deg], least and greatest values around them (3, N)."""
+        bins, span = len(self._least), self._span
+        at = np.arange(bins + 1) * (span / bins)
         found = []
         for pair in zip(self._least.T, self._largest.T, strict=True):
             known = np.isfinite(pair[0])
             filled = np.full((2, len(at)), np.nan)
             if known.any():
-                filled[:] = [np.interp(at, at[:-1][known], x[known], period=360.0) for x in pair]
+                filled[:] = [np.interp(at, at[:-1][known], x[known], period=span) for x in pair]
             found.append(np.array([at, *filled]))
         return found
 
     @classmethod
-    def of(cls, angle: Array, values: Array) -> Array | None:
+    def of(cls, angle: Array, values: Array, span: float = 360.0) -> Array | None:
         """That of one row (N,) over angles (N,) [deg]; none of a drive that turns back."""
         sense = 1.0 if angle[-1] > angle[0] else -1.0
         if (sense * np.diff(angle) < 0.0).any():
             return None
-        found = cls(1)
+        found = cls(1, span=span)
         low, high = sorted((angle[0], angle[-1]))
         between = np.arange(low, high, 0.5)
         inside = np.interp(sense * between, sense * angle, values)

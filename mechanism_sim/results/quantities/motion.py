@@ -21,6 +21,9 @@ from mechanism_sim.planar.unknowns import Unknowns
 from mechanism_sim.planar.virtual_work import located
 from mechanism_sim.results.quantity import Quantity, Shown, View, direction, magnitude, vector
 from mechanism_sim.scene import Machine
+from mechanism_sim.tolerances import TOLERANCES
+
+_SOLVED = TOLERANCES.rounding.solved
 
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
 """Kinds of quantities of a motion, with what they add to the unit."""
@@ -264,7 +267,13 @@ class _Shaking:
                 py = py + sign * thrust[joint.name] * np.sin(angle)
             fx, fy = fx + px, fy + py
             moment = moment + x * py - y * px + sign * o.reaction_moment[i]
-        return np.array([fx, fy, moment])
+        found = np.array([fx, fy, moment])
+        # what forces leave of each other by rounding is nothing: a machine is balanced
+        length = self._mechanism.size
+        size = np.abs(o.reaction).sum(axis=(0, 1)) + np.abs(found[:2]).sum(axis=0)
+        size = _SOLVED * (size + o.kinetic_energy / length)
+        found[np.abs(found) <= np.array([size, size, size * length])] = 0.0
+        return found
 
 
 class _OnGround:
