@@ -300,6 +300,11 @@ class PlacedCam(HigherPair):
     grooved: ClassVar[bool] = False
 
     @property
+    def extent(self) -> float:
+        """That of the cam."""
+        return self.cam.extent
+
+    @property
     def arm_angle(self) -> float:
         """Of the arm or face of a swinging follower, in its own frame [rad]."""
         return math.atan2(*self.arm[::-1])
