@@ -57,12 +57,6 @@ class Cam:
         return self.follower.touch(self.law, self.base_radius, angle)
 
     @cached_property
-    def extent(self) -> float:
-        """How far from the camshaft, or the origin of a sliding cam, it touches at most [m]."""
-        x, y = self.at(drawing_angles(self.law, extent(self.law) / 360)).profile
-        return float(np.hypot(x, y).max())
-
-    @cached_property
     def corners(self) -> list[Jump]:
         """Where the velocity of the follower jumps, so that no finite force moves it."""
         return [jump for jump in check_smoothness(self.law, 1) if jump.order == 1]
