@@ -398,7 +398,7 @@ def each_instant(
     """The segment of every instant, and the time since its start [s], in the order of samples."""
     if isinstance(dt, Nodes):
         dt = np.outer(curve.duration[segments], dt.fractions)
-    return np.repeat(segments, dt.size // max(len(segments), 1)), dt.ravel()
+    return np.repeat(segments, instants(dt)), dt.ravel()
 
 
 def rows(
@@ -441,18 +441,15 @@ def outside(
 
     The instants are those of ``curve.at(segments, dt)``.
     """
-    if isinstance(dt, Nodes):
-        since = np.outer(curve.duration[segments], dt.fractions)
-    else:
-        since = dt[:, None] if dt.ndim == 1 else dt
+    each, since = each_instant(curve, segments, dt)
     rows, values = [], None
     for name in names:
         if name.startswith(STATE) and states is not None:
             values = states.local(segments, dt).T if values is None else values
             rows.append(values[int(name.removeprefix(STATE))])
         elif name == 'time':
-            rows.append((curve.start[segments, None] + since).ravel())
+            rows.append(curve.start[each] + since)
         else:
             index = list(coordinates).index(name.rpartition('.')[0])
-            rows.append(np.repeat(curve.turns[segments, index], since.shape[1]).astype(float))
+            rows.append(curve.turns[each, index].astype(float))
     return np.array(rows).reshape(len(rows), since.size)

@@ -14,7 +14,7 @@ from mechanism_sim.engine.clock import horner
 from mechanism_sim.engine.contacts import Contacts
 from mechanism_sim.engine.dense_output import DenseOutput, floats
 from mechanism_sim.engine.drive_laws import DriveLaws
-from mechanism_sim.engine.events import Mode, ends_meet
+from mechanism_sim.engine.events import Mode, drawn_in, ends_meet
 from mechanism_sim.engine.integrators import Integrators
 from mechanism_sim.engine.present_state import rate_of
 from mechanism_sim.engine.singular import SingularPositions
@@ -22,7 +22,7 @@ from mechanism_sim.engine.step_check import StepCheck
 from mechanism_sim.engine.step_rows import StepRows
 from mechanism_sim.engine.thin_films import film_gone
 from mechanism_sim.errors import RunError, quoted
-from mechanism_sim.planar.protocols import Directed
+from mechanism_sim.planar.protocols import Directed, WrappedGap
 from mechanism_sim.tolerances import TOLERANCES
 
 _SINGULAR = TOLERANCES.singular
@@ -288,6 +288,9 @@ class TaylorSteps:
                 continue
             if math.hypot(*e.between(place)[:, 0]) < _STEPS.meet * size:
                 return ends_meet(e.name, time)
+        for gap in self._system.gaps:
+            if isinstance(gap, WrappedGap) and gap.lengths(place).min() < _STEPS.meet * size:
+                return drawn_in(gap.name, time)
         rates = self._present.evaluate(self._system.functions.accelerations)[len(free) :]
         values = self._present.state[2 * len(self._system.free) :]
         for known, y, rate in zip(self._system.states, values, rates, strict=True):

@@ -62,9 +62,8 @@ _ROUNDED = 8.0
 """times what rounding leaves open in coordinates: smaller last terms are no more than that."""
 _SHORTEST = 2.0**-20
 _SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row lead nowhere
-_LONGEST = (
-    0.1  # [s] of a piece: nodes grant each other some seconds, and pieces are handed on whole
-)
+#: [s] of a piece: nodes grant each other some seconds, and pieces are handed on whole
+_LONGEST = 0.1
 _SLOW = 40.0  # parts of a usual piece of a slow drive, if they are longer than that
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding

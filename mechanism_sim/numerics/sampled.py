@@ -18,9 +18,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 
 _DEGREES = (3, 5, 7)  # of splines that are compared
-_DETERMINED = (
-    0.1  # of the largest peak: if one may be farther off, the samples do not determine it
-)
+#: of the largest peak: if one may be farther off, the samples do not determine it
+_DETERMINED = 0.1
 _TRIALS = 8  # of other last digits; three times their standard deviation counts
 _DIGITS = 13  # decimals after which a number is not rounded but computed
 _SMOOTHEST = 1e9  # weight of the penalty, over that of the distances: no spline is smoother

@@ -42,8 +42,6 @@ Functions: TypeAlias = Literal['modal', 'polynomial']
 Way: TypeAlias = Literal['pinned', 'clamped', 'fixed']
 """Reference conditions of bending, and that of stretch."""
 _ROUNDING = TOLERANCES.rounding
-
-
 _SECTIONS = 41
 _FITTED = 16
 """Coefficients of a polynomial that is a half wave of a beam but for rounding."""

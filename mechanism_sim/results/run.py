@@ -438,13 +438,14 @@ class Runner:
 
     @contextmanager
     def _bent(self) -> Iterator[None]:
-        """Say of a run that fails if its links bend farther than the theory reaches."""
+        """Say of a run that fails what went wrong before, or if its links bend too far."""
         try:
             yield
         except RunError as error:
             engine = self.engine
             if not isinstance(engine, EventLoop):
                 raise
+            self.machine.physics.check_directions(engine.drain()[0])
             known = dict(zip(self.machine.equations.system.free, engine.state.q, strict=True))
             q = [known.get(c, 0.0) for c in self.machine.mechanism.coordinates]
             if said := self._bends.now(np.array(q)):

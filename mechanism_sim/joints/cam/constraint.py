@@ -228,18 +228,15 @@ def cam_outlines(joint: PlacedCam) -> list[Array]:
 
     A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
     """
-    angles = outline_angles(joint.cam.law)
+    cam, angles = joint.cam, outline_angles(joint.cam.law)
+    walls = cam.groove(angles) if joint.grooved else (cam.at(angles).profile,)
+    edges = list(walls[::-1])
     if joint.distance.slides:
-        edges = [_bar(joint.cam.at(angles).profile, 0.0)]
-        if joint.grooved:
-            inner, outer = joint.cam.groove(angles)
-            edges = [_bar(inner, 0.0), _bar(outer, outer[0].max() + joint.cam.base_radius)]
-    elif not joint.grooved:
-        edges = [joint.cam.at(angles).profile]
-    else:
-        inner, outer = joint.cam.groove(angles)
-        rim = 1.12 * float(np.hypot(*outer).max())
-        edges = [rim * np.array([np.cos(angles), np.sin(angles)]), outer, inner]
+        backs = 0.0, walls[-1][0].max() + cam.base_radius
+        edges = [_bar(wall, back) for wall, back in zip(walls, backs, strict=False)]
+    elif joint.grooved:
+        rim = 1.12 * float(np.hypot(*walls[-1]).max())
+        edges = [rim * np.array([np.cos(angles), np.sin(angles)]), *edges]
     return [joint.profile(distinct(edge, closed=True)).T for edge in edges]
 
 

@@ -32,7 +32,7 @@ from mechanism_sim.joints.cam.followers import (
     Translating,
 )
 from mechanism_sim.joints.cam.laws import Eccentric, Law, Piecewise, Raised
-from mechanism_sim.joints.cam.profiles import Cam
+from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent
 from mechanism_sim.numerics.symbolic import Term, dense, polynomial
 from mechanism_sim.planar.frames import Frames, Jet
 from mechanism_sim.planar.mechanism import HigherPair
@@ -298,6 +298,12 @@ class PlacedCam(HigherPair):
 
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     grooved: ClassVar[bool] = False
+
+    @cached_property
+    def extent(self) -> float:
+        """Of the profile from the camshaft, or from the origin of a sliding cam [m]."""
+        law = self.cam.law
+        return float(np.hypot(*self.cam.at(drawing_angles(law, extent(law) / 360)).profile).max())
 
     @property
     def arm_angle(self) -> float:

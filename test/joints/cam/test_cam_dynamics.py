@@ -458,3 +458,28 @@ def test_contact_is_lost_where_the_acceleration_jumps_and_that_is_told_once():
     assert lost.t == pytest.approx(230 / 360 / 60, abs=1e-14)
     assert solution.impacts[0].t > lost.t + 1e-3
     assert solution.energy.residual == pytest.approx(0.0, abs=1e-11)
+
+
+@pytest.mark.parametrize('times', [2.0**-12, 2.0**12])
+def test_a_valve_train_of_any_size_bounces_alike(times):
+    # no point of a link says how large it is, only the cam
+    def overrides(x):
+        return {
+            'links.ground.points.seat': [0.0, 0.078 * x],
+            'links.camshaft.inertia': 6e-5 * x * x,
+            'joints.contact.base_radius': 0.018 * x,
+            'joints.contact.law.segments.0.rise': f'{0.008 * x!r} m',
+            'joints.contact.law.segments.1.rise': f'{-0.008 * x!r} m',
+            'springs.spring.free_length': 0.07 * x,
+            'gravity': [0.0, -9.81 * x],
+        }
+
+    one, other = (
+        ms.simulate(ms.load_scene('valve_train', overrides(x)), duration=0.04)
+        for x in (1.0, times)
+    )
+    assert len(other.impacts) == len(one.impacts) > 20
+    largest = max(x.normal_impulse for x in one.impacts)
+    for a, b in zip(one.impacts, other.impacts, strict=True):
+        assert b.t == pytest.approx(a.t, rel=1e-9)
+        assert b.normal_impulse / times == pytest.approx(a.normal_impulse, abs=1e-8 * largest)
