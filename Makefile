@@ -9,7 +9,7 @@ BENCH ?= all
 export PYTHONDONTWRITEBYTECODE =
 BAG ?= runs/$(SCENE)-$(shell date +%Y%m%d-%H%M%S).mcap
 
-.PHONY: run test test-all lint bench docs evidence install clean
+.PHONY: run test test-all test-lowest lint bench docs evidence install clean
 run: install
 	@mkdir -p runs
 	$(BIN)/mechanism-sim run $(SCENE) --revolutions 10 --processes --record $(BAG)
@@ -22,6 +22,17 @@ test: install
 
 test-all: install
 	FUZZ_EXAMPLES=200 $(BIN)/pytest -n 2 --dist worksteal -m ''
+
+# What pyproject.toml promises to run with: the lowest versions, in an environment of their own.
+LOWEST = build/lowest
+test-lowest:
+	$(PYTHON) -m venv $(LOWEST)
+	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check uv
+	$(LOWEST)/bin/uv pip compile --quiet --resolution lowest-direct --extra all --extra dev \
+	    pyproject.toml --output-file $(LOWEST)/versions.txt
+	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python \
+	    --requirements $(LOWEST)/versions.txt --editable .
+	$(LOWEST)/bin/python -m pytest -n 2 --dist worksteal
 
 lint: install
 	$(BIN)/ruff check .

@@ -83,6 +83,8 @@ class ExtremeSearch:
     groups : (C,) what each function belongs to; rounding is measured by the largest of a group
     sizes : of groups, in whose values what is larger cancels out
     positive : which functions are at least zero, such as sizes of forces
+    magnitudes : of which functions only the end that is farther from zero matters; the other is
+        not looked for
 
     Attributes
     ----------
@@ -95,6 +97,7 @@ class ExtremeSearch:
         groups: Sequence[Hashable],
         sizes: Mapping[Hashable, float] = MappingProxyType({}),
         positive: Sequence[bool] | None = None,
+        magnitudes: Sequence[bool] | None = None,
     ) -> None:
         known = list(dict.fromkeys(groups))
         self._group = np.array([known.index(g) for g in groups], np.intp)
@@ -103,6 +106,7 @@ class ExtremeSearch:
         count = len(groups)
         at_least = np.zeros(count, bool) if positive is None else np.asarray(positive)
         self._highest = np.append(np.full(count, np.inf), np.where(at_least, 0.0, np.inf))
+        self._either = np.zeros(count, bool) if magnitudes is None else np.asarray(magnitudes)
         self._top = np.full(2 * count, -np.inf)
         self._time = np.full(2 * count, np.nan)
 
@@ -138,7 +142,13 @@ class ExtremeSearch:
     @property
     def _limit(self) -> Array:
         """Heights (2 C,) that must be exceeded to matter."""
-        return np.asarray(self._top + np.tile(self.rounding, 2))
+        return np.asarray(self._reached(self._top) + np.tile(self.rounding, 2))
+
+    def _reached(self, heights: Array) -> Array:
+        """Heights (2 C,) that others must beat: of a magnitude the larger of both ends."""
+        count = len(self._group)
+        larger = np.tile(np.fmax(heights[:count], heights[count:]), 2)
+        return np.where(np.tile(self._either, 2), larger, heights)
 
     def _finite_values(self, x: Array) -> Array:
         return np.where(np.isnan(self._time[: len(x)]), np.nan, x + 0.0)
@@ -204,7 +214,7 @@ class ExtremeSearch:
         high = np.fmax.reduce(known, axis=1, initial=-np.inf)
         low = np.fmin.reduce(known, axis=1, initial=np.inf)
         blur = _EXTREMES.glanced * np.fmax(np.abs(high), np.abs(low))
-        seen = np.concatenate([high - blur, -low - blur])
+        seen = self._reached(np.concatenate([high - blur, -low - blur]))
         c = chebyshev_coefficients(values.reshape(len(self._group), -1, len(_FEW)))
         above = 4.0 * np.abs(c[:, :, -2:]).max(axis=2) + 0.25 * np.abs(c[:, :, -3])
         bound = _bounds(c, _GRID[: len(_FEW), ::3], above, self._highest)

@@ -77,8 +77,12 @@ class Extremes:
         return np.full_like(values, value if abs(value) > self.rounding else 0.0)
 
 
-def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
+def search_of(
+    wanted: Sequence[Quantity], size: float, magnitudes: Collection[str] = ()
+) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].
+
+    Of `magnitudes`, names, only the end that is farther from zero is looked for.
 
     Rounding is measured by the largest value of a kind in one unit; that of gaps and the like,
     which are differences of lengths, by the size of the machine.
@@ -86,7 +90,8 @@ def search_of(wanted: Sequence[Quantity], size: float) -> ExtremeSearch:
     groups = [(quantity.kind, quantity.unit) for quantity in wanted]
     differences: dict[Hashable, float] = {(q.kind, q.unit): size for q in wanted if q.difference}
     sizes = [quantity.part == 'size' for quantity in wanted]
-    return ExtremeSearch(groups, differences, sizes)
+    either = [quantity.name in magnitudes for quantity in wanted]
+    return ExtremeSearch(groups, differences, sizes, either)
 
 
 def travel(machine: Machine, motion: Motion) -> float:
@@ -134,6 +139,7 @@ class QuantityRanges:
     names : of quantities
     since : [s] what is earlier does not count
     shapes : of which of them it is to be known how long the peaks last, see `PeakOutlines`
+    magnitudes : of which of them only the end that is farther from zero is to be known
     """
 
     def __init__(
@@ -142,10 +148,11 @@ class QuantityRanges:
         names: Sequence[str],
         since: float = -math.inf,
         shapes: Collection[str] = (),
+        magnitudes: Collection[str] = (),
     ) -> None:
         self._machine, self._since, self.names = machine, since, [*names]
         self._wanted = [catalogue(machine)[name] for name in names]
-        self._search = search_of(self._wanted, machine.mechanism.size)
+        self._search = search_of(self._wanted, machine.mechanism.size, magnitudes)
         self._shaped = shapes
         self._outlines = PeakOutlines(self._values, len(self.names)) if shapes else None
 
@@ -184,7 +191,7 @@ class QuantityRanges:
         return [peaks.get(n, none) if n in self._shaped else none for n in self.names]
 
 
-_TOGETHER = 512  # segments; messages of nodes bring them one by one
+_TOGETHER = 2048  # segments; messages of nodes bring them one by one
 
 _OF_BEARINGS = ('bearing_force', 'size'), ('bearing_force', 'axial'), ('bearing_moment', 'size')
 
@@ -228,8 +235,13 @@ class LoadPeaks:
         self._drives = {f'drive_torque.{c}': c for c in physics.driven}
         self._loads = [*self._joints, *self._drives] if physics.has_forces else []
         self._loads += _bearing_loads(machine) if bearings else []
+        others = [*others]
         self._ranges = QuantityRanges(
-            machine, [*self._loads, *others], since, self._loads if shapes else ()
+            machine,
+            [*self._loads, *others],
+            since,
+            self._loads if shapes else (),
+            {*self._loads} - {*others},
         )
         self._unbounded: dict[str, float] = {}  # forces without a limit, and when [s]
         self._waiting: list[Motion] = []

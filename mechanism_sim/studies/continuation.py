@@ -200,7 +200,9 @@ class _Shooting:
                     return None
                 off = wide * section.difference(state, end)
                 size = float(np.abs(off / wide).max())
-                grown = 1.0 if rows is None else float(np.linalg.norm(rows[:, :-1], 2))
+                grown = 1.0
+                if rows is not None:  # without a change that contacts allow it has none
+                    grown = float(np.linalg.svdvals(rows[:, :-1]).max(initial=0.0))
                 if size <= max(_RESIDUAL, _ROUNDING * grown):
                     return self._orbit(state, value)
                 if base is not None and size > before:  # a shorter step costs less

@@ -201,3 +201,27 @@ def test_turns_of_a_steady_drive_are_alike():
                 one[name].greatest.value, rel=1e-9, abs=1e-9
             )
     assert many.extremes()['position.crank'].greatest.value == pytest.approx(40.0 * np.pi)
+
+
+def test_the_farther_end_alone_costs_less_and_is_the_same():
+    """Of ``a + sin t`` and its like, from either side; values near zero are not looked for."""
+    shifts = np.array([-0.3, 0.0, 0.2, 2.0])[:, None]
+    edges = np.linspace(0.0, 20.0, 60)
+
+    def found(magnitudes):
+        asked = []
+
+        def values(t):
+            asked.append(t.size)
+            size = np.abs(shifts + np.sin(t.ravel()))
+            return np.concatenate([shifts + np.sin(t.ravel()), np.hypot(size, 1e-3)])
+
+        search = ExtremeSearch([0] * 8, positive=[False] * 4 + [True] * 4, magnitudes=magnitudes)
+        search.add(values, edges[:-1], edges[1:])
+        return np.maximum(-search.least, search.greatest), sum(asked)
+
+    (both, dear), (farther, cheap) = found(None), found([True] * 8)
+    np.testing.assert_array_equal(farther, both)
+    largest = 1.0 + np.abs(shifts[:, 0])
+    np.testing.assert_allclose(farther, [*largest, *np.hypot(largest, 1e-3)], rtol=1e-15)
+    assert cheap < 0.6 * dear
