@@ -365,7 +365,8 @@ def _print(options: argparse.Namespace, message: Any, mark: str) -> None:
     import yaml  # noqa: PLC0415
 
     plain = to_plain(message, None if getattr(options, 'full', False) else _LONGEST)
-    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).removesuffix('...\n')
+    dumped = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).removesuffix('...\n')
+    text = f'{plain}\n' if isinstance(plain, str) else dumped  # as it is, such as a URDF
     print(f'{text}{mark}'.rstrip('\n'), flush=True)
 
 

@@ -17,8 +17,12 @@ from rosbags.interfaces import Nodetype
 from mechanism_sim.analysis.record import Record, read_record, refuse_empty
 from mechanism_sim.analysis.series import (
     PADDING,
+    Field,
+    Items,
     MessagePath,
+    MissingFieldError,
     Series,
+    compare_clocks,
     drawn,
     numeric_paths,
     parse,
@@ -40,6 +44,7 @@ from mechanism_sim.tables import Table
 from ros_interfaces.definitions import MessageError, field_descriptions
 
 _STATES = 'sensor_msgs/msg/JointState'
+_KINDS = 'position', 'velocity', 'effort'  # of its numbers
 
 
 class MessageRun:
@@ -62,14 +67,19 @@ class MessageRun:
     def series(self) -> dict[str, Series]:
         """Recorded values of joint states."""
         found: dict[str, Series] = {}
-        states = [t.name for t in self._bag.topics.values() if t.type == _STATES and t.count]
-        for kind in ('position', 'velocity', 'effort') if len(states) == 1 else ():
-            path = f'{states[0]}.{kind}'
+        for kind in _KINDS if self._topic else ():
+            path = f'{self._topic}.{kind}'
             with suppress(InputError):  # many leave out velocities or efforts
                 for x in self.find([path]):
                     name = f'{kind}.{x.name.removeprefix(path)[1:-1]}'
                     found[name] = replace(x, name=name, of=name.removeprefix(f'{kind}.'))
         return found
+
+    @cached_property
+    def _topic(self) -> str:
+        """The topic of joint states, if there is just one."""
+        states = [t.name for t in self._bag.topics.values() if t.type == _STATES and t.count]
+        return states[0] if len(states) == 1 else ''
 
     def listed(self) -> Iterator[Name]:
         """All that can be asked for; an array stands for all its items."""
@@ -92,10 +102,13 @@ class MessageRun:
         straight. A path ``TOPIC.FIELD`` to an array gives a column for each item.
         """
         t, columns, units = seconds_of(t), {}, {}
-        for own in self.find(names):
-            if len(t) and (t.min() < own.t[0] or t.max() > own.t.max()):
+        found = self.find(names)
+        compare_clocks(found, self.path)
+        for own in found:
+            first, last = own.t.min(), own.t.max()
+            if len(t) and (t.min() < first or t.max() > last):
                 raise InputError(
-                    f'{self.path}: {own.name} is recorded from {own.t[0]:g} s to {own.t.max():g} s'
+                    f'{self.path}: {own.name} is recorded from {first:g} s to {last:g} s'
                 )
             columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
@@ -105,6 +118,15 @@ class MessageRun:
         names = [*flat(given)]
         paths = {name: p for name in names if (p := path_in(self._bag, name, self._namespace))}
         read = dict(zip(paths, recorded(self._bag, [*paths.values()]), strict=True))
+        states = {  # of single joints: those of all take several times as long
+            name: MessagePath(name, self._topic, (Field(kind), Items(joint)))
+            for name, (kind, _, joint) in ((name, name.partition('.')) for name in names)
+            if name not in paths and self._topic and kind in _KINDS
+            and joint.strip('0123456789:-') and 'series' not in self.__dict__  # else a slice
+        }  # fmt: skip
+        with suppress(MissingFieldError):
+            for name, (s,) in zip(states, recorded(self._bag, [*states.values()]), strict=True):
+                read[name] = [replace(s, name=name, of=name.partition('.')[2])]
         return [s for name in names for s in read.get(name) or self._states(name)]
 
     def one(self, name: str) -> Series:
@@ -128,13 +150,17 @@ class MessageRun:
 
     def _at(self, own: Series, t: Array) -> Array:
         kind, _, joint = own.name.partition('.')
-        rate = self.series.get(f'velocity.{joint}') if kind == 'position' else None
-        k = own.rising
+        rate = None
+        if kind == 'position' and own.of == joint:
+            with suppress(InputError):  # many leave out velocities
+                (rate,) = self.find(f'velocity.{joint}')
+        k, straight = own.rising, own.at(t)
         if rate is None or not np.array_equal(rate.t, own.t) or len(k) < 2:
-            return own.at(t)
-        return np.asarray(
-            scipy.interpolate.CubicHermiteSpline(own.t[k], own.values[k], rate.values[k])(t)
-        )
+            return straight
+        at, *ends = own.t[k], own.values[k], rate.values[k]
+        smooth = scipy.interpolate.CubicHermiteSpline(at, *np.nan_to_num(ends))(t)
+        unknown = np.isnan(np.interp(t, at, 0.0 * sum(ends)))  # beside a value that is no number
+        return np.where(unknown, straight, smooth)
 
 
 def open_run(
@@ -241,11 +267,13 @@ class Asked:
         """
         of_motion = names, start, end, also
         found = self.messages.find(names) if self.messages else self._found(*of_motion)
+        if self._bag:
+            compare_clocks(found, self._bag.path)
         kept = [s.within(start, end) for s in found]
         if not any(len(s.t) for s in kept):
             raise InputError(
                 f'there are no values of {", ".join(names)} between these times: they go from '
-                f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
+                f'{min(s.t.min() for s in found):g} s to {max(s.t.max() for s in found):g} s'
             )
         return kept
 

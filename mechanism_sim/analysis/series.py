@@ -7,7 +7,7 @@ import operator
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -73,6 +73,7 @@ class Series:
     ideal : whether it is of the same machine with ideal joints
     words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
     run : name of its run, where there are several
+    clock : of its times: ``log``, its ``own``, empty where both agree
     """
 
     name: str
@@ -84,6 +85,7 @@ class Series:
     words: str = ''
     of: str = ''
     run: str = ''
+    clock: str = 'own'
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
@@ -139,13 +141,23 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
     return [collector.series(bag, sliding) for collector in collectors]
 
 
+def compare_clocks(found: Iterable[Series], path: object) -> None:
+    """Tell where times of some series are those of the log, and of others simulated."""
+    name = {s.clock: s.name for s in found}
+    if {'own', 'log'} <= name.keys():
+        assume(
+            f'{path}: times of {name["log"]} count from the start of the log, those of '
+            f'{name["own"]} are its own: they may not fit together'
+        )
+
+
 class _Collector:
     """Gathers what one path leads to."""
 
     def __init__(self, path: MessagePath, origin: int) -> None:
         self._path, self._origin = path, origin
         self._found: dict[tuple[str, ...], tuple[array[float], array[float]]] = {}
-        self._type, self._unit = '', ''
+        self._type, self._unit, self._clock = '', '', 'log' if origin else 'own'
         self._missed: MissingFieldError | None = None
         self._messages = self._unstamped = 0
 
@@ -173,12 +185,16 @@ class _Collector:
     def _time(self, message: Any, logged: int) -> float:
         own = getattr(message, 'time', None)
         if isinstance(own, float):
-            return own - 1e-9 * self._origin if own > 1e-9 * _EPOCH else own
+            since = own > 1e-9 * _EPOCH
+            self._clock = '' if since else 'own'
+            return own - 1e-9 * self._origin if since else own
         stamped = getattr(
             getattr(message, 'header', message), 'stamp', getattr(message, 'clock', None)
         )
         time = nanoseconds(stamped) if hasattr(stamped, 'nanosec') else 0
         self._unstamped += not time and stamped is not None
+        if time:
+            self._clock = 'own' if time < _EPOCH else ''
         time = time or logged
         # whole nanoseconds: a float of 1970 on has steps of 0.2 us
         return (time - self._origin if time > _EPOCH else time) / NANOSECONDS
@@ -198,11 +214,17 @@ class _Collector:
                 f'{bag.path}: {share} {self._messages} messages of {path.topic} have no stamp: '
                 'their times are those at which they were logged'
             )
+        for t, _ in self._found.values():
+            for k in np.flatnonzero(np.diff(t) < 0.0)[:1]:
+                assume(
+                    f'{bag.path}: times of {path.topic} go back, first from {t[k]:g} s to '
+                    f'{t[k + 1]:g} s'
+                )
         units = [self._unit] if self._unit else field_units(self._type, path.fields)
         return [
             Series(
                 _name(path, which), _unit(units, which, sliding), np.array(t), np.array(values),
-                self._type in _EVENTS,
+                self._type in _EVENTS, clock=self._clock,
             )
             for which, (t, values) in self._found.items()
         ]  # fmt: skip
@@ -305,7 +327,8 @@ def _at(run: Piece | Cycle, t: Array, names: Sequence[str]) -> Mapping[str, Arra
 def joined(series: Sequence[Series]) -> Table:
     """Series as columns (N,) over one column ``t``; not a number where one has no value."""
     keys = [_numbered(s.t) for s in series]
-    rows = sorted(set().union(*keys))
+    # of one topic rows are as recorded, also where a run began anew
+    rows = keys[0] if all(key == keys[0] for key in keys) else sorted(set().union(*keys))
     place = {key: i for i, key in enumerate(rows)}
     columns, units = {'t': np.array([t for t, _ in rows])}, {'t': 's'}
     for s, key in zip(series, keys, strict=True):
@@ -327,7 +350,7 @@ def _numbered(t: Array) -> list[tuple[float, int]]:
 
 
 class MissingFieldError(InputError):
-    """A message that may leave out fields has not this one."""
+    """A message that may leave out fields, or items of an array, has not this one."""
 
 
 class Value(NamedTuple):
@@ -416,7 +439,7 @@ class MessagePath:
         found = _SLICE.fullmatch(step.text)
         if found is None:
             known = f'; there are: {", ".join(names)}' if names else ''
-            raise InputError(
+            raise MissingFieldError(
                 f"'{self.text}': there is no '{step.text}'{nearest(step.text, names)}{known}"
             )
         first, last = (
@@ -424,7 +447,7 @@ class MessagePath:
         )
         if first is not None and not found['colon']:
             if not 0 <= first < n:
-                raise InputError(f"'{self.text}': the array has {n} items, numbered from 0")
+                raise MissingFieldError(f"'{self.text}': the array has {n} items, numbered from 0")
             return range(first, first + 1)
         return range(max(0, first or 0), min(n, n if last is None else last + 1))
 

@@ -325,8 +325,8 @@ def _write(
     Numbers are of other instants where `in_rows` has them.
     """
     from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import chart, in_si  # noqa: PLC0415
     from mechanism_sim.tables import Table  # noqa: PLC0415
-    from mechanism_sim.units import to_si_text  # noqa: PLC0415
 
     files, numbers, pictures = _check_files(options)
     if numbers:
@@ -335,7 +335,7 @@ def _write(
         columns, over = joined(series if in_rows is None else in_rows), titled[1]
         if options.against != 'time':
             t, name = columns['t'], over.of or options.against
-            size = to_si_text(f'1 {over.axis.unit}')  # charts have degrees, tables radians
+            size = in_si(over.axis.unit)  # charts have degrees, tables radians
             columns = Table(
                 {'t': t, name: size.value * over.at(t), **columns},
                 {**columns.units, name: size.unit},
@@ -345,7 +345,6 @@ def _write(
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
-        from mechanism_sim.report.charts.lines import chart  # noqa: PLC0415
 
         mechanism, struck = marks
         own = palette.numbers(mechanism) if mechanism else {}
