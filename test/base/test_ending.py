@@ -91,7 +91,7 @@ def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
 
 def test_a_program_under_nohup_outlives_its_terminal():
     text = PROGRAM.format(body='import signal; os.kill(os.getpid(), signal.SIGHUP)')
-    nohup = ['sh', '-c', "trap '' HUP; exec \"$@\"", 'sh']
+    nohup = ['sh', '-c', 'trap \'\' HUP; exec "$@"', 'sh']
     done = subprocess.run([*nohup, sys.executable, '-c', text], timeout=TIMEOUT, check=False)
     assert done.returncode == 0
 

@@ -447,3 +447,9 @@ def test_json_has_no_numbers_that_are_none():
     message = message_class(FLOAT)(data=math.nan)
     assert to_plain(message, finite=True) == {'data': None}
     assert math.isnan(to_plain(message)['data'])
+
+
+def test_text_is_echoed_as_it_is(capsys):
+    """As a description of a robot, which other programs read."""
+    commands._print(Namespace(json=False), '<robot>\n  <link/>\n</robot>', '---')
+    assert capsys.readouterr().out == '<robot>\n  <link/>\n</robot>\n---\n'
