@@ -37,7 +37,7 @@ from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.stamps import nanoseconds
 
 SCENE = 'four_bar_clearance'
-PLAYING, QUITTING = 1, 3
+PLAYING, PAUSED, QUITTING = 1, 2, 3
 CONTROLLER = ROOT / 'docs' / 'speed_controller.py'
 LOCKED = {'command_period': 0.005}
 FATAL = 50  # of rcl_interfaces/Log
@@ -392,6 +392,23 @@ def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(
                 node.destroy_node()
     assert first.seen == [*range(0, unanswered[-1] + 1, period)]
     assert there[0].seen == [*range(unanswered[0], 10 * period, period)]
+
+
+def test_a_run_is_paused_before_its_controller_is_there():
+    """Nothing is announced yet: all nodes are at the time 0 at which it pauses."""
+    asker, kind = Node('asker'), service_class('simulation_interfaces/srv/SetSimulationState')
+    client, request = asker.create_client(kind, 'set_simulation_state'), kind.Request()
+    request.state.state = PAUSED
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
+            every = [*nodes.values(), asker]
+            spin(every, client.service_is_ready)
+            answer = client.call_async(request)
+            spin(every, answer.done)
+            assert answer.result().result.result == 1
+            assert (nodes['crank_drive'].playing, nodes['crank_drive'].announced) == (False, 0.0)
+    finally:
+        asker.destroy_node()
 
 
 def test_only_a_controller_that_has_not_seen_the_last_state_is_a_newcomer():
