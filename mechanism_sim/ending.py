@@ -25,12 +25,8 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after a signal, as shells have it."""
 
-SIGNALS = tuple(
-    number
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN
-)
-"""A terminal that is closed hangs up: of that nohup makes nothing."""
+_HANGUP = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
+SIGNALS = signal.SIGINT, signal.SIGTERM, *_HANGUP  # the last by a terminal that is closed
 
 PARENT = 'MECHANISM_SIM_PARENT'
 """In the environment: id of the parent process, with which it ends and which speaks for it."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 import scipy
@@ -22,7 +22,6 @@ from mechanism_sim.analysis.series import (
     MessagePath,
     MissingFieldError,
     Series,
-    compare_clocks,
     drawn,
     numeric_paths,
     parse,
@@ -68,11 +67,8 @@ class MessageRun:
         """Recorded values of joint states."""
         found: dict[str, Series] = {}
         for kind in _KINDS if self._topic else ():
-            path = f'{self._topic}.{kind}'
             with suppress(InputError):  # many leave out velocities or efforts
-                for x in self.find([path]):
-                    name = f'{kind}.{x.name.removeprefix(path)[1:-1]}'
-                    found[name] = replace(x, name=name, of=name.removeprefix(f'{kind}.'))
+                found |= {s.name: s for s in self.find(kind)}
         return found
 
     @cached_property
@@ -102,51 +98,52 @@ class MessageRun:
         straight. A path ``TOPIC.FIELD`` to an array gives a column for each item.
         """
         t, columns, units = seconds_of(t), {}, {}
-        found = self.find(names)
-        compare_clocks(found, self.path)
-        for own in found:
-            first, last = own.t.min(), own.t.max()
-            if len(t) and (t.min() < first or t.max() > last):
-                raise InputError(
-                    f'{self.path}: {own.name} is recorded from {first:g} s to {last:g} s'
-                )
+        for own in self.find(names):
+            known = f'from {own.t.min():g} s to {own.t.max():g} s'
+            if len(t) and (t.min() < own.t.min() or t.max() > own.t.max()):
+                raise InputError(f'{self.path}: {own.name} is recorded {known}')
             columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
 
     def find(self, given: str | Iterable[str | Sequence[str]]) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
-        names = [*flat(given)]
-        paths = {name: p for name in names if (p := path_in(self._bag, name, self._namespace))}
-        read = dict(zip(paths, recorded(self._bag, [*paths.values()]), strict=True))
-        states = {  # of single joints: those of all take several times as long
-            name: MessagePath(name, self._topic, (Field(kind), Items(joint)))
-            for name, (kind, _, joint) in ((name, name.partition('.')) for name in names)
-            if name not in paths and self._topic and kind in _KINDS
-            and joint.strip('0123456789:-') and 'series' not in self.__dict__  # else a slice
-        }  # fmt: skip
-        with suppress(MissingFieldError):
-            for name, (s,) in zip(states, recorded(self._bag, [*states.values()]), strict=True):
-                read[name] = [replace(s, name=name, of=name.partition('.')[2])]
-        return [s for name in names for s in read.get(name) or self._states(name)]
+        names, home = [*flat(given)], self._namespace
+        paths = {name: path for name in names if (path := path_in(self._bag, name, home))}
+        states = {name: self._path(name) for name in names if name not in paths}
+        try:
+            read = [*recorded(self._bag, [*paths.values(), *states.values()])]
+        except MissingFieldError:
+            for name in states.keys() - self.series.keys() - {*_KINDS}:
+                self._refuse(name)
+            raise
+        of = dict(zip([*paths, *states], read, strict=True))
+        for name, path in states.items():  # as `listed` names them
+            (kind,), item = path.fields, slice(len(f'{path.topic}.{path.fields[0]}['), -1)
+            joints = [(s, s.name[item]) for s in of[name]]
+            of[name] = [replace(s, name=f'{kind}.{x}', of=x) for s, x in joints]
+        return [s for name in names for s in of[name]]
 
     def one(self, name: str) -> Series:
         """Recorded values of one name, at the times of their messages."""
         return single(self.find([name]), name, self.path)
 
-    def _states(self, name: str) -> list[Series]:
-        """Joint states of a name, else those of all joints, as ``position``."""
-        below = [s for known, s in self.series.items() if known.startswith(f'{name}.')]
-        found = [self.series[name]] if name in self.series else below
-        if not found:
-            refuse_empty(self._bag)
-            known = self.names()
-            foreign = scene_text(self._bag, self._namespace) is None
-            what = 'scene with a quantity' if foreign else 'message with a number'
-            raise InputError(
-                f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
-                f'{", ".join(known) or "no numbers"}'
-            )
-        return found
+    def _path(self, name: str) -> MessagePath:
+        """The path of joint states, as ``position`` and ``position.JOINT``."""
+        kind, _, joint = name.partition('.')
+        if not self._topic or kind not in _KINDS:
+            self._refuse(name)
+        return MessagePath(name, self._topic, (Field(kind), *([Items(joint)] if joint else [])))
+
+    def _refuse(self, name: str) -> NoReturn:
+        """Refuse a name that is none."""
+        refuse_empty(self._bag)
+        known = self.names()
+        foreign = scene_text(self._bag, self._namespace) is None
+        what = 'scene with a quantity' if foreign else 'message with a number'
+        raise InputError(
+            f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
+            f'{", ".join(known) or "no numbers"}'
+        )
 
     def _at(self, own: Series, t: Array) -> Array:
         kind, _, joint = own.name.partition('.')
@@ -267,8 +264,6 @@ class Asked:
         """
         of_motion = names, start, end, also
         found = self.messages.find(names) if self.messages else self._found(*of_motion)
-        if self._bag:
-            compare_clocks(found, self._bag.path)
         kept = [s.within(start, end) for s in found]
         if not any(len(s.t) for s in kept):
             raise InputError(

@@ -7,7 +7,7 @@ import operator
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -73,7 +73,6 @@ class Series:
     ideal : whether it is of the same machine with ideal joints
     words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
     run : name of its run, where there are several
-    clock : of its times: ``log``, its ``own``, empty where both agree
     """
 
     name: str
@@ -85,7 +84,6 @@ class Series:
     words: str = ''
     of: str = ''
     run: str = ''
-    clock: str = 'own'
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
@@ -116,9 +114,8 @@ class Series:
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""
-        kept = np.ones(len(self.t), bool)
-        kept &= True if start is None else self.t >= start
-        kept &= True if end is None else self.t <= end
+        kept = self.t >= (-math.inf if start is None else start)
+        kept &= self.t <= (math.inf if end is None else end)
         return replace(self, t=self.t[kept], values=self.values[kept])
 
 
@@ -138,17 +135,14 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
         for collector in by_topic[topic]:
             collector.add(message, logged)
     sliding = displacements(bag)
-    return [collector.series(bag, sliding) for collector in collectors]
-
-
-def compare_clocks(found: Iterable[Series], path: object) -> None:
-    """Tell where times of some series are those of the log, and of others simulated."""
-    name = {s.clock: s.name for s in found}
-    if {'own', 'log'} <= name.keys():
+    found = [collector.series(bag, sliding) for collector in collectors]
+    of = {c.clock: path.topic for c, path in zip(collectors, paths, strict=True)}
+    if {'own', 'log'} <= of.keys():
         assume(
-            f'{path}: times of {name["log"]} count from the start of the log, those of '
-            f'{name["own"]} are its own: they may not fit together'
+            f'{bag.path}: times of {of["log"]} count from the start of the log, those of '
+            f'{of["own"]} are its own: they may not fit together'
         )
+    return found
 
 
 class _Collector:
@@ -157,7 +151,7 @@ class _Collector:
     def __init__(self, path: MessagePath, origin: int) -> None:
         self._path, self._origin = path, origin
         self._found: dict[tuple[str, ...], tuple[array[float], array[float]]] = {}
-        self._type, self._unit, self._clock = '', '', 'log' if origin else 'own'
+        self._type, self._unit, self.clock = '', '', 'log' if origin else 'own'
         self._missed: MissingFieldError | None = None
         self._messages = self._unstamped = 0
 
@@ -186,7 +180,7 @@ class _Collector:
         own = getattr(message, 'time', None)
         if isinstance(own, float):
             since = own > 1e-9 * _EPOCH
-            self._clock = '' if since else 'own'
+            self.clock = '' if since else 'own'
             return own - 1e-9 * self._origin if since else own
         stamped = getattr(
             getattr(message, 'header', message), 'stamp', getattr(message, 'clock', None)
@@ -194,7 +188,7 @@ class _Collector:
         time = nanoseconds(stamped) if hasattr(stamped, 'nanosec') else 0
         self._unstamped += not time and stamped is not None
         if time:
-            self._clock = 'own' if time < _EPOCH else ''
+            self.clock = 'own' if time < _EPOCH else ''
         time = time or logged
         # whole nanoseconds: a float of 1970 on has steps of 0.2 us
         return (time - self._origin if time > _EPOCH else time) / NANOSECONDS
@@ -216,15 +210,13 @@ class _Collector:
             )
         for t, _ in self._found.values():
             for k in np.flatnonzero(np.diff(t) < 0.0)[:1]:
-                assume(
-                    f'{bag.path}: times of {path.topic} go back, first from {t[k]:g} s to '
-                    f'{t[k + 1]:g} s'
-                )
+                spans = f'from {t[k]:g} s to {t[k + 1]:g} s'
+                assume(f'{bag.path}: times of {path.topic} go back, first {spans}')
         units = [self._unit] if self._unit else field_units(self._type, path.fields)
         return [
             Series(
                 _name(path, which), _unit(units, which, sliding), np.array(t), np.array(values),
-                self._type in _EVENTS, clock=self._clock,
+                self._type in _EVENTS,
             )
             for which, (t, values) in self._found.items()
         ]  # fmt: skip

@@ -331,10 +331,9 @@ class SampleTopics:
         self._write_frames = transforms(machine.mechanism, frame)
 
     def show_again(self, since: float) -> None:
-        """Publish the last joint states once more, for a controller that came after them.
+        """Publish joint states once more that a controller has not seen; its last has left.
 
-        Where an end of a period is rounded up, those of its end have come with those of its
-        begin, `since` when [s] the last command holds: then nobody has answered either.
+        Those of `since` [s], when the last command holds, too: an end that is rounded up has both.
         """
         for t, write in self._last:
             if t == self._last[-1][0] or math.isclose(t, since):
@@ -357,8 +356,8 @@ class SampleTopics:
         for topic in self._topics:
             t = topic.schedule.due(curve.end)
             if topic is self._topics[0]:
-                made = ((x, partial(write, topic, np.array([x]))) for x in t[-2:])
-                self._last = [*self._last, *made][-2:]
+                self._last += [(float(x), partial(write, topic, np.array([x]))) for x in t[-2:]]
+                del self._last[:-2]
             self._node.send_all(topic.publisher, len(t) * topic.each, write, topic, t)
         t = self._frames_due.due(curve.end)
 

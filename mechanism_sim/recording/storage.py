@@ -228,10 +228,7 @@ def decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
 
 
 def from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
-    """Return the layout by the summary of a file that was closed.
-
-    None where there is none, or where it does not repeat all channels.
-    """
+    """Return the layout by the summary of a file; None where none has all channels."""
     size = stream.seek(0, 2)
     stream.seek(max(0, size - len(MAGIC)))
     if size < 2 * len(MAGIC) or stream.read(len(MAGIC)) != MAGIC:
@@ -244,10 +241,8 @@ def from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
         return None
     counts, known = summary.statistics.channel_message_counts, summary.channels
-    if not (
-        counts.keys() <= known.keys()
-        and {c.schema_id for c in known.values()} <= {0, *summary.schemas}
-    ):
+    needed = {c.schema_id for c in known.values()}
+    if not (counts.keys() <= known.keys() and needed <= {0, *summary.schemas}):
         return None
     return FileLayout(
         complete=True,
