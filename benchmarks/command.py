@@ -10,9 +10,9 @@ from benchmarks import choose, report
 from benchmarks.loose_joints import loose_joints, stretches
 from benchmarks.measure import machine, measure
 from benchmarks.middleware import middleware
+from benchmarks.programs import run_program
 from benchmarks.scaling import scaling
 from mechanism_sim.cli.options import flag, option, print_json, print_result, refuse_options
-from mechanism_sim.cli.outcome import run_program
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.report import progress

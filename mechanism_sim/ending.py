@@ -1,7 +1,7 @@
 """How programs of this package end: at a signal by one sentence, and with who started them.
 
-SIGINT and SIGTERM end a program with exit code 130 from its first line on: `begin` comes before
-all other imports. What it starts by `start` ends with it, even if it is killed.
+SIGINT, SIGTERM and SIGHUP end a program with exit code 130 from its first line on: `begin` comes
+before all other imports. What it starts by `start` ends with it, even if it is killed.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit code after a signal, as shells have it."""
 
-SIGNALS = signal.SIGINT, signal.SIGTERM
+_HANGUP = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.SIGHUP,)
+SIGNALS = signal.SIGINT, signal.SIGTERM, *_HANGUP  # the last by a terminal that is closed
 
 PARENT = 'MECHANISM_SIM_PARENT'
 """In the environment: id of the parent process, with which it ends and which speaks for it."""

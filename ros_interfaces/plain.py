@@ -20,7 +20,8 @@ def fields_of(message: Any) -> list[str]:
     """Names of the fields of a message, of either back end."""
     if hasattr(message, 'get_fields_and_field_types'):
         return [*message.get_fields_and_field_types()]
-    return [name.rstrip('_') for name in message.__dataclass_fields__ if name != '__msgtype__']
+    fields = message.__dataclass_fields__.items()  # of rosbags constants and the type, too
+    return [name.rstrip('_') for name, x in fields if not str(x.type).startswith('ClassVar')]
 
 
 def to_plain(message: Any, longest: int | None = None, finite: bool = False) -> Any:

@@ -15,6 +15,12 @@ def stamp(time: float) -> Any:
     return message_class('builtin_interfaces/msg/Time')(sec=whole + carry, nanosec=nanoseconds)
 
 
+def stamp_at(nanoseconds: int) -> Any:
+    """``builtin_interfaces/msg/Time`` of a time in nanoseconds."""
+    sec, nanosec = divmod(nanoseconds, NANOSECONDS)
+    return message_class('builtin_interfaces/msg/Time')(sec=sec, nanosec=nanosec)
+
+
 def seconds(time: Any) -> float:
     """Seconds of a stamp: exact to the last digit a float64 has there."""
     return float(time.sec + time.nanosec / NANOSECONDS)

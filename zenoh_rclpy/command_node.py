@@ -111,7 +111,13 @@ class CommandNode:
     Parameters
     ----------
     patience : [s] from now to wait for what is asked for, in all
+
+    Attributes
+    ----------
+    bounded : whether that holds for answers, too, which may take their time
     """
+
+    bounded = False
 
     def __init__(self, patience: float = PATIENCE) -> None:
         self.node = Node(
@@ -362,6 +368,8 @@ class CommandNode:
     def _answer(self, future: Any, name: str) -> Any:
         while not future.done():
             spin_until_future_complete(self.node, future, timeout_sec=_BEAT)
+            if self.bounded and time.monotonic() > self._end and not future.done():
+                raise MiddlewareError(f'{name} has not answered in {self._patience:g} s')
         found = future.result()
         if found is None:
             raise MiddlewareError(f'{name} went away without an answer')

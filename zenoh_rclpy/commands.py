@@ -50,8 +50,8 @@ def make_parser() -> argparse.ArgumentParser:
     common.add_argument('--json', action='store_true', help='JSON to standard output')
     common.add_argument(
         '--timeout', metavar='S', type=_positive,
-        help='wait at most so long until what is asked for is there, and for answers '
-        '(default: 10.0); for messages, without end unless it is given',
+        help='wait at most so long until what is asked for is there (default: 10.0); for '
+        'answers and messages, without end unless it is given',
     )  # fmt: skip
 
     def group(name: str, text: str) -> Callable[..., argparse.ArgumentParser]:
@@ -159,6 +159,7 @@ def _run(given: list[str]) -> tuple[int, str]:
         from zenoh_rclpy.command_node import PATIENCE, command_node  # noqa: PLC0415
 
         with command_node(options.timeout or PATIENCE) as node:
+            node.bounded = options.timeout is not None
             return int(options.act(node, options) or 0), ''
     except SystemExit as ended:  # after --help
         return int(ended.code or 0), ''
@@ -365,7 +366,8 @@ def _print(options: argparse.Namespace, message: Any, mark: str) -> None:
     import yaml  # noqa: PLC0415
 
     plain = to_plain(message, None if getattr(options, 'full', False) else _LONGEST)
-    text = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).removesuffix('...\n')
+    dumped = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).removesuffix('...\n')
+    text = f'{plain}\n' if isinstance(plain, str) else dumped  # as it is, such as a URDF
     print(f'{text}{mark}'.rstrip('\n'), flush=True)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 import scipy
@@ -17,7 +17,10 @@ from rosbags.interfaces import Nodetype
 from mechanism_sim.analysis.record import Record, read_record, refuse_empty
 from mechanism_sim.analysis.series import (
     PADDING,
+    Field,
+    Items,
     MessagePath,
+    MissingFieldError,
     Series,
     drawn,
     numeric_paths,
@@ -40,6 +43,7 @@ from mechanism_sim.tables import Table
 from ros_interfaces.definitions import MessageError, field_descriptions
 
 _STATES = 'sensor_msgs/msg/JointState'
+_KINDS = 'position', 'velocity', 'effort'  # of its numbers
 
 
 class MessageRun:
@@ -62,14 +66,16 @@ class MessageRun:
     def series(self) -> dict[str, Series]:
         """Recorded values of joint states."""
         found: dict[str, Series] = {}
-        states = [t.name for t in self._bag.topics.values() if t.type == _STATES and t.count]
-        for kind in ('position', 'velocity', 'effort') if len(states) == 1 else ():
-            path = f'{states[0]}.{kind}'
+        for kind in _KINDS if self._topic else ():
             with suppress(InputError):  # many leave out velocities or efforts
-                for x in self.find([path]):
-                    name = f'{kind}.{x.name.removeprefix(path)[1:-1]}'
-                    found[name] = replace(x, name=name, of=name.removeprefix(f'{kind}.'))
+                found |= {s.name: s for s in self.find(kind)}
         return found
+
+    @cached_property
+    def _topic(self) -> str:
+        """The topic of joint states, if there is just one."""
+        states = [t.name for t in self._bag.topics.values() if t.type == _STATES and t.count]
+        return states[0] if len(states) == 1 else ''
 
     def listed(self) -> Iterator[Name]:
         """All that can be asked for; an array stands for all its items."""
@@ -93,48 +99,65 @@ class MessageRun:
         """
         t, columns, units = seconds_of(t), {}, {}
         for own in self.find(names):
-            if len(t) and (t.min() < own.t[0] or t.max() > own.t.max()):
-                raise InputError(
-                    f'{self.path}: {own.name} is recorded from {own.t[0]:g} s to {own.t.max():g} s'
-                )
+            known = f'from {own.t.min():g} s to {own.t.max():g} s'
+            if len(t) and (t.min() < own.t.min() or t.max() > own.t.max()):
+                raise InputError(f'{self.path}: {own.name} is recorded {known}')
             columns[own.name], units[own.name] = self._at(own, t), own.unit
         return Table({'t': t, **columns}, {'t': 's', **units})
 
     def find(self, given: str | Iterable[str | Sequence[str]]) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
-        names = [*flat(given)]
-        paths = {name: p for name in names if (p := path_in(self._bag, name, self._namespace))}
-        read = dict(zip(paths, recorded(self._bag, [*paths.values()]), strict=True))
-        return [s for name in names for s in read.get(name) or self._states(name)]
+        names, home = [*flat(given)], self._namespace
+        paths = {name: path for name in names if (path := path_in(self._bag, name, home))}
+        states = {name: self._path(name) for name in names if name not in paths}
+        try:
+            read = [*recorded(self._bag, [*paths.values(), *states.values()])]
+        except MissingFieldError:
+            for name in states.keys() - self.series.keys() - {*_KINDS}:
+                self._refuse(name)
+            raise
+        of = dict(zip([*paths, *states], read, strict=True))
+        for name, path in states.items():  # as `listed` names them
+            (kind,), item = path.fields, slice(len(f'{path.topic}.{path.fields[0]}['), -1)
+            joints = [(s, s.name[item]) for s in of[name]]
+            of[name] = [replace(s, name=f'{kind}.{x}', of=x) for s, x in joints]
+        return [s for name in names for s in of[name]]
 
     def one(self, name: str) -> Series:
         """Recorded values of one name, at the times of their messages."""
         return single(self.find([name]), name, self.path)
 
-    def _states(self, name: str) -> list[Series]:
-        """Joint states of a name, else those of all joints, as ``position``."""
-        below = [s for known, s in self.series.items() if known.startswith(f'{name}.')]
-        found = [self.series[name]] if name in self.series else below
-        if not found:
-            refuse_empty(self._bag)
-            known = self.names()
-            foreign = scene_text(self._bag, self._namespace) is None
-            what = 'scene with a quantity' if foreign else 'message with a number'
-            raise InputError(
-                f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
-                f'{", ".join(known) or "no numbers"}'
-            )
-        return found
+    def _path(self, name: str) -> MessagePath:
+        """The path of joint states, as ``position`` and ``position.JOINT``."""
+        kind, _, joint = name.partition('.')
+        if not self._topic or kind not in _KINDS:
+            self._refuse(name)
+        return MessagePath(name, self._topic, (Field(kind), *([Items(joint)] if joint else [])))
+
+    def _refuse(self, name: str) -> NoReturn:
+        """Refuse a name that is none."""
+        refuse_empty(self._bag)
+        known = self.names()
+        foreign = scene_text(self._bag, self._namespace) is None
+        what = 'scene with a quantity' if foreign else 'message with a number'
+        raise InputError(
+            f"{self.path} has no {what} '{name}'{nearest(name, known)}; it has "
+            f'{", ".join(known) or "no numbers"}'
+        )
 
     def _at(self, own: Series, t: Array) -> Array:
         kind, _, joint = own.name.partition('.')
-        rate = self.series.get(f'velocity.{joint}') if kind == 'position' else None
-        k = own.rising
+        rate = None
+        if kind == 'position' and own.of == joint:
+            with suppress(InputError):  # many leave out velocities
+                (rate,) = self.find(f'velocity.{joint}')
+        k, straight = own.rising, own.at(t)
         if rate is None or not np.array_equal(rate.t, own.t) or len(k) < 2:
-            return own.at(t)
-        return np.asarray(
-            scipy.interpolate.CubicHermiteSpline(own.t[k], own.values[k], rate.values[k])(t)
-        )
+            return straight
+        at, *ends = own.t[k], own.values[k], rate.values[k]
+        smooth = scipy.interpolate.CubicHermiteSpline(at, *np.nan_to_num(ends))(t)
+        unknown = np.isnan(np.interp(t, at, 0.0 * sum(ends)))  # beside a value that is no number
+        return np.where(unknown, straight, smooth)
 
 
 def open_run(
@@ -245,7 +268,7 @@ class Asked:
         if not any(len(s.t) for s in kept):
             raise InputError(
                 f'there are no values of {", ".join(names)} between these times: they go from '
-                f'{min(s.t[0] for s in found):g} s to {max(s.t[-1] for s in found):g} s'
+                f'{min(s.t.min() for s in found):g} s to {max(s.t.max() for s in found):g} s'
             )
         return kept
 

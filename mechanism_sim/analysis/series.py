@@ -114,9 +114,8 @@ class Series:
 
     def within(self, start: float | None, end: float | None) -> Series:
         """The part from `start` to `end` [s]."""
-        kept = np.ones(len(self.t), bool)
-        kept &= True if start is None else self.t >= start
-        kept &= True if end is None else self.t <= end
+        kept = self.t >= (-math.inf if start is None else start)
+        kept &= self.t <= (math.inf if end is None else end)
         return replace(self, t=self.t[kept], values=self.values[kept])
 
 
@@ -136,7 +135,14 @@ def recorded(bag: Bag, paths: Sequence[MessagePath]) -> list[list[Series]]:
         for collector in by_topic[topic]:
             collector.add(message, logged)
     sliding = displacements(bag)
-    return [collector.series(bag, sliding) for collector in collectors]
+    found = [collector.series(bag, sliding) for collector in collectors]
+    of = {c.clock: path.topic for c, path in zip(collectors, paths, strict=True)}
+    if {'own', 'log'} <= of.keys():
+        assume(
+            f'{bag.path}: times of {of["log"]} count from the start of the log, those of '
+            f'{of["own"]} are its own: they may not fit together'
+        )
+    return found
 
 
 class _Collector:
@@ -145,7 +151,7 @@ class _Collector:
     def __init__(self, path: MessagePath, origin: int) -> None:
         self._path, self._origin = path, origin
         self._found: dict[tuple[str, ...], tuple[array[float], array[float]]] = {}
-        self._type, self._unit = '', ''
+        self._type, self._unit, self.clock = '', '', 'log' if origin else 'own'
         self._missed: MissingFieldError | None = None
         self._messages = self._unstamped = 0
 
@@ -173,12 +179,16 @@ class _Collector:
     def _time(self, message: Any, logged: int) -> float:
         own = getattr(message, 'time', None)
         if isinstance(own, float):
-            return own - 1e-9 * self._origin if own > 1e-9 * _EPOCH else own
+            since = own > 1e-9 * _EPOCH
+            self.clock = '' if since else 'own'
+            return own - 1e-9 * self._origin if since else own
         stamped = getattr(
             getattr(message, 'header', message), 'stamp', getattr(message, 'clock', None)
         )
         time = nanoseconds(stamped) if hasattr(stamped, 'nanosec') else 0
         self._unstamped += not time and stamped is not None
+        if time:
+            self.clock = 'own' if time < _EPOCH else ''
         time = time or logged
         # whole nanoseconds: a float of 1970 on has steps of 0.2 us
         return (time - self._origin if time > _EPOCH else time) / NANOSECONDS
@@ -198,6 +208,10 @@ class _Collector:
                 f'{bag.path}: {share} {self._messages} messages of {path.topic} have no stamp: '
                 'their times are those at which they were logged'
             )
+        for t, _ in self._found.values():
+            for k in np.flatnonzero(np.diff(t) < 0.0)[:1]:
+                spans = f'from {t[k]:g} s to {t[k + 1]:g} s'
+                assume(f'{bag.path}: times of {path.topic} go back, first {spans}')
         units = [self._unit] if self._unit else field_units(self._type, path.fields)
         return [
             Series(
@@ -305,7 +319,8 @@ def _at(run: Piece | Cycle, t: Array, names: Sequence[str]) -> Mapping[str, Arra
 def joined(series: Sequence[Series]) -> Table:
     """Series as columns (N,) over one column ``t``; not a number where one has no value."""
     keys = [_numbered(s.t) for s in series]
-    rows = sorted(set().union(*keys))
+    # of one topic rows are as recorded, also where a run began anew
+    rows = keys[0] if all(key == keys[0] for key in keys) else sorted(set().union(*keys))
     place = {key: i for i, key in enumerate(rows)}
     columns, units = {'t': np.array([t for t, _ in rows])}, {'t': 's'}
     for s, key in zip(series, keys, strict=True):
@@ -327,7 +342,7 @@ def _numbered(t: Array) -> list[tuple[float, int]]:
 
 
 class MissingFieldError(InputError):
-    """A message that may leave out fields has not this one."""
+    """A message that may leave out fields, or items of an array, has not this one."""
 
 
 class Value(NamedTuple):
@@ -416,7 +431,7 @@ class MessagePath:
         found = _SLICE.fullmatch(step.text)
         if found is None:
             known = f'; there are: {", ".join(names)}' if names else ''
-            raise InputError(
+            raise MissingFieldError(
                 f"'{self.text}': there is no '{step.text}'{nearest(step.text, names)}{known}"
             )
         first, last = (
@@ -424,7 +439,7 @@ class MessagePath:
         )
         if first is not None and not found['colon']:
             if not 0 <= first < n:
-                raise InputError(f"'{self.text}': the array has {n} items, numbered from 0")
+                raise MissingFieldError(f"'{self.text}': the array has {n} items, numbered from 0")
             return range(first, first + 1)
         return range(max(0, first or 0), min(n, n if last is None else last + 1))
 

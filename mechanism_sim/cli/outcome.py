@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import errno
 import sys
 import warnings
@@ -13,7 +12,6 @@ from typing import Any, NoReturn
 from mechanism_sim import ending
 from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.errors import InputError, RunError, RunWarning
-from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.packages import refusal
 from mechanism_sim.terminal import print_error, print_notice
 from ros_interfaces.streams import mute_output
@@ -62,22 +60,6 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
         mute_output()
         where = f"'{error.filename}'" if error.filename else 'the output'
         sys.exit(print_error(RunError(f'{where} cannot be written: {error.strerror}'), 1))
-
-
-def run_program(
-    parser: Parser, run: Callable[[argparse.Namespace], int], args: Sequence[str] | None = None
-) -> NoReturn:
-    """Run a program that is one command: read the words of its command line, run it and exit."""
-    given = sys.argv[1:] if args is None else list(args)
-
-    def work() -> int:
-        options, rest = parser.parse_known_args(given)
-        if rest:
-            parser.refuse(rest)
-        options.parser = parser
-        return run(options)
-
-    carry_out(work, given)
 
 
 def _print_warning(

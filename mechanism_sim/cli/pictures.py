@@ -166,10 +166,8 @@ def _plot(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
 
-    if any(map(_is_recorded, options.what)):
-        return _plot_several(options)
-    if is_signal_file(options.scene):
-        return _plot_signals(options)
+    if any(map(_is_recorded, options.what)) or is_signal_file(options.scene):
+        return _plot_recorded(options)
     refuse_options(options, ['full-scale', 'sample-rate'], 'applies to a file of signals')
     if options.charts:
         refuse_options(options, ['against', 'ideal'], 'does not apply to --charts')
@@ -239,21 +237,28 @@ def _is_recorded(name: str) -> bool:
     return name.endswith(BAG_ENDINGS) or is_signal_file(name)
 
 
-def _plot_several(options: argparse.Namespace) -> int:
-    """Lines of several recorded runs, each with the name of its file."""
+def _plot_recorded(options: argparse.Namespace) -> int:
+    """A file of signals, or several recorded runs, each line with the name of its file."""
     from mechanism_sim.analysis.open_run import Asked, AskedSignals  # noqa: PLC0415
     from mechanism_sim.recording.reader import read_bag  # noqa: PLC0415
     from mechanism_sim.report import progress  # noqa: PLC0415
     from mechanism_sim.report.charts.lines import OVER_TIME  # noqa: PLC0415
     from mechanism_sim.signal_files import is_signal_file  # noqa: PLC0415
 
-    others = 'charts', 'ideal', 'against', 'duration', 'revolutions', 'skip', 'set'
-    refuse_options(options, others, 'does not apply to several runs in one plot')
     runs = list(dict.fromkeys([options.scene, *filter(_is_recorded, options.what)]))
-    names = [name for name in options.what if name not in runs]
-    if not names:
+    names, single = [name for name in options.what if name not in runs], len(runs) == 1
+    others = 'charts', 'ideal', 'duration', 'revolutions', 'skip', 'set'
+    what = 'a file of signals' if single else 'several runs in one plot'
+    more = 'namespace' if single else 'against'
+    refuse_options(options, [*others, more], f'does not apply to {what}')
+    if names:
+        _check_files(options)
+    elif single:
+        refuse_options(options, ['output', 'against'], 'needs the name of a channel')
+    else:
         raise InputError(f'plot: name what of {", ".join(runs)} is to be plotted')
-    _check_files(options)
+    # names need no scale
+    scales = options.full_scale or '', bool(names), options.sample_rate or ''
     series: list[Series] = []
     in_rows: list[Series] = []
     for run in runs:
@@ -262,40 +267,24 @@ def _plot_several(options: argparse.Namespace) -> int:
         with progress.share('plot', options.json) as read:
             asked: Asked | AskedSignals
             if is_signal_file(run):
-                asked = AskedSignals(run, options.full_scale or '', rate=options.sample_rate or '')
+                asked = AskedSignals(run, *scales)
             else:
                 bag = read_bag(run, read)
                 warn_if_incomplete(bag, run)
                 asked = Asked(bag, namespace=options.namespace)
+            if not names:
+                return _list(options, asked, None)
             found = asked.series(names, options.start, options.end)
-        rows = found
+        rows, label = found, '' if single else run
         if isinstance(asked, AskedSignals):
-            gaps = {f'{run}: {s.name}': asked.channels[s.name] for s in found}
+            gaps = {replace(s, run=label).line: asked.channels[s.name] for s in found}
             warn_of_gaps(gaps, spectra=False)
             rows = asked.in_rows(found)
-        series += [replace(s, run=run) for s in found]
-        in_rows += [replace(s, run=run) for s in rows]
-    return _write(options, series, (', '.join(names), OVER_TIME), (None, []), in_rows)
-
-
-def _plot_signals(options: argparse.Namespace) -> int:
-    from mechanism_sim.analysis.open_run import AskedSignals  # noqa: PLC0415
-
-    others = 'charts', 'ideal', 'duration', 'revolutions', 'skip', 'namespace', 'set'
-    refuse_options(options, others, 'does not apply to a file of signals')
-    if not options.what:
-        refuse_options(options, ['output', 'against'], 'needs the name of a channel')
-    else:
-        _check_files(options)
-    # names need no scale
-    scales = options.full_scale or '', bool(options.what), options.sample_rate or ''
-    asked = AskedSignals(options.scene, *scales)
-    if not options.what:
-        return _list(options, asked, None)
-    series = asked.series(options.what, options.start, options.end)
-    warn_of_gaps({s.name: asked.channels[s.name] for s in series}, spectra=False)
-    titled = Path(options.scene).name, _over(options, asked, series)
-    return _write(options, series, titled, (None, []), asked.in_rows(series))
+        series += [replace(s, run=label) for s in found]
+        in_rows += [replace(s, run=label) for s in rows]
+    over = _over(options, asked, series) if single else OVER_TIME
+    title = Path(options.scene).name if single else ', '.join(names)
+    return _write(options, series, (title, over), (None, []), in_rows)
 
 
 def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:
@@ -325,8 +314,8 @@ def _write(
     Numbers are of other instants where `in_rows` has them.
     """
     from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim.report.charts.lines import chart, in_si  # noqa: PLC0415
     from mechanism_sim.tables import Table  # noqa: PLC0415
-    from mechanism_sim.units import to_si_text  # noqa: PLC0415
 
     files, numbers, pictures = _check_files(options)
     if numbers:
@@ -335,7 +324,7 @@ def _write(
         columns, over = joined(series if in_rows is None else in_rows), titled[1]
         if options.against != 'time':
             t, name = columns['t'], over.of or options.against
-            size = to_si_text(f'1 {over.axis.unit}')  # charts have degrees, tables radians
+            size = in_si(over.axis.unit)  # charts have degrees, tables radians
             columns = Table(
                 {'t': t, name: size.value * over.at(t), **columns},
                 {**columns.units, name: size.unit},
@@ -345,7 +334,6 @@ def _write(
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415
-        from mechanism_sim.report.charts.lines import chart  # noqa: PLC0415
 
         mechanism, struck = marks
         own = palette.numbers(mechanism) if mechanism else {}

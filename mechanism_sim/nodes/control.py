@@ -397,7 +397,8 @@ class SimulationControl:
                 return self._already(response, 'paused')
             self.stopped = False
             drive.pause()
-            await drive.arrive(drive.announced)
+            if drive.announced:  # else partners have not been told of a run, and are at its begin
+                await drive.arrive(drive.announced)
         elif asked == s.STATE_STOPPED:
             if self.stopped:
                 return self._already(response, 'stopped')

@@ -22,7 +22,7 @@ from mechanism_sim.nodes.described_node import DescribedNode, Diagnosis
 from mechanism_sim.nodes.middleware import Future, Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.scene_values import Content
-from ros_interfaces.stamps import NANOSECONDS, nanoseconds
+from ros_interfaces.stamps import NANOSECONDS, nanoseconds, stamp_at
 
 COMMANDS = 'hardware/joint_commands'
 """Topic of the commands of the hardware component."""
@@ -92,7 +92,7 @@ class ControlRelay(DescribedNode):
             self._description = ''
         if not self._period:
             self._states.publish(state)
-            self._tick(nanoseconds(state.header.stamp))
+            self._clock_publisher.publish(Clock(clock=state.header.stamp))
             return
         at = nanoseconds(state.header.stamp)
         if at < self._latest:  # the machine was reset
@@ -119,17 +119,12 @@ class ControlRelay(DescribedNode):
 
         def taken(_: Future | None = None) -> None:
             if shown is self._shown:
-                self._tick(at)
+                self._clock_publisher.publish(Clock(clock=stamp_at(at)))
 
         if self._moving and self._barrier.service_is_ready():
             self._barrier.call_async(self._read.Request()).add_done_callback(taken)
         else:
             taken()
-
-    def _tick(self, at: int) -> None:
-        tick = Clock()
-        tick.clock.sec, tick.clock.nanosec = divmod(at, NANOSECONDS)
-        self._clock_publisher.publish(tick)
 
     def _show_again(self) -> None:
         """Nobody has answered: the controllers are not there yet, or something was lost."""
@@ -137,7 +132,7 @@ class ControlRelay(DescribedNode):
             return
         if self._moving:
             # Whoever sleeps on a clock wakes at another time only; back is no time to act upon.
-            self._tick(self._asked - 1)
+            self._clock_publisher.publish(Clock(clock=stamp_at(self._asked - 1)))
             self.get_logger().warning(
                 f'no command has come at {self._asked / NANOSECONDS:.9g} s of hardware/clock: the '
                 'update rate of the controller manager must be that of joint_states and commands',

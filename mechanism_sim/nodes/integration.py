@@ -172,7 +172,7 @@ class Integration:
             self._reset()
             self.begin()
         if self._holds_no_longer(message):
-            self._samples.show_again()
+            self._samples.show_again(message.valid_from)
         elif message.valid_until > 0.0:
             self._advance(message)
         else:

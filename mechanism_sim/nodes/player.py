@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.messages import Clock, MessageError, message_class
@@ -24,6 +23,7 @@ from mechanism_sim.nodes.qos import profile_of
 from mechanism_sim.recording.reader import Bag
 from mechanism_sim.terminal import print_notice
 from ros_interfaces.names import InvalidNameError
+from ros_interfaces.stamps import stamp_at
 
 _LOOK = 0.05  # [s] between two looks at the subscriptions
 _QUIET = 0.4  # [s] in which none is added: all that are there are known
@@ -152,7 +152,7 @@ class BagPlayer:
                 while (early := (now - first) / rate - (time.monotonic() - began)) > 0.0:
                     time.sleep(min(early, _BEAT))
             if ticks and now >= tick:
-                ticks.publish(_clock(stamp))
+                ticks.publish(Clock(clock=stamp_at(stamp)))
                 tick = now + 1.0 / (clock or 1.0)
             publishers[name].publish(message)
             count += 1
@@ -183,9 +183,3 @@ def _wait_for_subscriptions(publishers: Sequence[Publisher], patience: float) ->
         if now != seen:
             seen, last = now, time.monotonic()
         time.sleep(_LOOK)
-
-
-def _clock(stamp: int) -> Any:
-    message = Clock()
-    message.clock.sec, message.clock.nanosec = divmod(stamp, 1_000_000_000)
-    return message

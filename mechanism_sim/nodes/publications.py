@@ -6,6 +6,7 @@ instants N serialised messages.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -325,14 +326,18 @@ class SampleTopics:
             )
             for topic, rate, write in writers
         ]
-        self._last: Callable[[], list[bytes]] | None = None  # makes the last joint states
+        self._last: list[tuple[float, Callable[[], list[bytes]]]] = []  # two last joint states
         self._frames_due = Schedule(outputs.transforms)
         self._write_frames = transforms(machine.mechanism, frame)
 
-    def show_again(self) -> None:
-        """Publish the last joint states once more, for a controller that came after them."""
-        if self._last:
-            self._node.send_all(self._topics[0].publisher, 1, self._last)
+    def show_again(self, since: float) -> None:
+        """Publish joint states once more that a controller has not seen; its last has left.
+
+        Those of `since` [s], when the last command holds, too: an end that is rounded up has both.
+        """
+        for t, write in self._last:
+            if t == self._last[-1][0] or math.isclose(t, since):
+                self._node.send_all(self._topics[0].publisher, 1, write)
 
     def publish(self, motion: Motion, balance: Callable[[], EnergyTerms]) -> None:
         """Publish the samples that are due before the end of a motion that follows the last."""
@@ -350,8 +355,9 @@ class SampleTopics:
 
         for topic in self._topics:
             t = topic.schedule.due(curve.end)
-            if topic is self._topics[0] and len(t):
-                self._last = partial(write, topic, t[-1:])
+            if topic is self._topics[0]:
+                self._last += [(float(x), partial(write, topic, np.array([x]))) for x in t[-2:]]
+                del self._last[:-2]
             self._node.send_all(topic.publisher, len(t) * topic.each, write, topic, t)
         t = self._frames_due.due(curve.end)
 

@@ -228,7 +228,7 @@ def decompress(path: Path, offset: int, body: bytes) -> tuple[Chunk, bytes]:
 
 
 def from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
-    """Return the layout by the summary of a file that was closed; None where there is none."""
+    """Return the layout by the summary of a file; None where none has all channels."""
     size = stream.seek(0, 2)
     stream.seek(max(0, size - len(MAGIC)))
     if size < 2 * len(MAGIC) or stream.read(len(MAGIC)) != MAGIC:
@@ -240,6 +240,10 @@ def from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
         metadata = {found.name: found.metadata for found in reader.iter_metadata()}
     if summary is None or summary.statistics is None or not summary.chunk_indexes:
         return None
+    counts, known = summary.statistics.channel_message_counts, summary.channels
+    needed = {c.schema_id for c in known.values()}
+    if not (counts.keys() <= known.keys() and needed <= {0, *summary.schemas}):
+        return None
     return FileLayout(
         complete=True,
         readable=size,
@@ -248,8 +252,8 @@ def from_index(path: Path, stream: BinaryIO) -> FileLayout | None:
         start=summary.statistics.message_start_time,
         end=summary.statistics.message_end_time,
         schemas=summary.schemas,
-        channels=summary.channels,
-        counts=Counter(summary.statistics.channel_message_counts),
+        channels=known,
+        counts=Counter(counts),
         compression={index.compression for index in summary.chunk_indexes},
         chunk_channels={
             index.chunk_start_offset: frozenset(index.message_index_offsets)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -212,6 +213,23 @@ def test_names_of_keys_that_are_told_can_be_asked_for(tmp_path):
     assert ms.open_run(file).one(field['quantity']).values.tolist() == [0, 1, 4]
 
 
+@pytest.mark.parametrize('lacks', [{'repeat_channels': False}, {'repeat_schemas': False}])
+def test_a_summary_need_not_repeat_channels_and_constants_are_no_numbers(tmp_path, lacks):
+    file, kind = tmp_path / 'other.mcap', b'uint8 LARGE=1\nuint8 kind\nfloat64 size\n'
+    with file.open('wb') as stream:
+        writer = JsonWriter(stream, **lacks)
+        writer.start(profile='ros2', library='other')
+        schema = writer.register_schema('my_pkg/msg/Item', 'ros2msg', kind)
+        channel = writer.register_channel('/item', 'cdr', schema)
+        for k in range(3):
+            data = struct.pack('<4sB7xd', b'\0\1\0\0', 1, 0.5 * k)
+            writer.add_message(channel, k * 10**9, data, k * 10**9)
+        writer.finish()
+    fields = run_json('analyze', str(file))['fields']
+    assert [f['quantity'] for f in fields] == ['/item.kind', '/item.size']
+    assert ms.open_run(file).one('/item.size').values.tolist() == [0.0, 0.5, 1.0]
+
+
 def test_joint_states_are_fitted_by_the_names_that_are_told(rig):
     (found,) = measurements(
         [rig], ['four_bar_nominal'], sensor='position.crank',
@@ -297,6 +315,76 @@ def test_a_bag_with_topics_and_no_message_is_refused(tmp_path):
             assert (done.returncode, done.stdout) == (2, '')
             assert 'holds no message' in done.stderr
     assert run_json('bag', 'info', str(tmp_path / 'zero'))['start'] == 0.0
+
+
+def test_values_that_are_no_numbers_leave_others_alone(tmp_path):
+    """Positions go straight beside an unknown rate; what is beside an unknown value is unknown."""
+    run = ms.open_run(foreign(tmp_path / 'other.mcap', True, unknown=(0.5, 1.0)))
+    t = np.array([0.475, 0.49, 0.5, 0.51, 0.74])
+    off = np.abs(run.columns('position.rod', t)['position.rod'] - np.sin(3.0 * t))
+    assert off[[0, 2]] == pytest.approx(0.0, abs=1e-12)
+    assert off[4] < 8.3e-8
+    assert off[[1, 3]].min() > 1e-5
+    assert np.isnan(run.columns('velocity.rod', t)['velocity.rod']).tolist() == [0, 1, 1, 1, 0]
+
+
+@pytest.fixture
+def shared(tmp_path):
+    """A bag of 1970 on: two drivers on one topic, one without stamps; stamps begin anew at 2 s."""
+    begin, file = 1_700_000_000 * 10**9, tmp_path / 'shared.mcap'
+    with file.open('wb') as stream, Writer(stream) as writer:
+        state = writer.register_msgdef('sensor_msgs/msg/JointState', STATES)
+        number = writer.register_msgdef('std_msgs/msg/Float64', 'float64 data\n')
+        for k in range(8):
+            at, effort = {'sec': 100 + k % 4, 'nanosec': 0}, [2.0 * k] if k % 2 else []
+            for topic, name in (('/arm', 'wrist'), ('/arm', 'grip'), ('/other', 'x')):
+                message = {
+                    'header': {'stamp': at, 'frame_id': ''}, 'name': [name],
+                    'position': [k], 'velocity': [], 'effort': effort,
+                }  # fmt: skip
+                writer.write_message(topic, state, message, log_time=begin + k * 10**9)
+            writer.write_message('/load', number, {'data': k}, log_time=begin + k * 10**9)
+    return file
+
+
+def test_what_some_messages_have_not_is_read_from_the_others(shared):
+    run = ms.open_run(shared)
+    assert run.one('/arm.position[grip]').values.tolist() == [*range(8)]
+    assert run.one('/arm.effort[wrist]').values.tolist() == [2.0, 6.0, 10.0, 14.0]
+    for path in ('/arm.position[gripp]', '/arm.effort[3]'):
+        with pytest.raises(InputError, match=r"there is no 'gripp'|the array has 1 items"):
+            run.one(path)
+
+
+def test_runs_one_after_another_are_rows_one_after_another(shared, tmp_path):
+    table = tmp_path / 'both.csv'
+    done = command('plot', str(shared), '/arm.position[grip]', '-o', str(table))
+    assert done.stderr.endswith('times of /arm go back, first from 103 s to 100 s\n')
+    t, x = np.loadtxt(table, delimiter=',', skiprows=1).T
+    assert (t.tolist(), x.tolist()) == ([100, 101, 102, 103] * 2, [*range(8)])
+
+
+@pytest.mark.parametrize('others', [['/other.position[x]'], ['/load.data']])
+def test_times_of_several_clocks_are_told(shared, others, tmp_path):
+    names = ['/arm.position[wrist]', *others]
+    done = command('plot', str(shared), *names, '-o', str(tmp_path / 'both.csv'))
+    assert ('they may not fit together' in done.stderr) is (others == ['/load.data'])
+
+
+@pytest.mark.parametrize('unit', ['V', 'rad or m'])
+def test_a_table_over_a_quantity_has_units_that_are_not_known(tmp_path, unit):
+    """Volts of a file, and positions of joints of which nobody says whether they turn or slide."""
+    table = tmp_path / 'over.csv'
+    if unit == 'V':
+        file = tmp_path / 'rig.csv'
+        file.write_text('t [s],y [V],x [mm]\n0,1,2\n1,3,4\n2,5,6\n', encoding='utf-8')
+        what = str(file), 'x', '--against', 'y'
+    else:
+        bag = foreign(tmp_path / 'other.mcap', True)
+        what = str(bag), 'velocity.rod', '--against', 'position.rod'
+    done = command('plot', *what, '-o', str(table))
+    assert done.returncode == 0, done.stderr
+    assert table.read_text(encoding='utf-8').split(',')[1] == f'{what[3]} [{unit}]'
 
 
 def test_samples_without_a_value_are_counted(tmp_path):

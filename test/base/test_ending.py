@@ -89,6 +89,13 @@ def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
         assert (started == 'started\n') == ('started' in moment)
 
 
+def test_a_program_under_nohup_outlives_its_terminal():
+    text = PROGRAM.format(body='import signal; os.kill(os.getpid(), signal.SIGHUP)')
+    nohup = ['sh', '-c', 'trap \'\' HUP; exec "$@"', 'sh']
+    done = subprocess.run([*nohup, sys.executable, '-c', text], timeout=TIMEOUT, check=False)
+    assert done.returncode == 0
+
+
 @pytest.mark.parametrize(
     'work', ['wait()', MOMENTS['at work in C, for which no handler is called']]
 )

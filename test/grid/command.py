@@ -8,8 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.programs import run_program
 from mechanism_sim.cli.options import flag, option, print_json
-from mechanism_sim.cli.outcome import run_program
 from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.report import progress

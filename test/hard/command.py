@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.programs import run_program
 from mechanism_sim import output
 from mechanism_sim.cli.options import flag, option, print_json
-from mechanism_sim.cli.outcome import run_program
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.nodes.arguments import Parser
 from mechanism_sim.report import progress

@@ -25,7 +25,7 @@ from ros_interfaces.names import InvalidNameError
 from ros_interfaces.plain import field, from_plain, to_plain
 from zenoh_rclpy import command_node as commanding
 from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
-from zenoh_rclpy.commands import _values, main
+from zenoh_rclpy.commands import _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
 
 PACKAGE, FLOAT = 'simulation_interfaces', 'std_msgs/msg/Float64'
@@ -328,6 +328,25 @@ def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
     assert 10.0 <= clock.now < 10.1
 
 
+def test_an_answer_that_does_not_come_ends_a_command_that_has_a_timeout(monkeypatch):
+    clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
+    monkeypatch.setattr(commanding, 'time', clock)
+    monkeypatch.setattr(commanding, 'Node', lambda *_, **__: None)
+
+    def spin(*_, **__):
+        clock.now += 4.0
+
+    monkeypatch.setattr(commanding, 'spin_until_future_complete', spin)
+    late = SimpleNamespace(done=lambda: clock.now > 30.0, result=lambda: 'late')
+    assert CommandNode(10.0)._answer(late, '/x') == 'late'
+    clock.now = 0.0
+    node = CommandNode(10.0)
+    node.bounded = True
+    with pytest.raises(MiddlewareError, match='/x has not answered in 10 s'):
+        node._answer(late, '/x')
+    assert clock.now == 12.0
+
+
 def test_messages_that_come_in_part_are_counted(monkeypatch):
     clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
     there = SimpleNamespace(
@@ -447,3 +466,9 @@ def test_json_has_no_numbers_that_are_none():
     message = message_class(FLOAT)(data=math.nan)
     assert to_plain(message, finite=True) == {'data': None}
     assert math.isnan(to_plain(message)['data'])
+
+
+def test_text_is_echoed_as_it_is(capsys):
+    """As a description of a robot, which other programs read."""
+    _print(SimpleNamespace(json=False), '<robot>\n  <link/>\n</robot>', '---')
+    assert capsys.readouterr().out == '<robot>\n  <link/>\n</robot>\n---\n'

@@ -37,7 +37,7 @@ from mechanism_sim.recording.reader import read_bag
 from ros_interfaces.stamps import nanoseconds
 
 SCENE = 'four_bar_clearance'
-PLAYING, QUITTING = 1, 3
+PLAYING, PAUSED, QUITTING = 1, 2, 3
 CONTROLLER = ROOT / 'docs' / 'speed_controller.py'
 LOCKED = {'command_period': 0.005}
 FATAL = 50  # of rcl_interfaces/Log
@@ -354,7 +354,12 @@ class Commander(Node):
             self.command.publish(Float64(data=0.1))
 
 
-def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ('period', 'answers', 'unanswered'), [(5, 3, [15]), (50, 2, [100, 150])]
+)  # of the latter the third period ends at 0.15000000000000002 s: the state at 0.15 s is before
+def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(
+    period, answers, unanswered, monkeypatch, capsys
+):
     monkeypatch.setattr(partners, 'SAY_AFTER', -1e9)
     monkeypatch.setattr(partners, 'SAY_AGAIN', 0.0)
     monkeypatch.setattr(commands, 'PATIENCE', 0.0)
@@ -367,24 +372,44 @@ def test_a_run_says_that_it_waits_for_a_controller_and_goes_on_with_another(monk
 
         return heard
 
-    with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
+    with nodes_of(
+        'four_bar_governed', 0.01 * period, drive={'command_period': 1e-3 * period},
+        overrides=(f'outputs.joint_states={1000 // period} Hz',),
+    ) as nodes:  # fmt: skip
         run = [*nodes.values()]
         try:
             spin(run, says('a publisher of /command/effort'))
-            there.append(Commander('first', 3))
-            held = 'a command on /command/effort since t = 0.02 s'
+            there.append(Commander('first', answers))
+            held = f'a command on /command/effort since t = {1e-3 * period * (answers + 1):g} s'
             spin([*run, *there], says(held))
             first = there.pop()
             first.destroy_node()
             spin(run, says(f'{held}, which nobody in the graph publishes'))
-            there.append(Commander('second', 6))  # is shown the state at which the first has left
+            there.append(Commander('second', 10))  # is shown what the first has not answered
             finish(nodes, *there)
-            spin(there, lambda: len(there[0].seen) >= 7)
+            spin(there, lambda: len(there[0].seen) >= 10 - answers)
         finally:
             for node in there:
                 node.destroy_node()
-    assert first.seen == [0, 5, 10, 15]
-    assert there[0].seen == [15, 20, 25, 30, 35, 40, 45]
+    assert first.seen == [*range(0, unanswered[-1] + 1, period)]
+    assert there[0].seen == [*range(unanswered[0], 10 * period, period)]
+
+
+def test_a_run_is_paused_before_its_controller_is_there():
+    """Nothing is announced yet: all nodes are at the time 0 at which it pauses."""
+    asker, kind = Node('asker'), service_class('simulation_interfaces/srv/SetSimulationState')
+    client, request = asker.create_client(kind, 'set_simulation_state'), kind.Request()
+    request.state.state = PAUSED
+    try:
+        with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
+            every = [*nodes.values(), asker]
+            spin(every, client.service_is_ready)
+            answer = client.call_async(request)
+            spin(every, answer.done)
+            assert answer.result().result.result == 1
+            assert (nodes['crank_drive'].playing, nodes['crank_drive'].announced) == (False, 0.0)
+    finally:
+        asker.destroy_node()
 
 
 def test_only_a_controller_that_has_not_seen_the_last_state_is_a_newcomer():

@@ -115,7 +115,15 @@ class Hertz(CompliantLaw):
 
 
 @dataclass(frozen=True)
-class HuntCrossley(CompliantLaw):
+class _Restoring(CompliantLaw):
+    """A law whose damping follows from a coefficient of restitution."""
+
+    stiffness: Quantity  #: [N/m^n]
+    restitution: Quantity
+    exponent: Quantity = 1.5
+
+
+class HuntCrossley(_Restoring):
     """``a = 3 (1 - e)/2`` (Hunt, Crossley 1975, J. Appl. Mech. 42:440).
 
     The loss is reckoned along the motion without damping, and ``1 - e^2`` taken for ``2 (1 - e)``.
@@ -123,18 +131,13 @@ class HuntCrossley(CompliantLaw):
     less than 0.49.
     """
 
-    stiffness: Quantity  #: [N/m^n]
-    restitution: Quantity
-    exponent: Quantity = 1.5
-
     @property
     def damping(self) -> Quantity:
         """``3 (1 - e)/2``."""
         return 1.5 * (1.0 - self.restitution)
 
 
-@dataclass(frozen=True)
-class LankaraniNikravesh(CompliantLaw):
+class LankaraniNikravesh(_Restoring):
     """``a = 3 (1 - e^2)/4`` (Lankarani, Nikravesh 1990, J. Mech. Des. 112:369).
 
     The loss ``m v0^2 (1 - e^2)/2`` is met by the damping along the motion without damping.
@@ -142,18 +145,13 @@ class LankaraniNikravesh(CompliantLaw):
     less than 0.66.
     """
 
-    stiffness: Quantity  #: [N/m^n]
-    restitution: Quantity
-    exponent: Quantity = 1.5
-
     @property
     def damping(self) -> Quantity:
         """``3 (1 - e^2)/4``."""
         return 0.75 * (1.0 - self.restitution * self.restitution)
 
 
-@dataclass(frozen=True)
-class Flores(CompliantLaw):
+class Flores(_Restoring):
     """``a = 8 (1 - e)/(5 e)`` (Flores, Machado, Silva, Martins 2011, Multibody Syst. Dyn. 25:357).
 
     Closing at ``v0 sqrt(1 - (delta/d)^2)``, d the deepest, and opening at e times that, the
@@ -163,10 +161,6 @@ class Flores(CompliantLaw):
     ``(1 - e)/15`` near 1, where the older laws are right, and by ``3 e/8`` near 0, where the
     force is nearly all damping.
     """
-
-    stiffness: Quantity  #: [N/m^n]
-    restitution: Quantity
-    exponent: Quantity = 1.5
 
     @property
     def damping(self) -> Quantity:

@@ -397,7 +397,7 @@ def chart(
     return Chart('', title, tuple(found), over.kind, columns=columns(found), width=wide)
 
 
-def _si(unit: str) -> QuantityValue:
+def in_si(unit: str) -> QuantityValue:
     """One of a unit, in the SI unit that it leads to; itself where that is not known."""
     try:
         return to_si_text(f'1 {unit}') if unit else QuantityValue(1.0, '')
@@ -407,7 +407,7 @@ def _si(unit: str) -> QuantityValue:
 
 def _si_of(units: Collection[str]) -> dict[str, QuantityValue]:
     """One of each unit in SI units; beside accelerations, and no masses, g is one of gravity."""
-    found = {unit: _si(unit) for unit in units}
+    found = {unit: in_si(unit) for unit in units}
     others = {x.unit for unit, x in found.items() if unit not in GRAVITIES}
     if GRAVITY.unit in others and 'kg' not in others:
         found |= dict.fromkeys(found.keys() & GRAVITIES, GRAVITY)
