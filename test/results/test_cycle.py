@@ -614,7 +614,7 @@ def test_measures_of_a_cycle_count_nothing_of_the_run_before_it():
     assert turned.value == pytest.approx(2.0 * math.pi, rel=1e-9)  # one turn, no more
     assert highest.value == pytest.approx(there, rel=1e-9)  # at 0 deg, before it, 250 mm
     # NumPy adds what lies in memory otherwise in another order
-    assert mean.value == pytest.approx(found.mean('position.piston'), rel=4e-16, abs=0.0)
+    assert mean.value == pytest.approx(found.mean('position.piston'), rel=1e-15, abs=0.0)
     assert mean.resolution == EXACT
     assert (found.t[0], found.t[-1]) == pytest.approx((begin, begin + period))
 
