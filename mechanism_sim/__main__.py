@@ -5,6 +5,7 @@ import gc
 import os
 import sys
 import threading
+from contextlib import suppress
 from pathlib import PurePath
 from types import FrameType
 
@@ -36,7 +37,8 @@ def main() -> None:
             # All is said and in order, and to take down what was imported takes long.
             atexit._run_exitfuncs()
             sys.stdout.flush()
-            sys.stderr.flush()
+            with suppress(OSError):  # nobody can be told
+                sys.stderr.flush()
             os._exit(code)
         raise
 
