@@ -28,8 +28,9 @@ LOWEST = build/lowest
 test-lowest:
 	$(PYTHON) -m venv $(LOWEST)
 	$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check uv
-	$(LOWEST)/bin/uv pip compile --quiet --resolution lowest-direct --extra all --extra dev \
-	    pyproject.toml --output-file $(LOWEST)/versions.txt
+	$(LOWEST)/bin/uv pip compile --quiet --python $(LOWEST)/bin/python --upgrade \
+	    --resolution lowest-direct --extra all --extra dev pyproject.toml \
+	    --output-file $(LOWEST)/versions.txt
 	$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python \
 	    --requirements $(LOWEST)/versions.txt --editable .
 	$(LOWEST)/bin/python -m pytest -n 2 --dist worksteal

@@ -170,9 +170,11 @@ def _of_whole_turns(record: Record, signal: Signal) -> LineSpectrum | None:
     if record.slides or machine.torque_driven or drive.commands or not drive.steady:
         return None
     span = drive.repetition.turns * drive.period * signal.rate
-    whole = int((len(x) + 0.5) / span)  # 0 of a drive at rest
-    x = x[: round(span * whole)] if whole else x[:0]
-    return power([x], signal.rate, len(x), 'boxcar') if whole else None
+    whole = int((len(x) + 0.5) / span)
+    if not whole:  # as of a drive at rest
+        return None
+    x = x[: round(span * whole)]
+    return power([x], signal.rate, len(x), 'boxcar')
 
 
 def to_json(found: Sequence[Difference]) -> list[dict[str, object]]:

@@ -118,9 +118,11 @@ class MessageRun:
             raise
         of = dict(zip([*paths, *states], read, strict=True))
         for name, path in states.items():  # as `listed` names them
-            (kind,), item = path.fields, slice(len(f'{path.topic}.{path.fields[0]}['), -1)
-            joints = [(s, s.name[item]) for s in of[name]]
-            of[name] = [replace(s, name=f'{kind}.{x}', of=x) for s, x in joints]
+            (kind,) = path.fields
+            joint = slice(len(f'{path.topic}.{kind}['), -1)  # of ``TOPIC.KIND[JOINT]``
+            of[name] = [
+                replace(s, name=f'{kind}.{s.name[joint]}', of=s.name[joint]) for s in of[name]
+            ]
         return [s for name in names for s in of[name]]
 
     def one(self, name: str) -> Series:

@@ -24,11 +24,6 @@ from mechanism_sim.recording.storage import MESSAGE, file_of, messages, opened
 from mechanism_sim.recording.writer import LIBRARY, RECORDING, lock
 from mechanism_sim.units import counted, instant
 
-_SAME = (
-    'size', 'complete', 'library', 'compression', 'version', 'package', 'wall_time', 'recovered',
-    'damaged',
-)  # fmt: skip
-
 
 @dataclass(frozen=True)
 class BagInfo:
@@ -80,15 +75,23 @@ def info(path: Path | str) -> BagInfo:
     bag = read_bag(path)
     topics = tuple(bag.topics.values())
     return BagInfo(
-        **{name: getattr(bag, name) for name in _SAME},
         path=str(bag.path),
+        size=bag.size,
+        complete=bag.complete,
+        library=bag.library,
         start=bag.start / 1e9,
         end=bag.end / 1e9,
         duration=(bag.end - bag.start) / 1e9,
         messages=sum(topic.count for topic in topics),
         topics=topics,
         schemas=tuple(sorted({topic.type for topic in topics if topic.type})),
+        compression=bag.compression,
         scene=scene_name(bag),
+        version=bag.version,
+        package=bag.package,
+        wall_time=bag.wall_time,
+        recovered=bag.recovered,
+        damaged=bag.damaged,
     )
 
 

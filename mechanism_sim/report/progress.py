@@ -41,22 +41,23 @@ def bar(label: str, total: float, quiet: bool) -> Iterator[Show]:
 @contextmanager
 def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
     """A progress bar on standard error for so many runs: finished, failed, time left."""
-    last, first = time.monotonic(), list[tuple[float, int]]()
+    last = time.monotonic()
+    first: tuple[float, int] | None = None  # before it are imports and compilation
     with _task(label, total, quiet, *_around('MofNCompleteColumn')) as update:
 
         def show(finished: int, failed: int = 0) -> None:
-            nonlocal last
+            nonlocal last, first
             update(completed=finished, note=f'{failed} failed' if failed else '')
             now = time.monotonic()
-            if finished and not first:  # before it are imports and compilation
-                first.append((now, finished))
+            if finished and first is None:
+                first = now, finished
             # lines for files, where it is no terminal, of work that takes minutes
             if quiet or sys.stderr.isatty() or now < last + EVERY or not finished:
                 return
             last = now
             note = f', {failed} failed' if failed else ''
             told = f' of {total}{note}'
-            began, before = first[0]
+            began, before = first or (now, finished)
             if finished >= before + _PACE:
                 left = (total - finished) / (finished - before) * (now - began)
                 told += f', about {left:.0f} s left'

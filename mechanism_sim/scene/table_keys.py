@@ -175,8 +175,7 @@ def _points_of(
     table, units = read_csv(path, where), keys.get('units')
     chosen = columns if (columns := keys.get('columns')) is not None else list(table.cells)[:2]
     for key, given in (('columns', chosen), ('units', units or ['', ''])):
-        texts = [x for x in given if isinstance(x, str)] if isinstance(given, list) else []
-        if len(texts) != 2 or len(given) != 2:
+        if not isinstance(given, list) or [isinstance(x, str) for x in given] != [True, True]:
             raise InputError(f'{table.where}: {key} must be a list of two names')
     found = []
     for name, asked, fitting in zip(chosen, units or ['', ''], wanted, strict=True):

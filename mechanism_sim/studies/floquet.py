@@ -116,7 +116,8 @@ class FloquetMap:
         if ends := [limit for limit in limits if limit.ends]:
             raise InputError(f'{self._machine.name}: {ends[0]}')
         f, k, n = len(self._free), len(self._own), len(self._kinematics.coordinates)
-        begun, whole = np.zeros((len(J), 2 * k)), [*self._free, *(n + i for i in self._free)]
+        whole = [*self._free, *(n + i for i in self._free)]  # free coordinates, then their rates
+        begun = np.zeros((len(J), 2 * k))
         for j, direction in enumerate(np.eye(2 * k)):
             for weight, offset in zip(WEIGHTS, OFFSETS, strict=True):
                 q, v = self._motion(x + offset * _STEP * direction)

@@ -423,7 +423,8 @@ def linearised(
 
 def _without_equilibrium(machine: Machine, speed: float) -> InputError:
     """Error of a machine that nothing holds near its start, which says what may be missing."""
-    at, touching = f' at a speed of {speed:g}' if speed else '', ', '.join(machine.plan.touching)
+    at = f' at a speed of {speed:g}' if speed else ''
+    touching = ', '.join(machine.plan.touching)
     beside = f', and contacts ({touching}) do not here: put a spring there' if touching else ''
     return InputError(
         f'{machine.name}: no equilibrium was found near the start{at}: something must hold every '

@@ -146,6 +146,7 @@ def test_a_command_that_is_done_ends_at_once_but_for_who_still_works():
         '    def __del__(self): print("taken down")\n'
         'kept, late = Kept(), "late" in sys.argv[2:]\n'
         'atexit.register(print, "exit function")\n'
+        'sys.stderr.write("half a line")\n'
         'def work(): threading.main_thread().join(); print("worked")\n'
         'if late: threading.Thread(target=work).start(); del sys.argv[2:]\n'
         'main()\n'
@@ -159,6 +160,26 @@ def test_a_command_that_is_done_ends_at_once_but_for_who_still_works():
     ]  # fmt: skip
     assert said[0] == ['exit function', '']
     assert said[1][:2] == ['worked', 'exit function']
+
+
+@pytest.mark.parametrize('how', ['run_module', 'main', 'profile'])
+def test_a_program_that_runs_a_command_goes_on(how):
+    """As notebooks, measurements of coverage, and profilers, which say what they found."""
+    ways = {
+        'run_module': 'import runpy\n'
+        "try: runpy.run_module('mechanism_sim', run_name='__main__')\n"
+        'except SystemExit as ended: print("function calls", ended.code)',
+        'main': 'from mechanism_sim.__main__ import main\n'
+        'def call():\n    main()\n'
+        'try: call()\n'
+        'except SystemExit as ended: print("function calls", ended.code)',
+    }
+    command = ['-c', ways[how]] if how in ways else ['-m', 'cProfile', '-m', 'mechanism_sim']
+    done = subprocess.run(
+        [sys.executable, *command, '--version'],
+        capture_output=True, text=True, check=True, timeout=TIMEOUT,
+    )  # fmt: skip
+    assert 'function calls' in done.stdout
 
 
 def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():

@@ -45,11 +45,11 @@ OF_BAGS = (
     ('plot', 'run.mcap', 'velocity.rocker', '-o', 'plot.svg'),
 )
 LOADED = """
-import sys
+import runpy, sys
 for line in open(sys.argv[1]).read().splitlines():
-    from mechanism_sim.cli import main
+    sys.argv[1:] = line.split()
     try:
-        main(line.split())
+        runpy.run_module('mechanism_sim', run_name='__main__', alter_sys=True)
     except SystemExit as ended:
         assert not ended.code, line
     print('LOADED', *sorted(sys.modules))
