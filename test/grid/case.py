@@ -22,7 +22,7 @@ from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Level, Machine, run_length
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, find_scene, overridden, read_yaml
-from test.grid.jams import confirm_bending, confirm_jam
+from test.grid.jams import confirm_bending, confirm_jam, confirm_straight
 from test.grid.length import defects
 
 Random = np.random.Generator
@@ -171,6 +171,8 @@ def _judge(case: GridCase, machine: Machine, draft: Draft) -> tuple[dict[str, fl
             return {}, f'jam, confirmed: {error}'
         if confirm_bending(machine, error):
             return {}, f'mass matrix singular, confirmed: {error}'
+        if confirm_straight(machine, error):
+            return {}, f'rope straight, confirmed: {error}'
         raise Failure('ended early', str(error)) from error
     end = machine.drive.time_of(draft.revolutions) if draft.revolutions else draft.duration
     if end is not None and not math.isclose(solution.duration, end, rel_tol=1e-12):

@@ -8,6 +8,7 @@ Nonlinear Dyn. 7:471); beside friction in ideal joints for forces only, see `joi
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from itertools import product
@@ -17,8 +18,10 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.errors import RunError
+from mechanism_sim.joints.rope.constraint import Rope
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from test.grid.joint_jams import no_forces
 
@@ -26,6 +29,8 @@ _NEAR = 1e-9  # of the size, and of the fastest speed: what touches, and what do
 _BEFORE = 1e-9  # of the time: how long before the jam the state is taken
 _BEHIND = 1e-7  # of the time: how long behind it, along its rates, no forces go on
 _SINGULAR = 0.1  # of what the least eigenvalue was a hundredth of the time before
+_SHORT, _EARLIER = 1e-6, 1e-4  # of the time: how long before a rope is straight it is looked at
+_SOON = 0.01  # of the time: so long it may take from there, as fast as it goes
 _SLACK = 1e-9  # of the largest term: rounding of an inequality
 
 
@@ -80,6 +85,31 @@ def confirm_bending(machine: Machine, error: RunError) -> bool:
     at = float(said[1])
     near, before = (_definite(machine, at * (1.0 - share)) for share in (1e-6, 1e-2))
     return near < _SINGULAR * before
+
+
+def confirm_straight(machine: Machine, error: RunError) -> bool:
+    """Whether a rope is about to be straight where a run says that it leaves its pulley.
+
+    There the pulley's rim touches the line between the points beside it, which is drawn here from
+    the places of these points alone, of the motion that came before.
+    """
+    said = re.search(
+        r'(\S+) leaves its pulley .*point (\d+) of .* after t = ([-+.\de]+) s', str(error)
+    )
+    ropes = {joint.name: joint for joint in machine.mechanism.joints if isinstance(joint, Rope)}
+    if not said or said[1] not in ropes:
+        return False
+    before, pulley, after = ropes[said[1]].pulleys[int(said[2]) - 2 : int(said[2]) + 1]
+    at = float(said[3]) * np.array([1.0 - _EARLIER, 1.0 - _SHORT])
+    curve = simulate(machine, duration=float(at[-1])).motion.curve
+    q = curve(np.minimum(at, curve.end)).T
+    first, centre, last = (machine.mechanism.trace(p.place, q)[0] for p in (before, pulley, after))
+    along, off = last - first, centre - first
+    aside = (along[0] * off[1] - along[1] * off[0]) / np.hypot(*along)
+    left = abs(pulley.radius) - math.copysign(1.0, pulley.radius) * aside
+    falls = (left[0] - left[1]) / (at[1] - at[0])
+    points = before.radius == after.radius == 0.0
+    return bool(points and left[1] > 0.0 and left[1] < _SOON * at[1] * falls)
 
 
 def _definite(machine: Machine, at: float) -> float:

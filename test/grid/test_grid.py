@@ -1,6 +1,7 @@
 """The grid of valid runs: a sample of it, and that it would see what it looks for."""
 
 import os
+import re
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from mechanism_sim.errors import RunError
 from test.grid import jams as jams_module
 from test.grid.case import Draft, Family, GridCase, exchanged_energy, run_case, variant
 from test.grid.command import main
-from test.grid.jams import confirm_jam, jams, solutions
+from test.grid.jams import confirm_jam, confirm_straight, jams, solutions
 from test.grid.joint_jams import no_forces
 from test.grid.run import FAMILIES, grid, write_scenes
 from test.grid.shards import Shards
@@ -280,6 +281,18 @@ def test_a_jam_where_two_solutions_become_one_is_seen_behind_it():
     outcome = run_case(grid(only=['four_bar_joints_017'], seed=31)[0])
     assert outcome.ok
     assert outcome.reason.startswith('jam, confirmed: friction jams crank_coupler, coupler_rocker')
+
+
+def test_a_rope_that_leaves_its_pulley_is_straight_there_and_not_before():
+    """A weight that is thrown up beyond the pulley draws the rope off it."""
+    draft = grid(only=['ropes_033'])[0].draft()
+    machine = made(draft.scene, 'hoist')
+    with pytest.raises(RunError, match='rope leaves its pulley on ground') as ended:
+        ms.simulate(machine, duration=draft.duration)
+    assert confirm_straight(machine, ended.value)
+    earlier = re.sub(r't = \S+ s', 't = 0.4 s', str(ended.value))
+    assert not confirm_straight(machine, RunError(earlier))
+    assert not confirm_straight(machine, RunError('friction jams rope at t = 0.4 s'))
 
 
 def test_two_contacts_that_wedge_jam():
