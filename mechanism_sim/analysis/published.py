@@ -9,9 +9,8 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from operator import sub
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from mechanism_sim.messages.part_states import kinds_of
 from mechanism_sim.results.catalogue import catalogue
@@ -183,7 +182,7 @@ class PublishedEnergies:
 
     def __init__(self) -> None:
         self.samples = 0
-        self._first = self._last = np.zeros(4)
+        self._first = self._last = 0.0, 0.0, 0.0, 0.0
         self._residual, self._worst, self._worst_time, self._scale = 0.0, 0.0, 0.0, 0.0
         self._exchanged = 0.0
         self._start = self._end = 0.0
@@ -193,18 +192,18 @@ class PublishedEnergies:
         m = message
         if math.isnan(m.kinetic_energy):
             return
-        terms = np.array([m.kinetic_energy, m.potential_energy, m.drive_work, m.dissipated])
+        terms = m.kinetic_energy, m.potential_energy, m.drive_work, m.dissipated
         if not self.samples:
             self._first = self._last = terms
             self._start = self._worst_time = float(m.time)
         self.samples += 1
         self._end = float(m.time)
-        self._exchanged += float(np.abs(terms - self._last).sum())
+        self._exchanged += sum(map(abs, map(sub, terms, self._last)))
         self._last = terms
         # Term by term against the first instant: large energies do not hide small changes.
-        kinetic, potential, work, dissipated = terms - self._first
-        self._residual = float(kinetic + potential - work + dissipated)
-        self._scale = max(self._scale, float(np.max(np.abs(terms))))
+        kinetic, potential, work, dissipated = map(sub, terms, self._first)
+        self._residual = kinetic + potential - work + dissipated
+        self._scale = max(self._scale, *map(abs, terms))
         if abs(self._residual) > self._worst:
             self._worst, self._worst_time = abs(self._residual), float(m.time)
 
@@ -216,10 +215,10 @@ class PublishedEnergies:
             samples=self.samples,
             start=self._start,
             end=self._end,
-            initial=float(self._first[:2].sum()),
-            final=float(self._last[:2].sum()),
-            drive_work=float(self._last[2] - self._first[2]),
-            dissipated=float(self._last[3] - self._first[3]),
+            initial=sum(self._first[:2]),
+            final=sum(self._last[:2]),
+            drive_work=self._last[2] - self._first[2],
+            dissipated=self._last[3] - self._first[3],
             residual_at_end=self._residual,
             largest_residual=self._worst,
             largest_residual_time=self._worst_time,

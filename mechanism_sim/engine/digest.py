@@ -6,6 +6,7 @@ import hashlib
 import struct
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact
+
+_LENGTH, _EIGHT = struct.Struct('<q'), struct.Struct('<8d')
+_NUMBERS = attrgetter(
+    't', 'normal_angle', 'approach_speed', 'rebound_speed', 'normal_impulse',
+    'tangential_impulse', 'energy_loss', 'drive_impulse',
+)  # fmt: skip
 
 
 class MotionDigest:
@@ -36,12 +43,7 @@ class MotionDigest:
         """Add the motion and the impacts of a part of a run."""
         c = motion.rows
         self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
-        for i in impacts:
-            values = (
-                i.t, i.normal_angle, i.approach_speed, i.rebound_speed, i.normal_impulse,
-                i.tangential_impulse, i.energy_loss, i.drive_impulse,
-            )  # fmt: skip
-            self.add_impact(i.joint, values)
+        self._impacts.update(b''.join([_packed(i.joint, _NUMBERS(i)) for i in impacts]))
 
     def add_segments(
         self,
@@ -91,13 +93,18 @@ class MotionDigest:
                 Impact.
 
         """
-        name = joint.encode()
-        self._impacts.update(struct.pack('<q', len(name)) + name + struct.pack('<8d', *values))
+        self._impacts.update(_packed(joint, values))
 
     def hexdigest(self) -> str:
         """Return the digest of what was added so far, as 64 hexadecimal digits."""
         both = b'motion' + self._segments.digest() + b'impacts' + self._impacts.digest()
         return hashlib.sha256(both).hexdigest()
+
+
+def _packed(joint: str, values: Sequence[float]) -> bytes:
+    """Bytes of an impact."""
+    name = joint.encode()
+    return _LENGTH.pack(len(name)) + name + _EIGHT.pack(*values)
 
 
 def _runs(values: NDArray[Any]) -> list[tuple[int, int]]:

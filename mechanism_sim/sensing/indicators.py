@@ -86,7 +86,8 @@ class Moments:
             return
         mean = float(np.mean(x))
         d = x - mean
-        b2, b3, b4 = (float(np.sum(d**p)) for p in (2, 3, 4))
+        squares = d * d
+        b2, b3, b4 = (float(np.sum(p)) for p in (squares, squares * d, squares * squares))
         a2, a3, n, delta = self.m2, self.m3, na + nb, mean - self.mean
         self.m4 += (
             b4

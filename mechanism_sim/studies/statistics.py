@@ -65,9 +65,11 @@ class StatisticsTally:
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
         motion, impacts = piece.motion, piece.impacts
-        for i, k in zip(impacts, self._intervals([i.t for i in impacts]), strict=True):
-            self.table[k, :2] += 1.0, i.normal_impulse
-            self.table[k, 4] += i.sudden_loss  # that of a touch is part of what its steps lose
+        struck = self._intervals([i.t for i in impacts])
+        np.add.at(self.table[:, 0], struck, 1.0)
+        np.add.at(self.table[:, 1], struck, [i.normal_impulse for i in impacts])
+        # that of a touch is part of what its steps lose
+        np.add.at(self.table[:, 4], struck, [i.sudden_loss for i in impacts])
         lost = [c.t for c in piece.modes if is_loss(c)]
         np.add.at(self.table[:, 2], self._intervals(lost), 1.0)
         curve, lost_in = motion.curve, piece.balance.work.friction
