@@ -9,9 +9,9 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from html import escape
 from importlib.util import find_spec
 from pathlib import Path
@@ -34,6 +34,7 @@ _FORMULA = '=', '+', '-', '@', '\t', '\r'  # what a spreadsheet computes begins 
 _QUANTITY = re.compile(r'[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?( [\w/^*%°· ]+)?$', re.IGNORECASE)
 _SHOWN_NAMES = 300  # characters in a sentence
 _SHOWN_COLUMNS, _SHOWN_ROWS = 12, 5  # in a notebook; rows at either end
+_ROW_GROUP = 1 << 16  # of Parquet
 
 
 class Column(NamedTuple):
@@ -86,6 +87,10 @@ class Table(dict[str, NDArray[Any]]):
             c.name: np.array(c.values, dtype=_type_of(c.values)) for c in columns
         }
         return cls(found, {c.name: c.unit for c in columns})
+
+    def columns(self) -> list[Column]:
+        """Its columns, to be written."""
+        return [Column(name, x, self.units.get(name, '')) for name, x in self.items()]
 
     def __repr__(self) -> str:
         rows = len(next(iter(self.values()), ()))
@@ -163,34 +168,108 @@ def write(file: Path, columns: Sequence[Column], about: dict[str, str] | None = 
     ----------
     about : texts that belong to the whole table
     """
+    with opened(file, about) as write_rows:
+        write_rows(columns)
+
+
+@contextmanager
+def opened(
+    file: Path, about: dict[str, str] | None = None
+) -> Iterator[Callable[[Sequence[Column]], None]]:
+    """A table that grows: called with the next rows of the same columns, and its meaning `about`.
+
+    CSV and Parquet are written as rows come; other formats are made at the end, of all of them in
+    memory. The file gets its name when it is complete, see `output.beside`.
+    """
     with output.beside(file) as part:
-        write_part(part, columns, about)
+        sink = _SINKS[file.suffix](part, about or {})
+        complete = False
+        try:
+            yield sink.write
+            complete = True
+        finally:
+            sink.close(complete)
 
 
-def write_part(file: Path, columns: Sequence[Column], about: dict[str, str] | None = None) -> None:
-    """Write a table to a file that the caller names; errors are those of the system."""
-    {
-        '.parquet': _parquet,
-        '.csv': _csv,
-        '.xlsx': _xlsx,
-        '.mat': _mat,
-        '.npz': _npz,
-    }[file.suffix](file, columns, about or {})
-    with file.open('rb+') as stream:
-        os.fsync(stream.fileno())
+class _Csv:
+    def __init__(self, path: Path, _: dict[str, str]) -> None:
+        self._file = path.open('w', encoding='utf-8', newline='')
+        self._writer = csv.writer(self._file)
+
+    def write(self, columns: Sequence[Column]) -> None:
+        if not self._file.tell():
+            self._writer.writerow([text_cell(c.heading) for c in columns])
+        self._writer.writerows(zip(*(_text_cells(c.values) for c in columns), strict=True))
+
+    def close(self, _: bool) -> None:
+        self._file.close()
 
 
-def _parquet(path: Path, columns: Sequence[Column], about: dict[str, str]) -> None:
-    import pyarrow as pa  # noqa: PLC0415
-    import pyarrow.parquet as pq  # noqa: PLC0415
+class _Parquet:
+    """Gathers rows to groups that are worth their overhead."""
 
-    fields, arrays = [], []
-    for c in columns:
-        told = {k: v for k, v in (('unit', c.unit), ('meaning', c.meaning)) if v}
-        array = pa.array(c.values, field_type(pa, c.values))
-        fields.append(pa.field(c.name, array.type, metadata=told or None))
-        arrays.append(array)
-    pq.write_table(pa.table(arrays, schema=pa.schema(fields, about)), path)
+    def __init__(self, path: Path, about: dict[str, str]) -> None:
+        self._path, self._about = path, about
+        self._parts: list[Any] = []
+        self._writer: Any = None
+
+    def write(self, columns: Sequence[Column]) -> None:
+        import pyarrow as pa  # noqa: PLC0415
+
+        fields, arrays = [], []
+        for c in columns:
+            told = {k: v for k, v in (('unit', c.unit), ('meaning', c.meaning)) if v}
+            array = pa.array(c.values, field_type(pa, c.values))
+            fields.append(pa.field(c.name, array.type, metadata=told or None))
+            arrays.append(array)
+        self._parts.append(pa.table(arrays, schema=pa.schema(fields, self._about)))
+        if sum(part.num_rows for part in self._parts) >= _ROW_GROUP:
+            self._flush()
+
+    def _flush(self) -> None:
+        import pyarrow as pa  # noqa: PLC0415
+        import pyarrow.parquet as pq  # noqa: PLC0415
+
+        table = pa.concat_tables(self._parts)
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._path, table.schema)
+        self._writer.write_table(table)
+        self._parts = []
+
+    def close(self, complete: bool) -> None:
+        if complete and self._parts:
+            self._flush()
+        if self._writer:
+            self._writer.close()
+
+
+class _Whole:
+    """Formats that are made of all rows together."""
+
+    def __init__(self, path: Path, about: dict[str, str]) -> None:
+        self._path, self._about = path, about
+        self._parts: list[Sequence[Column]] = []
+
+    def write(self, columns: Sequence[Column]) -> None:
+        self._parts.append(columns)
+
+    def close(self, complete: bool) -> None:
+        if not complete:
+            return
+        columns = self._parts[0] if self._parts else []
+        if len(self._parts) > 1:
+            rows = zip(*self._parts, strict=True)
+            columns = [c[0]._replace(values=np.concatenate([x.values for x in c])) for c in rows]
+        {'.xlsx': _xlsx, '.mat': _mat, '.npz': _npz}[self._path.suffix](
+            self._path, columns, self._about
+        )
+
+
+_SINKS: dict[str, Callable[[Path, dict[str, str]], _Csv | _Parquet | _Whole]] = {
+    **dict.fromkeys(ENDINGS, _Whole),
+    '.csv': _Csv,
+    '.parquet': _Parquet,
+}
 
 
 def field_type(pa: Any, values: Sequence[Any] | NDArray[Any]) -> Any:
@@ -207,11 +286,12 @@ def field_type(pa: Any, values: Sequence[Any] | NDArray[Any]) -> Any:
     return pa.string()
 
 
-def _csv(path: Path, columns: Sequence[Column], _: dict[str, str]) -> None:
-    with path.open('w', encoding='utf-8', newline='') as file:
-        writer = csv.writer(file)
-        writer.writerow([text_cell(c.heading) for c in columns])
-        writer.writerows(zip(*(map(text_cell, c.values) for c in columns), strict=True))
+def _text_cells(values: Sequence[Any] | NDArray[Any]) -> Iterable[Any]:
+    """The cells of a column in a text."""
+    if isinstance(values, np.ndarray) and values.dtype.kind in 'iuf' and np.isfinite(values).all():
+        numbers: list[Any] = values.tolist()
+        return numbers
+    return map(text_cell, values)
 
 
 def text_cell(value: Any) -> Any:

@@ -1,7 +1,8 @@
 """Quantities in and out: text with units becomes SI once, on input.
 
 The conversion is decimal: `2645 kg mm^2` is the float nearest to 0.002645. Common units are in a
-table; pint reads the rest, and takes 0.3 s to load.
+table; pint reads the rest, and takes 0.3 s to load. What reads a quantity raises `ValueError`: one
+clause that says what is wrong and what would do.
 """
 
 from __future__ import annotations
@@ -237,13 +238,7 @@ def _common_unit(text: str) -> _UnitFactor | None:
 
 
 def to_si_like(value: object, unit: str) -> float:
-    """A quantity in any SI unit, as `to_si`; a plain number also in percent.
-
-    Raises
-    ------
-    ValueError
-        One clause that says what is wrong.
-    """
+    """A quantity in any SI unit, as `to_si`; a plain number also in percent."""
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
     if match and not unit and match[2].strip() == '%':  # as shares are shown
         return to_si(match[1], '') / 100.0
@@ -256,13 +251,7 @@ def to_si_like(value: object, unit: str) -> float:
 
 
 def to_si_text(value: object) -> QuantityValue:
-    """A quantity in any product of common units; a bare number has none.
-
-    Raises
-    ------
-    ValueError
-        One clause that says what is wrong.
-    """
+    """A quantity in any product of common units; a bare number has none."""
     value = plain(value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return QuantityValue(to_si(value, ''), '')
@@ -299,13 +288,7 @@ def common(unit: str) -> str:
 
 
 def read_common(number: str, unit: str) -> QuantityValue:
-    """A quantity in a product of common units, in SI units; ``1 kN mm`` is 1 N m.
-
-    Raises
-    ------
-    ValueError
-        If the unit is none.
-    """
+    """A quantity in a product of common units, in SI units; ``1 kN mm`` is 1 N m."""
     known = _common_unit(unit)
     if known is None:
         raise ValueError(f"'{unit}' is not a product of different units: {', '.join(_KNOWN)}")
@@ -480,11 +463,6 @@ def to_si(value: object, unit: str) -> float:
     value : text such as ``'64 mm'``, or a number, which is taken to be in `unit`; NumPy's and
         pint's are like them
     unit : the SI unit wanted, one of the keys of `EXAMPLES`
-
-    Raises
-    ------
-    ValueError
-        One clause that says what is wrong and what would do.
     """
     hint = f"write for example '{EXAMPLES[unit]}'"
     value = plain(value)
@@ -499,13 +477,7 @@ def to_si(value: object, unit: str) -> float:
 
 
 def resolved(angle: float) -> float:
-    """An angle [rad], refused if it counts so many turns that floating point loses its place.
-
-    Raises
-    ------
-    ValueError
-        One clause that says what is wrong and what would do.
-    """
+    """An angle [rad], refused if it counts so many turns that floating point loses its place."""
     if _FINEST < (rounding := 0.5 * math.ulp(angle)) < math.inf:
         raise ValueError(
             f'is so many turns that it is rounded by {rounding:.1g} rad: take off whole turns'
@@ -517,13 +489,7 @@ _PER_LENGTH = re.compile(r'(.+?)/\s*(\w+?)\s*(?:(?:\^|\*\*)\s*\(?(3/2|\d*\.?\d+)
 
 
 def to_stiffness(value: object, exponent: float) -> float:
-    """A stiffness of contact in N/m^exponent, as ``2 GN/m^1.5`` or ``60 kN/mm^1.5``.
-
-    Raises
-    ------
-    ValueError
-        One clause that says what is wrong and what would do.
-    """
+    """A stiffness of contact in N/m^exponent, as ``2 GN/m^1.5`` or ``60 kN/mm^1.5``."""
     hint = f"write for example '2e9 N/m^{exponent:g}'"
     value = plain(value)
     match = _NUMBER.fullmatch(value) if isinstance(value, str) else None
@@ -573,13 +539,7 @@ class QuantityValue(NamedTuple):
 
 
 def to_si_of(value: object, units: tuple[str, ...]) -> QuantityValue:
-    """A quantity in the first of several SI units that it fits; a bare number fits any.
-
-    Raises
-    ------
-    ValueError
-        One clause that says what is wrong and what would do.
-    """
+    """A quantity in the first of several SI units that it fits; a bare number fits any."""
     if isinstance(value, QuantityValue):
         return value
     value = plain(value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,12 +18,31 @@ ComplexArray = NDArray[np.complex128]
 _PARTS = 128  # of a period, in each of which a function is looked at 16 times
 
 
+@dataclass(frozen=True, eq=False)
+class PeriodicForce(FourierSeries):
+    """A series that can be passed through a linear system."""
+
+    def passed(self, response: Callable[[Array], ComplexArray]) -> PeriodicForce:
+        """The series behind a linear system, given by its frequency response at w (N,) [rad/s].
+
+        Of the rest is known only that nothing comes of none.
+        """
+        constant = complex(response(np.zeros(1))[0])
+        gains = np.asarray(response(self.frequencies))
+        most = max(abs(constant), float(np.abs(gains).max(initial=0.0)))
+        rest = 0.0 if self.rest == 0.0 else np.inf
+        mean = self.mean * constant.real
+        return PeriodicForce(
+            self.frequency, mean, self.amplitudes * gains, self.error * most, rest
+        )
+
+
 def series_of(
     function: Callable[[Array], Array],
     period: float,
     harmonics: int,
     breaks: Sequence[float] = (),
-) -> FourierSeries:
+) -> PeriodicForce:
     """A periodic function as a series, [V] eqs. 6.121, 6.122; see `numerics.fourier`.
 
     Parameters
@@ -37,7 +57,7 @@ def series_of(
         raise InputError('a Fourier series needs a period, and breaks inside of it')
     edges = np.union1d(np.linspace(0.0, period, _PARTS + 1), np.asarray(breaks, float))
     found = spectrum(lambda t: np.asarray(function(t))[None], edges, harmonics)
-    return FourierSeries(
+    return PeriodicForce(
         2.0 * np.pi / period,
         float(found.mean[0]),
         found.amplitudes[0],
@@ -81,7 +101,7 @@ def base_excited(
 def periodic_response(
     oscillator: Oscillator,
     t: ArrayLike,
-    force: FourierSeries,
+    force: PeriodicForce,
     displacement: float = 0.0,
     velocity: float = 0.0,
 ) -> FreeResponse:

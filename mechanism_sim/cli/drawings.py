@@ -104,8 +104,9 @@ def add(command: Command) -> None:
 
 
 def _cycle(options: argparse.Namespace) -> int:
+    from mechanism_sim import tables  # noqa: PLC0415
     from mechanism_sim.report import cycle as report  # noqa: PLC0415
-    from mechanism_sim.report import figures, measured, progress, tables  # noqa: PLC0415
+    from mechanism_sim.report import figures, measured, progress  # noqa: PLC0415
     from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.cycle import (  # noqa: PLC0415
         at_position,
@@ -116,7 +117,7 @@ def _cycle(options: argparse.Namespace) -> int:
 
     plots = figures.check_picture('--plots', options.plots, True) if options.plots else None
     if options.output:
-        tables.check_output(options.output)
+        tables.check_file('--output', options.output)
     machine = read_machine(options)
     say_turns(options, machine, of_cycle=True)
     unit = 'm' if machine.plan.main in machine.plan.ideal.displacements else 'rad'
@@ -128,7 +129,7 @@ def _cycle(options: argparse.Namespace) -> int:
             options.local, options.static,
         )  # fmt: skip
         if options.output:
-            tables.write(options.output, found.table(), found.units())
+            tables.write(Path(options.output), found.table().columns())
         figures_found = measures_of(found, read_measures(options, machine))
         there = {} if at is None else at_position(machine, at, found)
         beside = {} if at is None else {'at': strict_json.plain(there)}
@@ -184,15 +185,16 @@ def _draw(options: argparse.Namespace) -> int:
 
 
 def _profile(options: argparse.Namespace) -> int:
-    from mechanism_sim.report import profile, tables  # noqa: PLC0415
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.report import profile  # noqa: PLC0415
 
     file = options.output and output.check_path('--output', options.output, *profile.WRITERS)
     if options.table:
-        tables.check_output(options.table, '--table')
+        tables.check_file('--table', options.table)
     machine = read_machine(options)
     if options.table:
         found = profile.table(machine, options.profile)
-        tables.write(options.table, found, found.units)
+        tables.write(Path(options.table), found.columns())
     sheet = profile.profile(machine, options.profile, options.gear, options.friction)
     if file:
         profile.write(sheet.outline, file)

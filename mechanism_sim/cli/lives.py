@@ -52,7 +52,10 @@ def _life(options: argparse.Namespace) -> int:
     page = output.check_path('--page', options.page, '.html', '.htm') if options.page else None
     picture = figures.check_picture('--plot', options.plot) if options.plot else None
     table = tables.check_file('--output', Path(options.output)) if options.output else None
-    folders = {name: _folder(name, getattr(options, name)) for name in ('scenes', 'bags')}
+    folders = {
+        name: output.make_folder(Path(given), f'--{name} ') if given else None
+        for name, given in (('scenes', options.scenes), ('bags', options.bags))
+    }
     try:
         cycles = float(options.cycles)
     except ValueError as error:
@@ -69,7 +72,7 @@ def _life(options: argparse.Namespace) -> int:
     if table:
         tables.write(table, found.columns())
     if picture:
-        figures.save(figures.paint(report.chart(found, machine.scene.title)), picture)
+        figures.draw(report.chart(found, machine.scene.title), picture)
     if page:
         from mechanism_sim.pages.families import life_page  # noqa: PLC0415
 
@@ -79,15 +82,3 @@ def _life(options: argparse.Namespace) -> int:
         for k, stage in enumerate(found.stages):
             output.write_text(folder / f'stage_{k:02d}.yaml', report.scene_text(found, stage))
     return print_result(options, found, report.to_json, report.render)
-
-
-def _folder(option_name: str, given: str | None) -> Path | None:
-    """A folder that is there, made if it was not."""
-    if not given:
-        return None
-    folder = Path(given)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--{option_name} '{given}': {error.strerror or error}") from error
-    return folder

@@ -289,15 +289,17 @@ def _plot_recorded(options: argparse.Namespace) -> int:
 
 def _check_files(options: argparse.Namespace) -> tuple[list[str], list[str], list[Any]]:
     """All files to be written, those of numbers and pictures; refused where none can be."""
-    from mechanism_sim.report import figures, tables  # noqa: PLC0415
-    from mechanism_sim.tables import ENDINGS  # noqa: PLC0415
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.report import figures  # noqa: PLC0415
 
     files = options.output or [f'{Path(options.scene).stem}_plot.svg']
-    numbers = [file for file in files if Path(file).suffix in ENDINGS]
+    numbers = [file for file in files if Path(file).suffix in tables.ENDINGS]
     for file in numbers:
-        tables.check_output(file)
+        tables.check_file('--output', file)
     pictures = [
-        figures.check_picture('--output', f, numbers=ENDINGS) for f in files if f not in numbers
+        figures.check_picture('--output', f, numbers=tables.ENDINGS)
+        for f in files
+        if f not in numbers
     ]
     return files, numbers, pictures
 
@@ -313,9 +315,9 @@ def _write(
 
     Numbers are of other instants where `in_rows` has them.
     """
-    from mechanism_sim.report import figures, tables  # noqa: PLC0415
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.report import figures  # noqa: PLC0415
     from mechanism_sim.report.charts.lines import chart, in_si  # noqa: PLC0415
-    from mechanism_sim.tables import Table  # noqa: PLC0415
 
     files, numbers, pictures = _check_files(options)
     if numbers:
@@ -325,12 +327,12 @@ def _write(
         if options.against != 'time':
             t, name = columns['t'], over.of or options.against
             size = in_si(over.axis.unit)  # charts have degrees, tables radians
-            columns = Table(
+            columns = tables.Table(
                 {'t': t, name: size.value * over.at(t), **columns},
                 {**columns.units, name: size.unit},
             )
         for file in numbers:
-            tables.write(file, columns, columns.units)
+            tables.write(Path(file), columns.columns())
     if pictures:
         from mechanism_sim.export import palette  # noqa: PLC0415
         from mechanism_sim.report import lines  # noqa: PLC0415

@@ -126,4 +126,4 @@ def _write(options: argparse.Namespace, columns: list[Column], chart: Chart) -> 
     if options.output:
         tables.write(Path(options.output), columns)
     if options.plot:
-        figures.save(figures.paint(chart), Path(options.plot))
+        figures.draw(chart, Path(options.plot))

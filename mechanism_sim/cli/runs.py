@@ -36,8 +36,8 @@ from mechanism_sim.terminal import echo, print_notice
 
 if TYPE_CHECKING:
     from mechanism_sim.engine.snapshot import Snapshot
+    from mechanism_sim.report.samples import SampleWriter
     from mechanism_sim.report.sections import Section
-    from mechanism_sim.report.tables import Writer
     from mechanism_sim.results.measures import Measured
     from mechanism_sim.results.run import Piece, Solution
     from mechanism_sim.scene import Machine
@@ -261,11 +261,12 @@ def _node(options: argparse.Namespace) -> int:
     return 0
 
 
-def _samples(options: argparse.Namespace) -> AbstractContextManager[Writer | None]:
+def _samples(options: argparse.Namespace) -> AbstractContextManager[SampleWriter | None]:
     """Where `--output` goes; nothing if it is not asked for."""
     if not options.output:
         return nullcontext()
-    from mechanism_sim.report import tables  # noqa: PLC0415
+    from mechanism_sim import tables  # noqa: PLC0415
+    from mechanism_sim.report.samples import SampleWriter, check_rate  # noqa: PLC0415
 
-    tables.check_output(options.output)
-    return tables.Writer(options.output, tables.check_rate(options.sample_rate))
+    tables.check_file('--output', options.output)
+    return SampleWriter(options.output, check_rate(options.sample_rate))

@@ -245,7 +245,7 @@ def _find_value(options: argparse.Namespace) -> int:
     if scene and result.values:
         write_text(scene, load_scene(machine, result.values).scene.to_yaml())
     if picture:
-        figures.save(figures.paint(found.chart(result, machine.scene.title)), picture)
+        figures.draw(found.chart(result, machine.scene.title), picture)
     print_result(options, result, found.to_json, found.text)
     return 0 if result.successful else 1
 
@@ -361,9 +361,9 @@ def _sweep(options: argparse.Namespace) -> int:
     if options.plot or options.effects or options.plots:
         drawn = SweepCharts(plan, rows)
         if options.plot:
-            figures.save(figures.paint(drawn.over(options.over)), Path(options.plot))
+            figures.draw(drawn.over(options.over), Path(options.plot))
         if options.effects:
-            figures.save(figures.paint(drawn.effects()), Path(options.effects))
+            figures.draw(drawn.effects(), Path(options.effects))
         if options.plots:
             figures.save_all(drawn.charts(options.over, pareto), Path(options.plots))
     return print_result(

@@ -65,7 +65,7 @@ def _draw(
     from mechanism_sim.report import figures  # noqa: PLC0415
 
     if file:
-        figures.save(figures.paint(chart(found, title)), file)
+        figures.draw(chart(found, title), file)
 
 
 def _span(name: str, text: str, unit: str) -> Array:

@@ -31,7 +31,9 @@ from mechanism_sim.editor.worker import Worker
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
 
-MODULES = 'svg', 'stage', 'lens', 'player', 'curves', 'wire', 'canvas', 'fields', 'wear', 'edit'
+MODULES = (
+    'html', 'svg', 'stage', 'lens', 'player', 'curves', 'wire', 'canvas', 'fields', 'wear', 'edit',
+)  # fmt: skip
 
 PAUSE = 0.1
 """[s] without an edit after which the document is checked and run, as it is dragged."""

@@ -28,7 +28,7 @@ from mechanism_sim.scene import Machine, span
 from mechanism_sim.scene.load import without_clearance
 
 MODULES = (
-    'svg', 'stage', 'player', 'curves', 'keys', 'sliders', 'zoom', 'ideal_motion', 'ideal',
+    'html', 'svg', 'stage', 'player', 'curves', 'keys', 'sliders', 'zoom', 'ideal_motion', 'ideal',
 )  # fmt: skip
 
 _TURN, _LOOKS = float(TWO_PI), 181

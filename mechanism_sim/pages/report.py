@@ -22,7 +22,8 @@ from mechanism_sim.report.summary import head
 from mechanism_sim.units import typeset
 
 MODULES = (
-    'svg', 'stage', 'lens', 'player', 'saving', 'charts', 'curves', 'keys', 'zoom', 'report',
+    'html', 'svg', 'stage', 'lens', 'player', 'saving', 'charts', 'curves', 'keys', 'zoom',
+    'report',
 )  # fmt: skip
 
 

@@ -27,7 +27,8 @@ from mechanism_sim.pages.operator import PAUSED, PLAYING, Operator
 from mechanism_sim.pages.server import PORT, Command, Mailbox, Server
 
 MODULES = (
-    'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'wire', 'live',
+    'html', 'svg', 'stage', 'lens', 'player', 'stream', 'strip', 'sliders', 'keys', 'zoom', 'wire',
+    'live',
 )  # fmt: skip
 
 #: Nobody waits for a page: what it is too slow for is dropped.

@@ -60,14 +60,18 @@ def check_picture(
     numbers : endings of files of numbers, which the option takes as well
     """
     path = Path(file)
-    folder = folder_too and (path.is_dir() or not path.suffix)
-    if not folder and path.suffix not in SUFFIXES:
-        more = ', or none for a folder' if folder_too else ''
-        more = f' for a picture, {", ".join(numbers)} for numbers' if numbers else more
+    if folder_too and (path.is_dir() or not path.suffix):
+        return output.check_path(option, file, path.suffix)
+    more = ', or none for a folder' if folder_too else ''
+    more = f' for a picture, {", ".join(numbers)} for numbers' if numbers else more
+    if more and path.suffix not in SUFFIXES:
         raise InputError(f'{option} {file}: the ending must be .png, .svg or .pdf{more}')
-    if not path.resolve().parent.is_dir():
-        raise InputError(f"{option} {file}: there is no directory '{path.parent}'")
-    return path
+    return output.check_path(option, file, *SUFFIXES)
+
+
+def draw(chart: Chart, file: Path) -> None:
+    """Write the picture of a chart."""
+    save(paint(chart), file)
 
 
 def save(figure: Any, file: Path, cropped: bool = False) -> None:

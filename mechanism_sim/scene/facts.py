@@ -134,14 +134,19 @@ def _walk(kind: Any, notes: Iterable[Any] = ()) -> Iterator[tuple[Any, Any]]:
             yield from _walk(inner)
 
 
-def as_written(value: Any, facts: Facts | None = None) -> Any:
-    """A part, or a value of one, as keys and values of a file that mean the same."""
+def as_written(value: Any, facts: Facts | None = None, every: bool = False) -> Any:
+    """A part, or a value of one, as keys and values of a file that mean the same.
+
+    Parameters
+    ----------
+    every : whether keys that nobody gave are written, too
+    """
     if isinstance(value, Part):
         return {
-            field.alias or key: as_written(getattr(value, key), facts_of(field))
+            field.alias or key: as_written(getattr(value, key), facts_of(field), every)
             for key, field in type(value).model_fields.items()
             if getattr(value, key) is not None
-            and (key in value.model_fields_set or key == 'mechanism')  # a file must say it
+            and (every or key in value.model_fields_set or key == 'mechanism')  # a file must
         }
     if isinstance(value, QuantityValue):
         return quantity(value.value, value.unit)

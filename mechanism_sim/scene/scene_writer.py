@@ -17,7 +17,7 @@ from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.keys.quantities import Part, meanings
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.facts import Facts, facts_of, quantity
+from mechanism_sim.scene.facts import Facts, as_written, facts_of
 from mechanism_sim.scene.files import (
     as_given,
     check_scene,
@@ -28,7 +28,6 @@ from mechanism_sim.scene.files import (
 )
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.schema import AnyScene, LinkPart, Scene
-from mechanism_sim.units import QuantityValue
 
 TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
 """The scenes that show the two forms of scenes, by the names of the forms."""
@@ -145,10 +144,10 @@ class _SceneWriter:
     def example(self, name: str, value: Any, facts: Facts, note: str) -> Iterator[Entry]:
         """A key that could be in the file, and what holds without it."""
         if facts.part is None:
-            yield from _entry(name, _default(value, facts), note)
+            yield from _entry(name, as_written(value, facts), note)
             return
         if isinstance(value, Part) and value != facts.part():  # what an instrument stands for
-            yield from _entry(name, _plain(value), note)
+            yield from _entry(name, as_written(value, every=True), note)
             return
         yield Entry(f'{name}:', note)
         if facts.part in self.given:
@@ -225,28 +224,6 @@ def _entry(name: str, data: Any, note: str) -> Iterator[Entry]:
         Entry(f'{row[0]}: {flow(row[1])}' if isinstance(data, dict) else f'- {flow(row)}')
         for row in rows
     )
-
-
-def _default(value: Any, facts: Facts) -> Any:
-    """A default as it is written: a quantity with its unit where there is one."""
-    if isinstance(value, QuantityValue):
-        return quantity(value.value, value.unit)
-    if isinstance(value, float) and len(facts.quantities) == 1:
-        (unit,) = facts.quantities[0].units[:1]
-        return quantity(value, unit if len(facts.quantities[0].units) == 1 else '')
-    if isinstance(value, tuple | list):
-        return [_default(item, facts) for item in value]
-    return quantity(value, '') if isinstance(value, float) else value
-
-
-def _plain(value: Part) -> dict[str, Any]:
-    """A part as a file would give it."""
-    found = {key: getattr(value, key) for key in type(value).model_fields}
-    return {
-        key: _default(item, facts_of(type(value).model_fields[key]))
-        for key, item in found.items()
-        if item is not None
-    }
 
 
 def _indented(lines: Iterable[Entry]) -> Iterator[Entry]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,20 +41,6 @@ class FourierSeries:
         t = np.asarray(t, np.float64)
         phases = np.exp(1j * t[..., None] * self.frequencies)
         return np.asarray(self.mean + (phases @ self.amplitudes).real)
-
-    def passed(self, response: Callable[[Array], ComplexArray]) -> FourierSeries:
-        """The series behind a linear system, given by its frequency response at w (N,) [rad/s].
-
-        Of the rest is known only that nothing comes of none.
-        """
-        constant = complex(response(np.zeros(1))[0])
-        gains = np.asarray(response(self.frequencies))
-        most = max(abs(constant), float(np.abs(gains).max(initial=0.0)))
-        rest = 0.0 if self.rest == 0.0 else np.inf
-        mean = self.mean * constant.real
-        return FourierSeries(
-            self.frequency, mean, self.amplitudes * gains, self.error * most, rest
-        )
 
 
 def known_harmonics(count: int) -> int:

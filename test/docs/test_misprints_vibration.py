@@ -16,12 +16,11 @@ from damping import (
     logarithmic_decrement,
     loss_factors,
 )
-from excitations import base_excited, periodic_response, relative_transmissibility
+from excitations import PeriodicForce, base_excited, periodic_response, relative_transmissibility
 from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients, peak_radius
 from two_masses import TwoMasses
 
-from mechanism_sim.vibration.periodic_forces import FourierSeries
 from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.systems import state_matrix
 
@@ -191,7 +190,7 @@ def test_v_6_118_and_6_119_relative_motion():
 def test_v_6_128_to_6_133_harmonics():
     """A harmonic j is answered at j w, and a cosine by a cosine."""
     w, a, b = 2.0, 3.0, -1.5
-    force = FourierSeries(w, 0.0, np.array([0.0, 0.0, a - 1j * b]))
+    force = PeriodicForce(w, 0.0, np.array([0.0, 0.0, a - 1j * b]))
     t = 45.0 / (XI * WN) + np.linspace(0, 4, 200)
     y = periodic_response(OSCILLATOR, t, force).displacement
 

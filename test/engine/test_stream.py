@@ -14,6 +14,7 @@ from four_bars import as_bytes, loose
 from running import TIMEOUT, run, run_json
 
 import mechanism_sim as ms
+from mechanism_sim import tables
 from mechanism_sim.engine import audit
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.digest import MotionDigest
@@ -22,7 +23,7 @@ from mechanism_sim.engine.totals import Totals
 from mechanism_sim.errors import InputError
 from mechanism_sim.memory import Reused
 from mechanism_sim.numerics.polynomials import Nodes, gauss_nodes
-from mechanism_sim.report import tables
+from mechanism_sim.report.samples import SampleWriter
 from mechanism_sim.results import run as runs
 
 REVOLUTIONS = 25.3
@@ -219,7 +220,7 @@ def test_samples_written_in_pieces_are_those_of_the_whole(
 ):
     monkeypatch.setattr(tables, '_ROW_GROUP', 1000)
     file = tmp_path / f'samples.{suffix}'
-    with tables.Writer(str(file), rate) as writer:
+    with SampleWriter(str(file), rate) as writer:
         for piece in pieces:
             writer.add(piece)
             assert not file.exists()
@@ -245,7 +246,7 @@ def test_samples_written_in_pieces_are_those_of_the_whole(
 
 def test_a_run_that_fails_leaves_no_file(tmp_path, pieces):
     def fail():
-        with tables.Writer(str(tmp_path / 'samples.csv'), 1000.0) as writer:
+        with SampleWriter(str(tmp_path / 'samples.csv'), 1000.0) as writer:
             writer.add(pieces[0])
             writer.add(pieces[1])
             raise InputError('enough')

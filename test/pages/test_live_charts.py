@@ -81,7 +81,8 @@ def shown(folder: Path, live: Live, batches: list[dict], seconds: float) -> list
 
 def modules(folder: Path) -> None:
     """The modules of the page, where Node finds them."""
-    known = {'page_stream': 'stream', 'page_strip': 'strip', 'player': 'player', 'svg': 'svg'}
+    known = {'page_stream': 'stream', 'page_strip': 'strip', 'player': 'player', 'html': 'html',
+             'svg': 'svg'}  # fmt: skip
     for package, name in known.items():  # Node has a module 'stream' of its own
         module = folder / 'node_modules' / package
         module.mkdir(parents=True)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from builders import made
 from running import run, run_json
+from tooth_forces import worm as worm_forces
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
@@ -564,7 +565,8 @@ def test_a_worm_is_as_efficient_as_its_lead_angle_allows(hand):
         expected = math.tan(lead) / math.tan(lead + math.atan(mu / math.cos(press)))
         assert cycle.efficiency == pytest.approx(expected, rel=1e-9)
         assert cycle['drive_torque'] == pytest.approx(20.0 / 15.0 / expected, rel=1e-9)
-        forces = machine.mechanism.joint('pair').worm.forces(20.0 / 15.0 / expected, mu)
+        pair = machine.mechanism.joint('pair').worm
+        forces = worm_forces(pair, 20.0 / 15.0 / expected, mu)
         for gear, side in (('worm', forces.driver), ('wheel', forces.driven)):
             for part in ('tangential', 'radial', 'axial'):
                 seen = np.abs(cycle[f'tooth_force.pair.{gear}.{part}'])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import state_space
 from damping import logarithmic_decrement
-from excitations import periodic_response, series_of
+from excitations import PeriodicForce, periodic_response, series_of
 from masses import MassSystem, chain
 from orbits import Orbit
 from oscillator import Oscillator
@@ -24,7 +24,6 @@ from torsional import (
 )
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.vibration.periodic_forces import FourierSeries
 from mechanism_sim.vibration.shafts import shaft_rigidity
 from mechanism_sim.vibration.systems import state_matrix
 
@@ -80,7 +79,7 @@ def test_fourier_series_of_a_square_wave():
 
 
 def test_fourier_series_of_itself():
-    wave = FourierSeries(2 * np.pi / 3.0, 0.4, np.array([1.0 - 2.0j, 0.0, 0.5j]))
+    wave = PeriodicForce(2 * np.pi / 3.0, 0.4, np.array([1.0 - 2.0j, 0.0, 0.5j]))
     again = series_of(wave, 3.0, 3)
     assert again.mean == pytest.approx(0.4)
     assert again.frequency == wave.frequency

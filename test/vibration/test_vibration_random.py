@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import state_space
-from excitations import base_excited, periodic_response
+from excitations import PeriodicForce, base_excited, periodic_response
 from masses import MassSystem, chain
 from oscillator import Oscillator
 from rotors import DiskRotor, Rotor, influence_coefficients
 from two_masses import TwoMasses
 
-from mechanism_sim.vibration.periodic_forces import FourierSeries
 from mechanism_sim.vibration.systems import state_matrix
 
 #: of each kind; ten kinds
@@ -101,7 +100,7 @@ def test_periodic_excitation(random):
     t, start = times(random, o), random.normal(size=2) * (1.0, o.natural_frequency)
     harmonics = random.normal(size=(6, 2)) @ (1.0, 1.0j) * o.stiffness
     w = o.natural_frequency * random.uniform(0.05, 2)
-    force = FourierSeries(w, o.stiffness * random.normal(), harmonics)
+    force = PeriodicForce(w, o.stiffness * random.normal(), harmonics)
     inputs = [push(o, a) for a in (force.mean, *harmonics)]
     states = state_space.forced(matrix(o), t, inputs, [0.0, *force.frequencies], start)
     agree(periodic_response(o, t, force, *start), states)

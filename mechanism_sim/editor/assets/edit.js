@@ -1,11 +1,12 @@
 import { Canvas } from 'canvas';
 import { Curves } from 'curves';
 import { Fields } from 'fields';
+import { html } from 'html';
 import { lensOf } from 'lens';
 import { Wear, LengthOfRun } from 'wear';
 import { Player, Recording, nearest, showPlaying } from 'player';
 import { words } from 'stage';
-import { carried, quantity } from 'svg';
+import { add, carried, quantity } from 'svg';
 import { connected, say } from 'wire';
 
 const TYPED = 400; // [ms] after which text that is being typed is told
@@ -50,11 +51,8 @@ const send = connected(`/live${window.location.search}`, heard, () => {
 start();
 
 function start() {
-  by('palette').append(...GROUPS.flatMap(({ name, tools }) => {
-    const head = document.createElement('h2');
-    head.textContent = name;
-    return [head, ...tools.map(paletteButton)];
-  }));
+  by('palette').append(...GROUPS.flatMap(({ name, tools }) => (
+    [html('h2', {}, name), ...tools.map(paletteButton)])));
   take('move');
   by('undo').addEventListener('click', () => ask({ type: 'undo' }));
   by('redo').addEventListener('click', () => ask({ type: 'redo' }));
@@ -94,10 +92,9 @@ function start() {
 }
 
 function paletteButton({ name, key: letter, icon, hint }) {
-  const button = document.createElement('button');
-  Object.assign(button, { type: 'button', title: `${hint} (${letter})` });
-  button.dataset.tool = name;
-  button.innerHTML = `<svg viewBox="0 0 16 16"><path d="${icon}" fill-rule="evenodd"/></svg><span>${words(name)}</span>`;
+  const button = html('button', { type: 'button', title: `${hint} (${letter})`, 'data-tool': name });
+  add(add(button, 'svg', { viewBox: '0 0 16 16' }), 'path', { d: icon, 'fill-rule': 'evenodd' });
+  button.append(html('span', {}, words(name)));
   button.addEventListener('click', () => take(name));
   return button;
 }
@@ -260,12 +257,16 @@ function checked({ data, number }) {
   if (number !== state.number) return;
   const driven = Object.entries(data.coordinates).filter(([, what]) => /prescribed|moved|^free$/.test(what));
   tell([data.level, ...driven.map(([c, what]) => `${words(c)} ${what}`)].join('; '));
-  const list = (title, items) => (items.length ? `<h3>${title}</h3><ul>${
-    items.map((x) => `<li>${escape(x)}</li>`).join('')}</ul>` : '');
-  by('run').innerHTML = `<div id="length"></div><div id="lenses"></div><div id="figures"><p class="soft">running …</p></div><div id="wear"></div><h3>Model</h3><p>${
-    escape(data.level)}: ${escape(data.why)}</p>${list('Questions', data.questions)}${
-    list('What limits the motion', data.limits)}${list('Gaps', data.gaps)}${
-    list('Notes', data.notes.filter((x) => !data.limits.includes(x)))}`;
+  const list = (title, items) => (items.length
+    ? [html('h3', {}, title), html('ul', {}, ...items.map((x) => html('li', {}, x)))] : []);
+  by('run').replaceChildren(
+    html('div', { id: 'length' }), html('div', { id: 'lenses' }),
+    html('div', { id: 'figures' }, html('p', { class: 'soft' }, 'running …')),
+    html('div', { id: 'wear' }), html('h3', {}, 'Model'), html('p', {}, `${data.level}: ${data.why}`),
+    ...list('Questions', data.questions), ...list('What limits the motion', data.limits),
+    ...list('Gaps', data.gaps),
+    ...list('Notes', data.notes.filter((x) => !data.limits.includes(x))),
+  );
   lengthOfRun.show(by('length'), state.length);
   wear.show(by('wear'), state.wears);
   root.dataset.checked = number;
@@ -293,18 +294,19 @@ function ran({ data, number }) {
   by('speed').replaceChildren(...SPEEDS.map((x) => new Option(`${x}×`, x, false, x === run.player.speed)));
   by('time').textContent = `${Number(length().toPrecision(4))} s`;
   const titles = { force: 'Largest forces', drive: 'Largest efforts of drives', impacts: 'Impacts', hardest: 'Hardest impact' };
-  let before = '';
-  const rows = data.figures.map(([what, name, value, unit, t]) => {
-    const head = what === before ? '' : `<tr><th colspan="3"><h3>${titles[what]}</h3></th></tr>`;
-    before = what;
+  const rows = data.figures.flatMap(([what, name, value, unit, t], k) => {
+    const head = html('tr', {}, html('th', { colspan: 3 }, html('h3', {}, titles[what])));
     const shown = value === null ? 'without limit' : unit ? quantity(value, unit) : value;
     const at = t === null ? '' : `at ${quantity(Math.abs(t) < 1e-9 * data.end ? 0 : t, 's')}`;
-    return `${head}<tr data-figure="${what}"><th>${escape(words(name)) || 'in all'}</th><td>${shown}</td><td>${at}</td></tr>`;
+    const row = html('tr', { 'data-figure': what }, html('th', {}, words(name) || 'in all'),
+      html('td', {}, shown), html('td', {}, at));
+    return what === data.figures[k - 1]?.[0] ? [row] : [head, row];
   });
-  if (by('figures')) {
-    by('figures').innerHTML = `<table>${rows.join('')}</table><p class="soft">over ${
-      quantity(data.end, 's')}; digest <code title="${data.digest}">${data.digest.slice(0, 12)}…</code></p>`;
-  }
+  by('figures')?.replaceChildren(
+    html('table', {}, html('tbody', {}, ...rows)),
+    html('p', { class: 'soft' }, `over ${quantity(data.end, 's')}; digest `,
+      html('code', { title: data.digest }, `${data.digest.slice(0, 12)}…`)),
+  );
   run.lenses = by('lenses') ? lenses(recording, data.stage) : [];
   if (Object.keys(shown.traced).length) canvas.trace(traces(recording, data.stage), shown.stage.colours);
   instant(recording.at(recording.start));
@@ -317,7 +319,7 @@ function ran({ data, number }) {
 /** What is loose, magnified: pins with their ways, and what parts from its wall. */
 function lenses(recording, stage) {
   return [...stage.bearings, ...stage.plays].map(({ joint }) => {
-    const host = document.createElement('div');
+    const host = html('div');
     by('lenses').append(host);
     return lensOf(host, stage, joint, (index, t) => recording.path(index, t, Infinity));
   });
@@ -519,5 +521,3 @@ function key(event) {
   else return;
   event.preventDefault();
 }
-
-const escape = (text) => text.replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' })[c]);

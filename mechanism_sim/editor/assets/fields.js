@@ -1,12 +1,5 @@
+import { html } from 'html';
 import { words } from 'stage';
-
-/** An HTML element. */
-export function html(name, attributes = {}, ...inner) {
-  const made = document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
-  made.append(...inner);
-  return made;
-}
 
 const same = (a, b) => a.length === b.length && a.every((x, i) => x === b[i]);
 

@@ -1,4 +1,4 @@
-import { html } from 'fields';
+import { html } from 'html';
 import { words } from 'stage';
 import { quantity } from 'svg';
 

@@ -178,9 +178,9 @@ class GenevaClosure(HigherClosure[Geneva]):
         centre; ``(R/N) sin(N (psi - towards))`` with the slots' mouths at R.
         """
         radius, beside, turned = self._off(frames)
-        slot = radius * _sine(beside, self.joint.slots)
+        slot = radius * sine(beside, self.joint.slots)
         entry = lift(dense(frames.parameters(f'{self.name}.entry', self.joint.entry)))
-        locked = _sine(turned, self.joint.slots) * entry
+        locked = sine(turned, self.joint.slots) * entry
         return either(self.engaged(frames), slot, locked)
 
     def _off(self, frames: Frames) -> tuple[Jet, Jet, Jet]:
@@ -249,9 +249,9 @@ def _polar(x: Jet, y: Jet) -> Pair:
     return half.chain(r, 1.0 / r, -1.0 / (square * r)), angle
 
 
-def _sine(x: Jet, n: int) -> Jet:
+def sine(x: Jet, n: int | hy.expression) -> Jet:
     """``sin(n x)/n``."""
-    c, s = hy.cos(n * x.value), hy.sin(n * x.value)
+    c, s = hy.cos(n * dense(x.value)), hy.sin(n * dense(x.value))
     return x.chain(s / n, c, -(n * s))
 
 

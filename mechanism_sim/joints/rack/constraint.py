@@ -10,7 +10,7 @@ from typing import Literal
 import heyoka as hy
 import numpy as np
 
-from mechanism_sim.joints.geneva.constraint import GenevaReading, IndexingPair, Pair, either
+from mechanism_sim.joints.geneva.constraint import GenevaReading, IndexingPair, Pair, either, sine
 from mechanism_sim.numerics.symbolic import Term, dense, mul
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet, lift
@@ -95,15 +95,9 @@ class RackClosure(HigherClosure[SlottedRack]):
     def values(self, frames: Frames) -> list[Jet]:
         """How far the pin, or the locked rack, is off its place along the rack [m]."""
         wave, *off = self._off(frames)
+        return [either(self.engaged(frames), *(sine(x, wave) for x in off))]
 
-        def periodic(x: Jet) -> Jet:
-            argument = wave * dense(x.value)
-            c, s = hy.cos(argument), hy.sin(argument)
-            return x.chain(s / wave, c, -(wave * s))
-
-        return [either(self.engaged(frames), *map(periodic, off))]
-
-    def _off(self, frames: Frames) -> tuple[Term, Jet, Jet]:
+    def _off(self, frames: Frames) -> tuple[hy.expression, Jet, Jet]:
         """The slots' wave number [1/m]; how far the pin is off one, and the rack off its place."""
         joint = self.joint
         pin, _ = self._from_centre(frames, joint.first, joint.on_first)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -18,45 +17,6 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.constraint import SpatialPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.view import PairView
-
-
-class ToothForce(NamedTuple):
-    """Force on the teeth of one gear [N]."""
-
-    tangential: float
-    radial: float
-    axial: float
-
-    @property
-    def total(self) -> float:
-        """Its size [N]; without friction it is the normal force."""
-        return math.hypot(*self)
-
-
-class GearedForces(NamedTuple):
-    """Forces and power that one gear passes on to another."""
-
-    driver: ToothForce
-    driven: ToothForce
-    ratio: float  #: speed of the driver over that of the driven gear, without sign
-    efficiency: float  #: power out over power in
-    torque: float  #: torque that the driven gear gives [N m]
-
-
-def ratio(driver_teeth: int, driven_teeth: int) -> float:
-    """Speed of driver over driven gear, without sign: N3/N2, [V] eqs. 5.7, 5.37, 5.51."""
-    if driver_teeth < 1 or driven_teeth < 1:
-        raise InputError('a gear has teeth, a worm threads')
-    return driven_teeth / driver_teeth
-
-
-def _check(torque: float, size: float, pressure_angle: float) -> None:
-    if not (0.0 <= torque < math.inf):
-        raise InputError('the torque of the driver counts in its direction of motion')
-    if not size > 0.0:
-        raise InputError('a gear has a positive radius')
-    if not 0.0 < pressure_angle < math.pi / 2:
-        raise InputError('a pressure angle lies between 0 and 90 deg')
 
 
 @dataclass(frozen=True)
@@ -76,12 +36,6 @@ class WormPair:
     diameter: float
     lead_angle: float
     pressure_angle: float = math.radians(20)
-
-    def __post_init__(self) -> None:
-        ratio(self.threads, self.teeth)
-        _check(0.0, self.diameter, self.pressure_angle)
-        if not 0.0 < self.lead_angle < math.pi / 2:
-            raise InputError('a lead angle lies between 0 and 90 deg')
 
     @property
     def lead(self) -> float:
@@ -107,15 +61,8 @@ class WormPair:
         """True if the wheel cannot drive the worm."""
         return friction >= self.locking_friction
 
-    def forces(
-        self, torque: float, friction: float = 0.0, *, wheel_drives: bool = False
-    ) -> GearedForces:
-        """Forces at a torque [N m] of the driver: normal force and Coulomb's friction.
-
-        The threads slide along their helix. The worm's axial force is the wheel's tangential one
-        and the other way round.
-        """
-        _check(torque, self.diameter, self.pressure_angle)
+    def efficiency(self, friction: float = 0.0, *, wheel_drives: bool = False) -> float:
+        """Power out over power in, by normal force and Coulomb's friction along the helix."""
         if not 0.0 <= friction < math.inf:
             raise InputError('a coefficient of friction is not negative')
         mu = -friction if wheel_drives else friction
@@ -129,19 +76,8 @@ class WormPair:
                 if wheel_drives
                 else 'friction is too large for so steep a worm'
             )
-        radii = self.diameter / 2.0, self.wheel_diameter / 2.0
-        normal = torque / (along * radii[1] if wheel_drives else around * radii[0])
-        radial = normal * math.sin(self.pressure_angle)
-        worm = ToothForce(normal * around, radial, normal * along)
-        wheel = ToothForce(worm.axial, radial, worm.tangential)
-        driver, driven = (wheel, worm) if wheel_drives else (worm, wheel)
-        speeds = ratio(self.threads, self.teeth)
-        speeds = 1.0 / speeds if wheel_drives else speeds
-        given = driven.tangential * radii[0 if wheel_drives else 1]
-        efficiency = math.tan(self.lead_angle) * along / around
-        if wheel_drives:
-            efficiency = 1.0 / efficiency
-        return GearedForces(driver, driven, speeds, efficiency, given)
+        driven_by_worm = math.tan(self.lead_angle) * along / around
+        return 1.0 / driven_by_worm if wheel_drives else driven_by_worm
 
 
 _UNIT = WormPair(1, 1, 1.0, math.pi / 4)  # fields after others with defaults need one

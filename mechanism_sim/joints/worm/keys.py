@@ -41,16 +41,10 @@ class WormKeys(SpatialKeys):
         needed(name, self, 'teeth', 'diameter', 'lead_angle')
         (a, on_a), (b, on_b) = names.ends(name)
         threads, teeth = self.both_teeth(name)
-        try:
-            sizes = WormPair(
-                threads,
-                teeth,
-                self.diameter or 0.0,
-                self.lead_angle or 0.0,
-                pressure_angle_of(self),
-            )
-        except InputError as error:
-            raise InputError(f'joints.{name}: {error}') from error
+        lead = self.lead_angle or 0.0
+        if not 0.0 < lead < 0.5 * math.pi:
+            raise InputError(f'joints.{name}.lead_angle must lie between 0 and 90 deg')
+        sizes = WormPair(threads, teeth, self.diameter or 0.0, lead, pressure_angle_of(self))
         hand = -1 if self.hand == 'left' else 1
         return WormDrive(
             name, a, b, on_a, on_b, Fraction(hand * threads, teeth), self.phase,

@@ -25,11 +25,11 @@ class WormParts(JointParts):
             PartFigure('worm_diameter', pair.diameter, 'm'),
             PartFigure('wheel_diameter', pair.wheel_diameter, 'm'),
             PartFigure('centre_distance', pair.centre_distance, 'm'),
-            PartFigure('efficiency', pair.forces(1.0, friction).efficiency),
+            PartFigure('efficiency', pair.efficiency(friction)),
             PartFigure('self_locking_friction', pair.locking_friction),
         ]
         if pair.self_locking(friction):
             remark = f'at a friction of {friction:g} it is self-locking: its wheel cannot drive it'
             return Sheet(title, tuple(figures), remarks=(remark,))
-        driven = pair.forces(1.0, friction, wheel_drives=True).efficiency
+        driven = pair.efficiency(friction, wheel_drives=True)
         return Sheet(title, (*figures, PartFigure('efficiency_wheel_drives', driven)))

@@ -1,3 +1,4 @@
+import { html } from 'html';
 import { bytes, unpack } from 'player';
 import { save, table } from 'saving';
 
@@ -207,8 +208,7 @@ export class Charts {
     chart.axes = Object.keys(plot._fullLayout._plots)
       .map((name) => plot._fullLayout._plots[name]);
     chart.cursors = chart.axes.map(() => {
-      const cursor = document.createElement('div');
-      cursor.className = 'cursor';
+      const cursor = html('div', { class: 'cursor' });
       plot.append(cursor);
       return cursor;
     });

@@ -1,5 +1,6 @@
 import * as equations from 'equations';
 import { Curves } from 'curves';
+import { html } from 'html';
 import { IdealMotion, pointOf } from 'ideal_motion';
 import { keys } from 'keys';
 import { Player, showPlaying } from 'player';
@@ -109,11 +110,8 @@ function draw() {
   const [from, to] = [motion.low, motion.high].map(written);
   by('state').textContent = !(low || high) ? '' : timed ? `The loops can be closed from ${from} to ${to} only.`
     : `${drive} goes from ${from} to ${to} only; beyond, the loops cannot be closed.`;
-  by('figures').replaceChildren(...figures().map((row) => {
-    const box = document.createElement('div');
-    box.append(...['dt', 'dd'].map((kind, k) => Object.assign(document.createElement(kind), { textContent: row[k] })));
-    return box;
-  }));
+  by('figures').replaceChildren(...figures().map(([name, value]) => (
+    html('div', {}, html('dt', {}, name), html('dd', {}, value)))));
   if (view && !player.playing) seek(view.u);
 }
 

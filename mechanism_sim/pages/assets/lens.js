@@ -1,3 +1,4 @@
+import { html } from 'html';
 import { add, arrow, line, onResize, quantity } from 'svg';
 import { words } from 'stage';
 
@@ -40,12 +41,9 @@ class Glass {
     this.inner = BORE - this.room; // of what is in the bushing or between the walls
     this.half = half * BORE;
     this.scale = this.room / wide;
-    const [title, mode, values, said] = ['title', 'mode', 'values', 'note'].map((kind) => {
-      const text = document.createElement('p');
-      text.className = kind;
-      host.append(text);
-      return text;
-    });
+    const texts = ['title', 'mode', 'values', 'note'].map((kind) => html('p', { class: kind }));
+    host.append(...texts);
+    const [title, mode, values, said] = texts;
     title.textContent = words(play.joint);
     Object.assign(this, { words: mode, values, note: said });
     const tell = () => {

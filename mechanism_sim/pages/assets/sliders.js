@@ -1,3 +1,5 @@
+import { html } from 'html';
+
 const EVERY = 150; // [ms] between what is sent while a slider moves
 const PATIENCE = 20_000; // [ms] that a value is shown as asked for while the machine has another
 const WAYS = 1000;
@@ -69,23 +71,13 @@ export class Sliders {
   }
 
   #make(control) {
-    const box = document.createElement('div');
-    box.className = 'slider';
-    const label = document.createElement('label');
-    const output = document.createElement('output');
-    const input = document.createElement('input');
-    input.id = `set ${control.path}`;
-    input.dataset.path = control.path;
-    Object.assign(input, { type: 'range', min: 0, max: WAYS, step: 1 });
-    label.htmlFor = input.id;
-    label.textContent = control.label;
-    box.append(label, output, input);
-    const note = control.effect === 'restart' ? document.createElement('small') : null;
-    if (note) {
-      note.textContent = ANEW;
-      note.setAttribute('role', 'status');
-      box.append(note);
-    }
+    const { path } = control;
+    const id = `set ${path}`;
+    const output = html('output');
+    const input = html('input', { id, type: 'range', min: 0, max: WAYS, step: 1, 'data-path': path });
+    const note = control.effect === 'restart' ? html('small', { role: 'status' }, ANEW) : null;
+    const label = html('label', { for: id }, control.label);
+    const box = html('div', { class: 'slider' }, label, output, input, ...(note ? [note] : []));
     const slider = { control, box, input, output, note, asked: null, known: control.value,
       key: null, held: false, until: 0, sent: 0, later: 0 };
     input.addEventListener('keydown', () => { slider.key = Number(input.value); });

@@ -1,3 +1,4 @@
+import { html } from 'html';
 import { quantity, step } from 'svg';
 
 const ROOM = { left: 76, right: 4, top: 8, bottom: 16 }; // [px]; on the left for '-500 mN m'
@@ -18,17 +19,10 @@ export class Strip {
     this.scale = scale ?? 1;
     this.usual = usual * this.scale;
     this.largest = this.usual;
-    const figure = document.createElement('figure');
-    const caption = document.createElement('figcaption');
-    const name = document.createElement('span');
-    name.textContent = label;
-    this.value = document.createElement('output');
-    caption.append(name, this.value);
-    this.canvas = document.createElement('canvas');
-    this.canvas.setAttribute('role', 'img');
-    this.canvas.setAttribute('aria-label', `${label} over the last moments`);
-    figure.append(caption, this.canvas);
-    parent.append(figure);
+    this.value = html('output');
+    this.canvas = html('canvas', { role: 'img', 'aria-label': `${label} over the last moments` });
+    const caption = html('figcaption', {}, html('span', {}, label), this.value);
+    parent.append(html('figure', {}, caption, this.canvas));
     this.clear();
   }
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from running import run
 from tooth_forces import bevel, helical
+from tooth_forces import worm as worm_forces
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import load_summary
@@ -107,7 +108,7 @@ def test_worm_and_wheel_press_against_each_other_in_space(hand, torque):
     assert force @ thread == pytest.approx(0.0, abs=1e-9)
     assert -force @ e == pytest.approx(np.linalg.norm(force) * math.sin(PHI))
     if torque * sign < 0:  # the worm drives
-        told = worm.forces(abs(found['drive_torque'][0]))
+        told = worm_forces(worm, abs(found['drive_torque'][0]))
         assert np.abs(on_worm) == pytest.approx(np.array(told.driver), rel=1e-9)
         assert np.abs(on_wheel) == pytest.approx(np.array(told.driven), rel=1e-9)
 
@@ -274,7 +275,7 @@ def test_a_scene_with_shafts_is_read_back_as_written():
     ('bevel_pair', {'joints.pair.pressure_angle': '50 deg'}, 'between 0 and 45 deg'),
     ('bevel_pair', {'joints.pair.carrier': 'wheel'}, 'carries the bevel'),
     ('bevel_pair', {'joints.pair.lead_angle': '5 deg'}, 'no meaning in a bevel joint'),
-    ('worm_drive', {'joints.pair.lead_angle': '90 deg'}, 'lead angle lies between'),
+    ('worm_drive', {'joints.pair.lead_angle': '90 deg'}, 'lead_angle must lie between'),
     ('worm_drive', {'joints.pair.diameter': None}, 'pair.diameter is missing: a worm pair'),
     ('worm_drive', {'joints.pair.hand': 'both'}, "allowed: 'left' or 'right'"),
     ('worm_drive', {'joints.pair.clearance': {'radial': 1e-4, 'restitution': 0}},
