@@ -341,30 +341,28 @@ class _MjcfReader:
             free = number(joint.get('springref'))
             free *= self._scale if joint.get('type', 'hinge') == 'hinge' else 1.0
             self.robot.resist(name, *law, free - start[name])
-        for tendon in self._root.findall('tendon/fixed'):
-            law = number(tendon.get('stiffness')), number(tendon.get('damping'))
-            name, factors = str(tendon.get('name')), self._tendons[tendon.get('name')]
-            length = tendon.get('springlength')
-            if any(law) and length is None:
-                self.robot.notes.append(f'{name}: left out: a spring without springlength')
-            elif any(law):
-                now = sum(f * start.get(joint, 0.0) for joint, f in factors.items())
-                self.robot.twists[name] = factors, *law, number(length) - now
-        for tendon in self._root.findall('tendon/spatial'):
+        for tendon in self._root.findall('tendon/*'):
+            given = self._given(tendon, kind='tendon')
+            name, length = str(given.get('name')), given.get('springlength')
+            stiffness, damping = (number(given.get(x)) for x in ('stiffness', 'damping'))
             sites = [self._sites.get(str(x.get('site'))) for x in tendon.findall('site')]
-            ends = [end for end in sites if end]
-            name, length = str(tendon.get('name')), tendon.get('springlength')
-            if len(ends) != 2 or not number(tendon.get('stiffness')) or length is None:
+            ends, acts = [end for end in sites if end], bool(stiffness or damping)
+            if tendon.tag == 'spatial' and not (acts and len(ends) == 2):
                 self.robot.notes.append(
                     f'{name}: left out: a tendon that is not a spring between two sites'
                 )
-                continue
-            keys = {
-                'stiffness': f'{number(tendon.get("stiffness"))!r} N/m',
-                'free_length': f'{number(length)!r} m',
-                'damping': f'{number(tendon.get("damping"))!r} N s/m',
-            }
-            self.robot.springs[name] = ends, keys
+            elif stiffness and length is None:
+                self.robot.notes.append(f'{name}: left out: a spring without springlength')
+            elif tendon.tag == 'spatial':
+                keys = {
+                    'stiffness': f'{stiffness!r} N/m', 'free_length': f'{number(length)!r} m',
+                    'damping': f'{damping!r} N s/m',
+                }  # fmt: skip
+                self.robot.springs[name] = ends, keys
+            elif acts:
+                factors = self._tendons[tendon.get('name')]
+                now = sum(f * start.get(joint, 0.0) for joint, f in factors.items())
+                self.robot.twists[name] = factors, stiffness, damping, number(length) - now
 
     def _drives(self) -> None:
         """Actuators of a speed, whose controls the first keyframe has."""

@@ -96,7 +96,7 @@ def linkage_states(machine: Machine, world: str) -> Callable[[View], list[bytes]
             'gaps': o.gap.T,
             'normal_forces': o.normal_force.T,
             'friction_forces': o.friction_force.T,
-            'drive_torque': _torques(o)[0],
+            'drive_torque': _torques(o)[machine.drive.row],
             'kinetic_energy': o.kinetic_energy,
             'potential_energy': o.potential_energy,
             'drive_work': view.drive_work,
@@ -131,7 +131,7 @@ def reactions(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
             'force_x': forces[:, 0].T,
             'force_y': forces[:, 1].T,
             'moment': forces[:, 2].T,
-            'drive_torque': o.drive_torque[0],
+            'drive_torque': o.drive_torque[machine.drive.row],
         }
         if message.loads:
             columns['load_sizes'] = o.load.T

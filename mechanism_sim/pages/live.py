@@ -124,7 +124,7 @@ class Live:
         speed, torque = [], []
         starts = [motion.curve.start[0] for motion, _ in self._pieces]
         of = np.maximum(np.searchsorted(starts, t, side='right') - 1, 0)
-        main = physics.coordinates.index(self.machine.plan.main)
+        main, row = physics.coordinates.index(self.machine.plan.main), self.machine.drive.row
         for number in np.unique(of).tolist():
             (motion, sway), now = self._pieces[number], t[of == number]
             k, dt = motion.curve.find(now)
@@ -132,7 +132,7 @@ class Live:
             moved = sway(now) if sway else None
             parts.append(self.stage.frames(now, seen, motion.modes[k].T, moved))
             speed.append(seen.velocity[main])
-            torque.append(seen.drive_torque[0] if len(seen.drive_torque) else np.zeros(len(now)))
+            torque.append(seen.drive_torque[row] if len(seen.drive_torque) else np.zeros(len(now)))
         rates = {'speed': np.concatenate(speed), 'torque': np.concatenate(torque)}
         frames = StageFrames.joined(parts)
         return frames.packed() | {name: packed(x.astype('<f4')) for name, x in rates.items()}

@@ -97,9 +97,10 @@ def _forces(machine: Machine) -> Iterator[Plot]:
         tilting = {joint: lines[joint] for joint in physics.tilting}
         yield Plot('Forces', f'Bearing moments, {axis} [N m]', tilting)
     if physics.driven:
-        straight = physics.driven[0] in physics.displacements
+        main = machine.plan.main
+        straight = main in physics.displacements
         title = 'Drive force [N]' if straight else 'Drive torque [N m]'
-        yield Plot('Forces', title, {physics.driven[0]: 'joint_reactions.drive_torque'})
+        yield Plot('Forces', title, {main: 'joint_reactions.drive_torque'})
     energies = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
     lines = {e.replace('_', ' '): f'linkage_state.{e}' for e in energies}
     yield Plot('Forces', 'Energies [J]', lines)

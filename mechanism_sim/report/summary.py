@@ -189,7 +189,7 @@ def _final(run: Stream) -> dict[str, Any]:
             for joint, m in moments
             if m and 'moment' not in open_.get(joint, frozenset())
         }
-        final['drive_torque'] = plain(float(o.drive_torque[0, 0]))
+        final['drive_torque'] = plain(float(o.drive_torque[run.machine.drive.row, 0]))
         torques = zip(physics.driven, o.drive_torque[:, 0].tolist(), strict=True)
         final['drive_torques'] = plain(dict(torques))
         loads = zip(physics.unknowns, o.load[:, 0].tolist(), strict=True)

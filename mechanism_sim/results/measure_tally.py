@@ -46,13 +46,12 @@ _FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'
 def speed_of(machine: Machine, f: Figure) -> str:
     """The column of the speed that goes with the torque or force of a drive."""
     kind, _, coordinate = f.argument.partition('.')
-    driven = machine.physics.driven
     if kind != 'drive_torque' or f.names != (f.argument,):
         raise InputError(
             f'work({f.argument}): it applies to drive_torque or drive_torque.COORDINATE; '
             "otherwise write 'integral(FORCE * SPEED)'"
         )
-    return f'velocity.{coordinate or driven[0]}'
+    return f'velocity.{coordinate or machine.plan.main}'
 
 
 def _apart(rows: Sequence[R], own: Collection[str]) -> list[list[R]]:

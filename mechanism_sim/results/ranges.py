@@ -232,7 +232,8 @@ class LoadPeaks:
         self._physics, self._since = physics, since
         known = [joint for joint in physics.joints if joint not in physics.undetermined]
         self._joints = {f'reaction.{joint}.size': joint for joint in known}
-        self._drives = {f'drive_torque.{c}': c for c in physics.driven}
+        driven = sorted(physics.driven, key=lambda c: c != machine.plan.main)  # the main one first
+        self._drives = {f'drive_torque.{c}': c for c in driven}
         self._loads = [*self._joints, *self._drives] if physics.has_forces else []
         self._loads += _bearing_loads(machine) if bearings else []
         others = [*others]

@@ -354,6 +354,11 @@ class MainDrive:
         """After how many of its turns all is as before."""
         return repetition(self.machine.rigid.nominal, self.period)
 
+    @cached_property
+    def row(self) -> int:
+        """Of its effort among those of all drives, in which prescribed ones come first."""
+        return self.machine.physics.driven.index(self.plan.main)
+
     @property
     def laws(self) -> tuple[Law, ...]:
         """Its laws, in the order in which they take over."""

@@ -121,3 +121,42 @@ def test_what_else_a_file_has_of_tendons_and_its_medium_has_a_note(tmp_path):
         't: its limits are left out: see `stops`',
         't: its friction is left out, which does not depend on its load',
     ]
+
+
+def springs(folder, more, **given):
+    """Springs by name, and the notes."""
+    file = folder / 'm.xml'
+    file.write_text(
+        f'<mujoco>{given.pop("default", "")}<worldbody><site name="s" pos="0 1 0"/>'
+        f'{BODIES.format(**{**NONE, **given}).replace("<inertial", PLACE, 1)}</worldbody>'
+        f'<tendon>{more}</tendon></mujoco>'
+    )
+    found = import_machine(file)
+    return found.data.get('springs', {}), found.notes
+
+
+PLACE = '<site name="p" pos="0.1 0 0"/><inertial'
+LINE = '<site site="s"/><site site="p"/></spatial>'
+
+
+def test_tendons_take_stiffness_and_damping_from_their_class(tmp_path):
+    """Joints and sites did, and what tendons have besides: their springs were lost in silence."""
+    default = '<default><default class="soft"><tendon stiffness="9" damping="2"/></default>'
+    more = f'<spatial name="line" class="soft" springlength="0.5">{LINE}'
+    more += tendon('sum', a=1).replace('<fixed', '<fixed class="soft" springlength="0.25"')
+    found, notes = springs(tmp_path, more, default=f'{default}</default>')
+    assert (found['line']['stiffness'], found['line']['damping']) == ('9.0 N/m', '2.0 N s/m')
+    assert found['line']['free_length'] == '0.5 m'
+    assert found['sum']['stiffness'] == '9.0 N m/rad'
+    assert found['sum']['free_angle'] == '0.25 rad'
+    assert not [note for note in notes if 'left out' in note]
+
+
+def test_dampers_between_points_are_no_springs_without_length(tmp_path):
+    """They were left out as tendons that are no springs, those of angles as without length."""
+    more = f'<spatial name="line" damping="2">{LINE}'
+    more += tendon('sum', a=1).replace('<fixed', '<fixed damping="3"')
+    found, notes = springs(tmp_path, more)
+    assert (found['line']['stiffness'], found['line']['damping']) == ('0.0 N/m', '2.0 N s/m')
+    assert found['sum'] == {'between': ['ground', 'a'], 'damping': '3.0 N m s/rad'}
+    assert not [note for note in notes if 'left out' in note]

@@ -15,10 +15,15 @@ from mechanism_sim.cli import main
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.errors import InputError, RunWarning
+from mechanism_sim.messages import deserialize
+from mechanism_sim.nodes.publications import linkage_states, reactions
+from mechanism_sim.report.summary import to_json
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
 from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
+from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.run import Piece
+from mechanism_sim.results.turns import ImpactTally
 from mechanism_sim.units import alike, product, read_common
 
 FINE = 20_001
@@ -184,6 +189,47 @@ def test_a_motor_is_seen_behind_its_gear():
     torque = one((machine, solution), 'mean(drive_torque) / mean(motor.torque)').value
     speed = one((machine, solution), 'mean(motor.speed) / mean(velocity.crank)').value
     assert (torque, speed) == pytest.approx((12.5, 12.5))
+
+
+def test_a_motor_beside_a_prescribed_drive_is_told_by_its_own_torque():
+    bar = {'length': '0.2 m', 'mass': '1 kg', 'inertia': '0.01 kg m^2'}
+    machine = ms.load_scene({
+        'title': 'Two bars', 'mechanism': 'linkage', 'links': {'arm': bar, 'rod': bar},
+        'joints': {'a': {'revolute': ['ground', 'arm']}, 'b': {'revolute': ['ground', 'rod']}},
+        'drive': {
+            'coordinate': 'arm', 'speed': '50 rad/s',
+            'motor': {'stall_torque': '5 N m', 'no_load_speed': '100 rad/s'},
+        },
+        'drives': {'rod': {'speed': '10 rad/s', 'acceleration': '3 rad/s^2'}},
+    })  # fmt: skip
+    run = ms.simulate(machine, duration=0.05)
+    t = np.array([0.0, 0.02, 0.05])
+    found = run.sample(t, 'drive_torque', 'velocity.arm', 'drive_torque.rod', *(
+        f'motor.{x}' for x in ('torque', 'speed', 'power')
+    ))  # fmt: skip
+    speed = found['velocity.arm']
+    torque = 5.0 * (1.0 - speed / 100.0)
+    assert found['drive_torque.rod'] == pytest.approx(np.full(3, 0.01 * 3.0), rel=1e-9)
+    for name, known in (
+        ('drive_torque', torque), ('motor.torque', torque), ('motor.speed', speed),
+        ('motor.power', torque * speed),
+    ):  # fmt: skip
+        assert found[name] == pytest.approx(known, rel=1e-9), name
+    work = one((machine, run), 'work(drive_torque)').value
+    energy = 0.5 * 0.01 * (speed[-1] ** 2 - speed[0] ** 2)
+    assert work == pytest.approx(energy, rel=1e-9)
+    peaks = LoadPeaks(machine)
+    peaks.add(run.motion)
+    assert [*peaks.torques] == ['arm', 'rod']
+    streamed = ms.stream(machine, duration=0.05).finish()
+    final = to_json(streamed, '', ImpactTally(machine), None, None)['final']
+    assert final['drive_torque'] == pytest.approx(torque[-1])
+    for write, kind in (
+        (linkage_states(machine, 'world'), 'mechanism_sim/msg/LinkageState'),
+        (reactions(machine, 'world'), 'mechanism_sim/msg/JointReactions'),
+    ):
+        (message,) = write(run.view(0.0))
+        assert deserialize(message, kind).drive_torque == pytest.approx(2.5)
 
 
 def test_sensors_are_measured_by_their_samples():

@@ -141,14 +141,15 @@ def _vector(window: ChartWindow, joint: str) -> tuple[Series, Abscissa]:
 
 def drive(course: ChartedRun) -> ChartSection | None:
     """Torque or force of every drive."""
-    physics = course.record.machine.physics
+    machine = course.record.machine
+    physics, main = machine.physics, machine.plan.main
     if not physics.has_forces or not physics.driven:
         return None
     charts: list[Chart] = []
     for straight, word in ((False, 'torque'), (True, 'force')):
         names = [
-            f'drive_torque.{c}' if i else 'drive_torque'
-            for i, c in enumerate(physics.driven)
+            'drive_torque' if c == main else f'drive_torque.{c}'
+            for c in physics.driven
             if (c in physics.displacements) == straight
         ]
         if names:

@@ -135,22 +135,22 @@ def _directions(view: View) -> dict[str, Array]:
 def of_drives(machine: Machine) -> Iterator[Quantity]:
     """Efforts of drives and of unknown loads, and power.
 
-    ``drive_torque`` of the first drive, ``drive_torque.COORDINATE`` of each, ``load.NAME``,
+    ``drive_torque`` of the main drive, ``drive_torque.COORDINATE`` of each, ``load.NAME``,
     ``drive_power``; ``motor.torque``, ``.speed``, ``.power`` of a motor behind its gear.
     """
-    physics = machine.physics
+    physics, main = machine.physics, machine.plan.main
     if not physics.has_forces:
         return
     for i, coordinate in enumerate(physics.driven):
         slides = coordinate in physics.displacements
         unit, words = ('N', 'drive force') if slides else ('N m', 'drive torque')
         effort = _effort(i)
-        if i == 0:
+        if coordinate == main:
             yield Quantity('drive_torque', unit, words, coordinate, effort)
         several = Shown.CYCLE if len(physics.driven) > 1 else Shown.ASKED
         yield Quantity(
             f'drive_torque.{coordinate}', unit, f'{words} on {coordinate}', coordinate, effort,
-            Shown.RUN if i else several,
+            several if coordinate == main else Shown.RUN,
         )  # fmt: skip
     for i, (load, unit) in enumerate(physics.unknowns.items()):
         yield Quantity(f'load.{load}', unit, f'load {load}', load, _load(i))
@@ -175,11 +175,15 @@ def _of_motor(machine: Machine) -> Iterator[Quantity]:
     if motor is None:
         return
     main, ratio = machine.plan.main, motor.ratio
-    i = machine.physics.coordinates.index(main)
+    i, row = machine.physics.coordinates.index(main), machine.drive.row
+
+    def power(view: View) -> Array:
+        return np.asarray(view.observed.drive_torque[row] * view.observed.velocity[i])
+
     for name, unit, evaluate in (
-        ('torque', 'N m', lambda view: view.observed.drive_torque[0] / ratio),
+        ('torque', 'N m', lambda view: view.observed.drive_torque[row] / ratio),
         ('speed', 'rad/s', lambda view: ratio * view.observed.velocity[i]),
-        ('power', 'W', lambda view: view.observed.drive_power),
+        ('power', 'W', power),
     ):
         words = f'{name} of the motor'
         yield Quantity(f'motor.{name}', unit, words, main, evaluate, Shown.ASKED)
