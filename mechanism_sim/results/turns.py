@@ -74,12 +74,14 @@ class DriveTurns:
 
     def __init__(self, machine: Machine, begin: float = -math.inf) -> None:
         """`begin` [s]: what was before counts as not seen."""
-        self._first = begin
-        self._known = isinstance(machine.drive.law, DriveLaw) and not machine.drive.law.straight
-        self._foretold = machine.drive.times_of(count(1)) if self._known else iter(())
+        self._first, self._drive = begin, machine.drive
+        self._lawful = isinstance(machine.drive.law, DriveLaw) and not machine.drive.law.straight
+        self._foretold = machine.drive.times_of(count(1)) if self._lawful else iter(())
         self._next = next(self._foretold, None)
         self._index = machine.physics.coordinates.index(machine.plan.main)
         self._start: Place | None = None
+        self._piece: tuple[PiecewisePolynomial, Array, Array] | None = None
+        self._parts: dict[float, float] = {}  # when turns were made that are not whole ones
         self.edges: list[float] = []
         self.begin = self.end = 0.0
 
@@ -89,30 +91,37 @@ class DriveTurns:
         begin, self.end = float(curve.start[0]), curve.end
         if self._start is None:
             self._start, self.begin = beginning(curve, self._index), max(begin, self._first)
-            self.edges = [0.0 if self._known else begin]
-        if self._known:
-            while self._next is not None and self._next <= self.end * (1.0 + 1e-12):
-                self.edges.append(min(self._next, self.end))
-                self._next = next(self._foretold, None)
-            if self._next is not None:
-                return
-            self._known = False  # it comes to rest
-            self.edges = self.edges if len(self.edges) > 1 else [self.begin]
+            self.edges = [0.0 if self._lawful else begin]
+        while self._next is not None and self._next <= self.end * (1.0 + 1e-12):
+            self.edges.append(min(self._next, self.end))
+            self._next = next(self._foretold, None)
+        if self._next is not None:
+            return
+        if self._lawful and self._piece is None and len(self.edges) == 1:  # it comes to rest
+            self.edges = [self.begin]
         ends = np.append(curve.start, self.end)
-        turned = self._turned(piece, ends)
-        while len(later := np.flatnonzero(turned >= len(self.edges))):
-            wanted, past = len(self.edges), int(later[0])
-            low, high = (float(ends[max(past - 1, 0)]), float(ends[past]))
-            for _ in range(_BISECTIONS):
-                middle = 0.5 * (low + high)
-                far = self._turned(piece, np.array([middle]))[0] >= wanted
-                low, high = (low, middle) if far else (middle, high)
-            self.edges.append(high)
+        self._piece = curve, ends, self._turned(curve, ends)
+        while (t := self._passage(len(self.edges))) is not None:
+            self.edges.append(t)
 
-    def _turned(self, piece: Piece, t: Array) -> Array:
+    def _passage(self, turns: float) -> float | None:
+        """When the drive has made so many turns [s], if that is in the last piece."""
+        if self._piece is None:
+            return None
+        curve, ends, turned = self._piece
+        later = np.flatnonzero(turned >= turns)
+        if not later.size:
+            return None
+        low, high = (float(ends[k]) for k in (max(later[0] - 1, 0), later[0]))
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            far = self._turned(curve, np.array([middle]))[0] >= turns
+            low, high = (low, middle) if far else (middle, high)
+        return high
+
+    def _turned(self, curve: PiecewisePolynomial, t: Array) -> Array:
         """Turns since the start (N,), in either direction."""
         assert self._start is not None  # noqa: S101 - set where the first motion begins
-        curve = piece.motion.curve
         return np.abs(turns_at(curve, self._index, *curve.find(t), self._start))
 
     @property
@@ -125,15 +134,15 @@ class DriveTurns:
         """A bound in seconds; infinite if it is not reached yet."""
         if not bound.revolutions:
             return bound.value
-        whole = math.floor(bound.value)
-        if whole >= len(self.edges):
-            return math.inf
-        if bound.value == whole:
-            return self.edges[whole]
-        if whole + 1 >= len(self.edges):
-            return math.inf
-        a, b = self.edges[whole : whole + 2]
-        return a + (bound.value - whole) * (b - a)
+        turns = bound.value
+        if turns == math.floor(turns):
+            return self.edges[int(turns)] if turns < len(self.edges) else math.inf
+        if turns not in self._parts:
+            t = next(self._drive.times_of([turns]), None) if self._lawful else self._passage(turns)
+            if t is None:
+                return math.inf
+            self._parts[turns] = t
+        return self._parts[turns]
 
 
 @dataclass(frozen=True)

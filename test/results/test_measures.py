@@ -22,7 +22,7 @@ from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
 from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
 from mechanism_sim.results.ranges import LoadPeaks
-from mechanism_sim.results.run import Piece
+from mechanism_sim.results.run import BATCH, Batch, Piece, Runner
 from mechanism_sim.results.turns import ImpactTally
 from mechanism_sim.units import alike, product, read_common
 
@@ -230,6 +230,28 @@ def test_a_motor_beside_a_prescribed_drive_is_told_by_its_own_torque():
     ):
         (message,) = write(run.view(0.0))
         assert deserialize(message, kind).drive_torque == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize('drive', [{'acceleration': '10 rad/s^2'}, {'torque': '0.3 N m'}])
+def test_parts_of_turns_are_where_the_drive_comes_to_them_however_a_run_is_cut(drive):
+    """They were taken to pass evenly, and were not known before their turn was over."""
+    arm = {'length': '0.2 m', 'mass': '1 kg', 'inertia': '0.01 kg m^2'}
+    machine = ms.load_scene({
+        'title': 'An arm', 'mechanism': 'linkage', 'links': {'arm': arm},
+        'joints': {'a': {'revolute': ['ground', 'arm']}}, 'drive': {'coordinate': 'arm', **drive},
+    })  # fmt: skip
+    texts = [
+        'initial(position.arm, from 0.5 revolutions)', 'final(position.arm, to 1.5 revolutions)',
+        'integral(velocity.arm, from 0.5 revolutions to 1.25 revolutions)',
+        'initial(position.arm, from 900 revolutions)',
+    ]  # fmt: skip
+    for batch in (BATCH, Batch(2, 2)):
+        taken = Measurement(machine, texts)
+        for piece in Runner(machine).to(2.0, batch=batch):
+            taken.add(piece)
+        first, last, way, none = (m.value for m in taken.found())
+        assert (first, last, way) == pytest.approx((math.pi, 3.0 * math.pi, 1.5 * math.pi))
+        assert math.isnan(none)
 
 
 def test_sensors_are_measured_by_their_samples():
