@@ -18,7 +18,6 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.planar.bodies import Body
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import (
     Coupling,
     HigherPair,
@@ -224,12 +223,6 @@ def way(joint: Prismatic, link: str) -> Vector2:
 def time_step(machine: Machine) -> float:
     """How long the steps of a fixed-step integrator should be [s]."""
     return min(LONGEST, min(machine.drive.period, machine.scene.duration or 1.0) / STEPS)
-
-
-def steady(machine: Machine, coordinate: str) -> bool:
-    """True if a drive keeps one speed all the time."""
-    law, *others = machine.plan.laws[coordinate]
-    return isinstance(law, DriveLaw) and not others and law.degree <= 1
 
 
 def _carried(pose: Array, rate: Array, at: Vector2) -> tuple[Array, Array]:

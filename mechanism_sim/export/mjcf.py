@@ -17,7 +17,6 @@ from mechanism_sim.export.ideal import (
     Solid,
     check_names,
     solids,
-    steady,
     time_step,
     way,
 )
@@ -55,7 +54,7 @@ def left_out(machine: Machine) -> list[str]:
     found += [
         f'{c}: its speed changes; the file has the one at the start'
         for c in machine.plan.prescribed
-        if not steady(machine, c)
+        if not machine.plan.is_steady(c)
     ]
     found += [f'{motor.coordinate}: left out: {motor.name}' for motor in machine.plan.motors]
     for element in machine.plan.elements(machine.plan.ideal):
@@ -149,8 +148,6 @@ class _MjcfWriter:
         j, parent = self._m.tree_joints[link], self._m.parent(link)
         if isinstance(j, Weld):
             return
-        ahead = j.first == link
-        at = j.on_first if ahead else j.on_second
         axis = (0.0, 0.0, 1.0)
         if isinstance(j, Prismatic):
             kind, (place, rate) = 'slide', self._ideal.guided(j)
@@ -158,8 +155,8 @@ class _MjcfWriter:
         else:
             kind, (place, rate) = 'hinge', self._ideal.turned(link, parent)
         self._joints[j.name] = SubElement(
-            body, 'joint', name=j.name, type=kind, pos=text(*at, 0.0), axis=text(*axis),
-            ref=text(place),
+            body, 'joint', name=j.name, type=kind, pos=text(*j.on(link), 0.0),
+            axis=text(*axis), ref=text(place),
         )  # fmt: skip
         self._rates.append(rate)
 

@@ -99,8 +99,7 @@ def _link(model: Element, ideal: Ideal, body: Body, drawn: list[Solid]) -> None:
 
 def _lower_pair(model: Element, joint: Joint, child: str) -> None:
     """A joint of the tree, seen from the link that it carries."""
-    ahead = joint.first == child
-    parent, at = (joint.second, joint.on_first) if ahead else (joint.first, joint.on_second)
+    (_, at), (parent, _) = joint.across(child)
     kind = 'prismatic' if isinstance(joint, Prismatic) else 'revolute'
     if isinstance(joint, Weld):
         _joint(model, joint.name, 'fixed', parent, child, pose=_pose(at))

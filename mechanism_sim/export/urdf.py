@@ -210,9 +210,9 @@ class _Tree:
     def carry(self, link: str) -> None:
         """The joint that carries a link, and frames before and behind it."""
         m = self._mechanism
-        j, parent = m.tree_joints[link], m.parent(link)
+        j = m.tree_joints[link]
         ahead = j.first == link  # the link is named first: the joint is seen from its other side
-        here, there = (j.on_first, j.on_second) if ahead else (j.on_second, j.on_first)
+        (_, here), (parent, there) = j.across(link)
         if isinstance(j, Prismatic):
             turn, child = -j.angle if ahead else j.angle, self._before(link, here)
             self._joint(link, 'prismatic', parent, child, there, turn, way(j, link))

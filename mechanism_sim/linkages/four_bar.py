@@ -222,7 +222,7 @@ def four_bars(
             # every link lies between two joints of the loop, the ground between last and first
             sides = zip((GROUND, *links), (joints[-1], *joints[:-1]), joints, strict=True)
             ground, crank, coupler, rocker = (
-                math.dist(_end(a, link), _end(b, link)) for link, a, b in sides
+                math.dist(a.on(link), b.on(link)) for link, a, b in sides
             )
             if min(ground, crank, coupler, rocker) > 0.0:
                 found[links] = FourBar(ground, crank, coupler, rocker)
@@ -243,7 +243,7 @@ def whole_four_bar(mechanism: Mechanism, crank: str) -> FourBarLoop | None:
         if links[0] != crank or not all(isinstance(j, Revolute) for j in joints):
             continue
         ends = zip((GROUND, *links), (joints[3], *joints[:3]), joints, strict=True)
-        frame, first, second, last = ((_end(a, x), _end(b, x)) for x, a, b in ends)
+        frame, first, second, last = ((a.on(x), b.on(x)) for x, a, b in ends)
         # the book's way round: from the ground's first joint to its last, and up the rocker
         sides = [complex(*b) - complex(*a) for a, b in (frame[::-1], first, second, last[::-1])]
         if all(sides):
@@ -268,11 +268,11 @@ def slider_cranks(
             if not turning or not isinstance(guide, Prismatic):
                 continue
             lengths = (
-                math.dist(_end(pivot, crank), _end(pin, crank)),
-                math.dist(_end(pin, rod), _end(end, rod)),
+                math.dist(pivot.on(crank), pin.on(crank)),
+                math.dist(pin.on(rod), end.on(rod)),
             )
             if min(lengths) > 0.0:
-                offset = _offset(guide, _end(end, slider), _end(pivot, GROUND))
+                offset = _offset(guide, end.on(slider), pivot.on(GROUND))
                 found[crank, rod, slider] = SliderCrank(*lengths, offset)
     return found
 
@@ -298,18 +298,13 @@ def _loops(mechanism: Mechanism, driven: Collection[str]) -> Iterator[Loop]:
                     yield (order[k], order[m], order[n]), (a, b, c, d)
 
 
-def _end(joint: Joint, link: str) -> Vector2:
-    """Where a joint is on a link [m]."""
-    return joint.on_first if joint.first == link else joint.on_second
-
-
 def _offset(guide: Prismatic, pin: Vector2, pivot: Vector2) -> float:
     """How far the pin of a slider runs to the left of the pivot, along the guide's axis [m]."""
     if guide.first == GROUND:
         turned, axis = guide.angle, guide.axis
     else:
         turned, axis = -guide.angle, guide.axis - guide.angle
-    slider = _end(guide, guide.second if guide.first == GROUND else guide.first)
+    slider = guide.across(GROUND)[1][1]
     arm = rotate((pin[0] - slider[0], pin[1] - slider[1]), turned)
-    away = np.array(_end(guide, GROUND)) + arm - pivot
+    away = np.array(guide.on(GROUND)) + arm - pivot
     return float(away @ (-math.sin(axis), math.cos(axis)))

@@ -60,6 +60,15 @@ class Connection:
         """All links that it connects."""
         return self.first, self.second
 
+    def across(self, link: str) -> tuple[LinkPoint, LinkPoint]:
+        """The points, that of a link first, and that of the other behind it."""
+        here, there = self.points
+        return (here, there) if link == self.first else (there, here)
+
+    def on(self, link: str) -> Vector2:
+        """Where it is on one of its links [m]."""
+        return self.across(link)[0][1]
+
     @property
     def line(self) -> StraightLine | None:
         """The straight line along which it lets one of its links slide."""
@@ -426,8 +435,7 @@ class Tree:
 
     def parent(self, link: str) -> str:
         """The link that carries `link` in the tree."""
-        j = self.tree_joints[link]
-        return j.second if j.first == link else j.first
+        return self.tree_joints[link].across(link)[1][0]
 
     def frame(self, link: str) -> tuple[str, float]:
         """The angle, or the ground, with which a link turns; and its own angle less that [rad]."""
@@ -496,8 +504,8 @@ class Mechanism(Tree):
             placed = _plus(slides, {(frame, None): (at[0] - cog[0], at[1] - cog[1])})
             return _plus(placed, self._deformed(link, at)) if deformed else placed
         j = self.tree_joints[link]
-        here, there = (j.on_first, j.on_second) if j.first == link else (j.on_second, j.on_first)
-        result = self.point(self.parent(link), there)
+        (_, here), (parent, there) = j.across(link)
+        result = self.point(parent, there)
         if isinstance(j, Prismatic):
             way = rotate((1.0, 0.0), self.frame(j.first)[1] + j.axis)
             if j.first == link:  # the line, not the point on it, is carried

@@ -23,7 +23,6 @@ from mechanism_sim.engine.physics import each_instant
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.polynomials import Nodes
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.results.catalogue import catalogue
@@ -519,17 +518,14 @@ def is_steady(machine: Machine) -> bool:
 
     Other drives rest, or turn whole turns in the turns after which all is as before.
     """
-    speeds = []
-    for coordinate, laws in machine.plan.laws.items():
-        law = laws[0]
-        if len(laws) > 1 or not isinstance(law, DriveLaw) or law.degree > 1:
-            return False
-        speeds.append(law.coefficients[1] if law.degree else 0.0)
-        if speeds[-1] and coordinate in machine.mechanism.displacements:
-            return False
-    if not speeds[0]:
+    plan = machine.plan
+    if not all(map(plan.is_steady, plan.laws)):
         return False
-    ratios = [machine.drive.repetition.turns * speed / speeds[0] for speed in speeds]
+    speeds = {c: plan.held[c][1] for c in plan.laws}
+    if not speeds[plan.main] or any(speeds.get(c) for c in machine.mechanism.displacements):
+        return False
+    turns = machine.drive.repetition.turns
+    ratios = [turns * speed / speeds[plan.main] for speed in speeds.values()]
     return all(abs(ratio - round(ratio)) < 1e-9 for ratio in ratios)
 
 

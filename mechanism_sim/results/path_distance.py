@@ -17,7 +17,6 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.csv_tables import read_csv
 from mechanism_sim.errors import InputError, quoted
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.quantities.motion import RATES
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
@@ -103,10 +102,9 @@ class PathDistances:
         self._least = np.full(len(self._points), np.inf)
         self._at, self._turn = np.array(path.at), 0.0
         if path.by == 'angle':
-            law = machine.plan.laws[machine.plan.main][0] if machine.plan.laws else None
-            if not isinstance(law, DriveLaw) or law.degree != 1:
+            speed = abs(machine.drive.start[1])
+            if not (machine.drive.steady and speed):
                 raise InputError('distance: a column angle needs a drive at constant speed')
-            speed = abs(law.coefficients[1])
             self._turn, self._at = 2.0 * math.pi / speed, self._at / speed
 
     def add(self, piece: Piece, since: float, until: float, values: Values) -> None:

@@ -392,6 +392,6 @@ def _sides(mechanism: Mechanism, closing: str) -> dict[str, float]:
     joints = [last, *(carried[link] for link in (*up[:top], *down)), last]
     turning = all(isinstance(j, Revolute) for j in joints)
     return {
-        link: math.dist(dict(a.points)[link], dict(b.points)[link]) if turning else math.nan
+        link: math.dist(a.on(link), b.on(link)) if turning else math.nan
         for link, (a, b) in zip((*up[: top + 1], *down), pairwise(joints), strict=True)
     }

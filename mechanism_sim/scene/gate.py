@@ -120,10 +120,8 @@ def between_limits(machine: Machine) -> DriveRange | None:
     then it stays within, or is refused.
     """
     drive, nominal = machine.drive, machine.rigid.nominal
-    law = drive.law
-    steady = isinstance(law, DriveLaw) and law.degree == 1 and law.coefficients[1]
-    alone = len(machine.plan.laws) == len(drive.laws) == 1 and not machine.rigid.torque_driven
-    if machine.scene.duration or not alone or not steady:
+    alone = len(machine.plan.laws) == 1 and not machine.rigid.torque_driven
+    if machine.scene.duration or not alone or not (drive.steady and drive.start[1]):
         return None
     if _turns_steadily(machine):
         try:

@@ -12,7 +12,6 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import SceneError, listed
 from mechanism_sim.linkages.drive_range import placed_at
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene.build import build
 from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
@@ -131,9 +130,8 @@ def placed(machine: Machine, value: float) -> Machine:
     """
     plan, main = machine.plan, machine.plan.main
     straight, turned = main in plan.ideal.displacements, TURN * plan.turned.get(main, 0)
-    law = plan.laws[main][0]
-    steady = isinstance(law, DriveLaw) and law.degree <= 1 and len(plan.laws[main]) == 1
-    if machine.level.dynamic or len(plan.laws) > 1 or machine.assembly.freedom or not steady:
+    alone = len(plan.laws) == 1 and plan.is_steady(main)
+    if machine.level.dynamic or machine.assembly.freedom or not alone:
         raise SceneError(
             f'{machine.name}: its state does not follow from the position of {main} alone: that '
             'needs a single drive, at constant speed, and no clearance'

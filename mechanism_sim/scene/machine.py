@@ -401,7 +401,7 @@ class MainDrive:
     @property
     def steady(self) -> bool:
         """True if it is prescribed one constant speed for ever."""
-        return len(self.laws) == 1 and isinstance(self.law, DriveLaw) and self.law.degree <= 1
+        return self.plan.is_steady(self.plan.main)
 
     def laws_until(self, end: float) -> list[Law]:
         """The laws that take over before a time [s], and the first in any case."""

@@ -277,6 +277,12 @@ class ScenePlan(Names):
         """Whole turns of angles at the start that `held` and `given` leave out."""
         return self._turns | {c: turns for c, (turns, _) in self._local.items()}
 
+    def is_steady(self, c: str) -> bool:
+        """True of a coordinate that a drive keeps at one speed for ever, or at rest."""
+        law, *others = self.laws[c]
+        alone = not others and c not in self.sources
+        return alone and isinstance(law, DriveLaw) and law.degree <= 1
+
     def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
         """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
         laws = self.laws[c]

@@ -9,20 +9,17 @@ from __future__ import annotations
 import math
 import re
 import statistics
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Any
-
-import numpy as np
-from numpy.polynomial import polynomial
 
 from mechanism_sim.documents import texts_of
 from mechanism_sim.linkages.drive_range import drive_range
 from mechanism_sim.numerics.expressions import ExpressionNode
-from mechanism_sim.planar.drive import DriveLaw, Law, ends
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.gate import TURN
+from mechanism_sim.scene.gate import TURN, way_of
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
@@ -283,17 +280,17 @@ def _turns_on(machine: Machine, link: str) -> bool:
     until = machine.scene.duration or (2.0 * turn if math.isfinite(turn) else 0.0)
     drive = link if link in plan.laws else plan.main
     laws = plan.laws_until(drive, until) if drive in plan.laws else ()
-    single = drive in plan.laws and len(plan.laws[drive]) == 1
-    steady = single and isinstance(laws[0], DriveLaw) and laws[0].degree <= 1
-    straight = drive in plan.ideal.displacements
+    steady, straight = bool(laws) and plan.is_steady(drive), drive in plan.ideal.displacements
     if not laws or (steady and not any(laws[0].coefficients[1:])):
         return False
     if not isinstance(laws[0], DriveLaw):
         given = machine.scene.drives.get(drive, machine.scene.drive)
         if given is None or not given.motor:
             return False
-    elif not steady and not straight and _way(laws, until) <= TURN:
-        return False
+    elif not steady and not straight:
+        low, high = way_of(laws, until)
+        if high - low <= TURN:
+            return False
     ideal = machine.rigid
     at, free = ideal.assembly, drive not in plan.prescribed
     if len(plan.laws) > 1 or at.freedom != free or at.overdriven:
@@ -301,16 +298,6 @@ def _turns_on(machine: Machine, link: str) -> bool:
     found = drive_range(ideal.plan.kinematics([drive]), at.q, ideal.nominal.reach)
     k = ideal.plan.ideal.coordinates.index(link)
     return not found.limited and bool(abs(found.at_high[k] - at.q[k]) > _ROUND * TURN)
-
-
-def _way(laws: Sequence[Law], duration: float) -> float:
-    """How far apart the angles of a prescribed drive are in a run [rad]."""
-    angles = [
-        polynomial.polyval(np.linspace(begin, end, _IN_LAW) - law.reference_time, law.coefficients)
-        + TURN * law.turns
-        for law, begin, end in ends(laws, duration)
-    ]
-    return float(np.ptp(np.concatenate(angles)))
 
 
 def _length(x: float) -> str:

@@ -107,8 +107,8 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
     """
     found, plan = _by_turns(nominal, period), nominal.plan
     periods = {c: x.period for c, x in plan.sources.items()}
-    again = periods.get(plan.main, period if _is_steady(plan.laws[plan.main]) else None)
-    known = [c for c, laws in plan.laws.items() if periods.get(c) or _is_steady(laws)]
+    again = periods.get(plan.main, period if plan.is_steady(plan.main) else None)
+    known = [c for c in plan.laws if periods.get(c) or plan.is_steady(c)]
     if not periods or not again or not math.isfinite(again) or len(known) < len(plan.laws):
         return found
     for n, ways in enumerate(zip(*(_ways(plan, c, again) for c in known), strict=True), 1):
@@ -121,11 +121,6 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
             often = math.lcm(turns, found.turns) // turns if turns else 1
             return replace(found, last=' and '.join(known), duration=often * n * again)
     return found
-
-
-def _is_steady(laws: Sequence[Law]) -> bool:
-    """True of a prescribed drive at one constant speed, or at rest."""
-    return isinstance(laws[0], DriveLaw) and laws[0].degree <= 1 and len(laws) == 1
 
 
 def _ways(plan: ScenePlan, c: str, period: float) -> Iterator[float]:
@@ -158,7 +153,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
     """
     plan = nominal.plan
     first = [laws[0] for laws in plan.laws.values()]
-    steady = all(map(_is_steady, plan.laws.values())) and math.isfinite(period)
+    steady = all(map(plan.is_steady, plan.laws)) and math.isfinite(period)
     known = len(first) == 1 or steady
     if not known or plan.powered or plan.main in plan.ideal.displacements:
         return Repetition()

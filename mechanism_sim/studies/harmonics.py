@@ -17,7 +17,6 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.enclosure import MotionSeries
 from mechanism_sim.numerics.fourier import spectrum
-from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.results.quantities.motion import DERIVATIVES
 from mechanism_sim.scene import Machine
@@ -86,8 +85,7 @@ def harmonics(
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
     for c in machine.plan.prescribed:
-        first, *others = machine.plan.laws[c]
-        if others or not isinstance(first, DriveLaw) or first.degree > 1:
+        if not machine.plan.is_steady(c):
             raise InputError(
                 f'{machine.name}: {c} does not turn at a steady speed, so that nothing repeats '
                 "itself: give its drive a 'speed'"

@@ -9,6 +9,7 @@ from running import run, run_json
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.results.measures import check_measures
 from mechanism_sim.results.path_distance import TargetPath
 from mechanism_sim.studies import synthesis
 from mechanism_sim.studies.synthesis import path_four_bars
@@ -119,6 +120,15 @@ def test_mistakes_of_distances_are_one_sentence(tmp_path, monkeypatch, text, sai
         distances(text)
     assert said in str(refused.value)
     assert '\n' not in str(refused.value)
+
+
+def test_points_over_the_angle_of_a_drive_at_rest_are_refused(tmp_path, monkeypatch):
+    """They were divided by its speed."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'a.csv').write_text('x [mm],y [mm],angle [deg]\n1,2,0\n2,1,90\n')
+    machine = ms.load_scene('four_bar_nominal', {'drive.speed': 0.0})
+    with pytest.raises(InputError, match='a column angle needs a drive at constant speed'):
+        check_measures(machine, ['distance(position.coupler.end, a.csv)'], 'measures')
 
 
 def target(z, angles=None):

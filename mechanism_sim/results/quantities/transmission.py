@@ -44,7 +44,7 @@ def _line(joints: tuple[Joint, ...], pin: Revolute, link: str) -> tuple[LinkPoin
         return (other.first, other.on_first), (other.first, normal)
     if not isinstance(other, Revolute):
         return ()
-    ends = [x.on_first if x.first == link else x.on_second for x in (pin, other)]
+    ends = [x.on(link) for x in (pin, other)]
     return ((link, ends[0]), (link, ends[1])) if ends[0] != ends[1] else ()
 
 
