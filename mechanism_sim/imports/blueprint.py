@@ -104,6 +104,14 @@ class Blueprint:
             wanted = f'{name}_{number}'
         self.joints[wanted] = {kind: [first, second], **more}
 
+    def drive(self, link: str, **keys: str) -> None:
+        """Add a drive of a link; the first is the main one."""
+        given = {'coordinate': link, **keys}
+        if 'drive' in self.keys:
+            self.keys.setdefault('drives', {})[link] = given
+        else:
+            self.keys['drive'] = given
+
     def scene(self) -> dict[str, Any]:
         """The keys and values of the scene; how its links stand at the start is its guess."""
         data: dict[str, Any] = {'title': self.title, 'mechanism': 'linkage'}

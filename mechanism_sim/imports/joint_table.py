@@ -98,9 +98,11 @@ class JointTable:
             else:
                 self._guide(made, joint, row, first, other)
         if row.input and grounded and others:
-            drive, more = self._drive(made, others[0], row.kind), 'drive' in made.keys
-            keys = made.keys.setdefault('drives', {}) if more else made.keys
-            keys[others[0] if more else 'drive'] = drive
+            if row.kind == 'P':
+                made.drive(others[0], speed=f'{self.speed!r} {self.unit}/s')
+            else:
+                start = f'{made.links[others[0]].pose[2]!r} rad'
+                made.drive(others[0], speed=f'{self.speed!r} {self.pace}', start_angle=start)
         elif row.input and not grounded:
             made.notes.append(f'the input {row.name} turns two moving links: drives here turn one')
 
@@ -115,12 +117,6 @@ class JointTable:
             joint, 'prismatic', (first, joint), (other, joint), axis=f'{axis!r} rad',
             **({'angle': f'{angle!r} rad'} if angle else {}),
         )  # fmt: skip
-
-    def _drive(self, made: Blueprint, link: str, kind: str) -> dict[str, str]:
-        if kind == 'P':
-            return {'coordinate': link, 'speed': f'{self.speed!r} {self.unit}/s'}
-        speed, start = f'{self.speed!r} {self.pace}', f'{made.links[link].pose[2]!r} rad'
-        return {'coordinate': link, 'speed': speed, 'start_angle': start}
 
 
 def _grounded(row: JointRow) -> bool:

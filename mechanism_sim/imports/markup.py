@@ -54,6 +54,11 @@ def turned(roll: float, pitch: float, yaw: float) -> Array:
     return rotation((0, 0, 1), yaw) @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll)
 
 
+def by_quaternion(x: float, y: float, z: float, w: float) -> Array:
+    """Rotation (3, 3) by a quaternion of any length."""
+    return rotation((x, y, z), 2.0 * math.atan2(math.hypot(x, y, z), w))
+
+
 def rotation(axis: Array | tuple[float, ...], angle: float) -> Array:
     """Rotation (3, 3) about an axis by an angle [rad]."""
     if not angle:

@@ -13,7 +13,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
-from mechanism_sim.imports.markup import number, numbers, parse, rotation
+from mechanism_sim.imports.markup import by_quaternion, number, numbers, parse, rotation
 from mechanism_sim.imports.robot import WORLD, Robot, RobotBody, RobotJoint, add_mass
 
 _DEEPEST = 200  # bodies in bodies
@@ -236,8 +236,8 @@ class _MjcfReader:
     def _turn(self, element: Element | Mapping[str, str]) -> Array:
         """Rotation (3, 3) of an element, by whichever attribute says it."""
         if (quat := element.get('quat')) is not None:
-            w, *xyz = numbers(quat, 4)
-            return rotation(np.array(xyz), 2.0 * math.atan2(float(np.linalg.norm(xyz)), w))
+            w, x, y, z = numbers(quat, 4).tolist()
+            return by_quaternion(x, y, z, w)
         if (given := element.get('axisangle')) is not None:
             *axis, angle = numbers(given, 4)
             return rotation(np.array(axis), self._scale * angle)

@@ -387,6 +387,4 @@ class _Plane:
                 f'the drive of {", ".join(factors)} is left out: it does not drive a single link'
             )
             return
-        where = made.keys if 'drive' not in made.keys else made.keys.setdefault('drives', {})
-        link = self._names[body]
-        where['drive' if where is made.keys else link] = {'coordinate': link, **keys}
+        made.drive(self._names[body], **keys)

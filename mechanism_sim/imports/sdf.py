@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -12,7 +11,7 @@ import numpy as np
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 from mechanism_sim.imports.blueprint import Blueprint
-from mechanism_sim.imports.markup import number, numbers, parse, rotation, turned
+from mechanism_sim.imports.markup import by_quaternion, number, numbers, parse, turned
 from mechanism_sim.imports.robot import KINDS, Robot, RobotBody, RobotJoint
 
 
@@ -163,10 +162,8 @@ def _pose(element: Element) -> tuple[Array, Array]:
     """Rotation (3, 3) and place (3,) in the frame to which they relate."""
     pose, text = element.find('pose'), _text(element, 'pose')
     if pose is not None and pose.get('rotation_format') == 'quat_xyzw' and text:
-        *found, w = numbers(text, 7)
-        return rotation(
-            np.array(found[3:]), 2.0 * math.atan2(math.hypot(*found[3:]), w)
-        ), np.array(found[:3])
+        found = numbers(text, 7)
+        return by_quaternion(*found[3:].tolist()), found[:3]
     values = numbers(text, 6)
     degrees = pose is not None and pose.get('degrees') in ('1', 'true')
     return turned(*(np.radians(values[3:]) if degrees else values[3:])), np.asarray(values[:3])

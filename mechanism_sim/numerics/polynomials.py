@@ -170,6 +170,10 @@ class PiecewisePolynomial:
         known = first < last
         return first[known], last[known]
 
+    def times(self, segment: NDArray[np.intp], dt: Array) -> Array:
+        """Times (N,) [s] that are so long (N,) [s] after the starts of segments (N,)."""
+        return np.asarray(self.start[segment] + (self.start_low[segment] + dt))
+
     def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Segments that hold times `t` (N,) [s], as `locate`, and times since their starts [s]."""
         k = self.locate(t)

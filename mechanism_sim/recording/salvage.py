@@ -34,6 +34,7 @@ from mechanism_sim.recording.storage import (
     note_records,
     rest_of,
     sound,
+    whole_records,
 )
 
 _CHUNK = re.compile(
@@ -325,13 +326,7 @@ def _pieces(record: bytes) -> Iterator[bytes]:
     with suppress(ZstdError):
         for k in range(start, len(record), _STEP):
             held += read(record[k : k + _STEP])
-    at = 0
-    while at + RECORD.size <= len(held):
-        end = at + RECORD.size + RECORD.unpack_from(held, at)[1]
-        if end > len(held):
-            return
-        yield held[at:end]
-        at = end
+    yield from (held[start - RECORD.size : stop] for _, start, stop in whole_records(held))
 
 
 def _reader() -> Callable[[bytes], bytes]:

@@ -163,18 +163,26 @@ def blocks(
         yield layout.rest
 
 
+def whole_records(block: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield (opcode, start, stop) of records, up to one that is cut: bodies, block[start:stop]."""
+    start = RECORD.size
+    while start <= len(block):
+        opcode, length = RECORD.unpack_from(block, start - RECORD.size)
+        if start + length > len(block):
+            return
+        yield opcode, start, start + length
+        start += length + RECORD.size
+
+
 def messages(block: bytes) -> Iterator[tuple[int, int, int, int]]:
     """Yield (channel, log time [ns], start, stop) of every message: it is block[start:stop]."""
-    position = 0
-    while position < len(block):
-        opcode, length = RECORD.unpack_from(block, position)
-        body = position + RECORD.size
-        position = body + length
-        if position > len(block):
-            raise ValueError('a record extends beyond its chunk')
+    end = 0
+    for opcode, body, end in whole_records(block):
         if opcode == Opcode.MESSAGE:
             channel, _, log_time, _ = MESSAGE.unpack_from(block, body)
-            yield channel, log_time, body + MESSAGE.size, position
+            yield channel, log_time, body + MESSAGE.size, end
+    if end < len(block):
+        raise ValueError('a record extends beyond its chunk')
 
 
 def _records(stream: BinaryIO, limit: int) -> Iterator[tuple[int, int, int]]:
@@ -206,13 +214,7 @@ def rest_of(piece: bytes) -> bytes:
             held = ZstdDecompressor().decompressobj().decompress(held)
         elif compression:
             return b''
-        end = 0
-        while end + RECORD.size <= len(held):
-            following = end + RECORD.size + RECORD.unpack_from(held, end)[1]
-            if following > len(held):
-                break
-            end = following
-        return held[:end]
+        return held[: max((end for *_, end in whole_records(held)), default=0)]
     return b''
 
 
@@ -319,16 +321,12 @@ def note_records(layout: FileLayout, block: bytes, times: list[int]) -> None:
 
 def _register(layout: FileLayout, block: bytes) -> None:
     """Note the schemas and channels that a run of records introduces."""
-    position = 0
-    while position < len(block):
-        opcode, length = RECORD.unpack_from(block, position)
-        body = position + RECORD.size
-        position = body + length
+    for opcode, start, stop in whole_records(block):
         if opcode == Opcode.SCHEMA:
-            schema = Schema.read(ReadDataStream(BytesIO(block[body:position])))
+            schema = Schema.read(ReadDataStream(BytesIO(block[start:stop])))
             layout.schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(ReadDataStream(BytesIO(block[body:position])))
+            channel = Channel.read(ReadDataStream(BytesIO(block[start:stop])))
             layout.channels[channel.id] = channel
 
 

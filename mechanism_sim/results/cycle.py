@@ -262,8 +262,7 @@ class Cycle(plotting.Rich):
                 continue
 
             def size(k: NDArray[np.intp], dt: Array | Nodes, name: str = name) -> Array:
-                each, since = each_instant(curve, k, dt)
-                t = curve.start[each] + (curve.start_low[each] + since)
+                t = curve.times(*each_instant(curve, k, dt))
                 return np.asarray(np.abs(self.at(t, [name])[name]))
 
             found[name] = peak_shape(size, curve, top.t, abs(top.value))

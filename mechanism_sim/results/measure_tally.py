@@ -189,8 +189,7 @@ class FigureTally:
 
             if own[0] in steep:
                 k, begin, end, _ = steep[own[0]]
-                start, low = curve.start[k], curve.start_low[k]
-                search.add(values, start + (low + begin), start + (low + end))
+                search.add(values, curve.times(k, begin), curve.times(k, end))
                 continue
             start, last = curve.spans(since, until)
             k = curve.locate(0.5 * (start + last))

@@ -79,9 +79,7 @@ class View:
     @cached_property
     def t(self) -> Array:
         """(N,) [s]."""
-        curve, (each, since) = self._motion.curve, self._instants
-        t: Array = curve.start[each] + (curve.start_low[each] + since)
-        return t
+        return self._motion.curve.times(*self._instants)
 
     @cached_property
     def observed(self) -> Observation:

@@ -57,8 +57,7 @@ class Encoder(DirectSource):
             self._look_for_index(motion)
         turns, angle = self._angle(motion, segments, dt)
         assert self._zero is not None  # noqa: S101 - set where the first motion begins
-        curve = motion.curve
-        t = curve.start[segments] + (curve.start_low[segments] + np.asarray(dt))
+        t = motion.curve.times(segments, np.asarray(dt))
         whole, since = (
             np.where(t >= self._passed[0], a, b)
             for a, b in zip(self._passed[1:], self._zero, strict=True)

@@ -43,8 +43,7 @@ class Tachometer(DirectSource):
         if motion is not self._seen:
             self._seen = motion
             self._pulses = np.append(self._pulses[-2:], self._passage.times(motion))
-        curve = motion.curve
-        t = curve.start[segments] + (curve.start_low[segments] + np.asarray(dt))
+        t = motion.curve.times(segments, np.asarray(dt))
         speed = np.zeros(len(t))
         last = np.searchsorted(self._pulses, t, side='right') - 1
         known = last >= 1
