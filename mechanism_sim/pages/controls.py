@@ -10,6 +10,7 @@ from typing import Any, Literal
 from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.drives import drive_key
 
 DRIVE = 'crank_drive'
 RPM = 30.0 / math.pi
@@ -109,7 +110,8 @@ def _all(machine: Machine) -> Iterator[Control]:
 
 def _drive(machine: Machine) -> Iterator[Control]:
     """Speed or torque of the main drive: by command if it takes them, else of the next run."""
-    law, commands, scene = machine.drive.law, machine.drive.commands, machine.scene.drive
+    law, commands, main = machine.drive.law, machine.drive.commands, machine.plan.main
+    given = machine.plan.drive_of(main)
     straight = machine.plan.main in machine.mechanism.displacements
     if not isinstance(law, DriveLaw):
         now = law.coefficients[0]
@@ -129,12 +131,12 @@ def _drive(machine: Machine) -> Iterator[Control]:
             'velocity', label, 'rpm', -most, most, most / 500.0, RPM * now, 'now', RPM,
             parameter='velocity',
         )  # fmt: skip
-    elif now and scene and scene.speed is not None and machine.drive.steady:
+    elif now and given and given.speed is not None and machine.drive.steady:
         scale, unit, quantity = (1e3, 'mm/s', 'm/s') if straight else (RPM, 'rpm', 'rad/s')
         low, high = sorted((0.1 * scale * now, 3.0 * scale * now))
         yield Control(
-            'drive.speed', label, unit, low, high, (high - low) / 500.0, scale * now,
-            'restart', scale, quantity=quantity,
+            f'{drive_key(machine.plan, main)}.speed', label, unit, low, high,
+            (high - low) / 500.0, scale * now, 'restart', scale, quantity=quantity,
         )  # fmt: skip
 
 

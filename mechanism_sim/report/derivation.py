@@ -312,7 +312,7 @@ class _Derivation:
 
     def _formula(self, c: str) -> list[Equation]:
         """Motion of a drive by its own formula of the time, if it has one without conditions."""
-        drive = self._machine.scene.drives.get(c, self._machine.scene.drive)
+        drive = self._machine.plan.drive_of(c)
         course = drive and (drive.position or drive.profile or drive.speed)
         if not isinstance(course, CoursePart) or course.formula is None:
             return []

@@ -13,13 +13,15 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import SceneError, listed
 from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.scene.build import build
+from mechanism_sim.scene.drives import drive_key
 from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import SpeedPart
+from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.scene.remarks import angle_questions, length_questions
-from mechanism_sim.scene.schema import DrivePart, InitialPart, Scene
+from mechanism_sim.scene.schema import InitialPart, Scene
 from mechanism_sim.units import QuantityValue, argument
 
 _PLAYS = 'clearance', 'lift_off', 'backlash'
@@ -102,14 +104,15 @@ def run_length(machine: Machine, revolutions: float | None, duration: float | st
 
 def started_at(machine: Machine, angle: float) -> Machine:
     """Copy of a machine with its main drive at another angle [rad] at the start."""
-    scene = machine.scene
-    if not scene.drive:
-        raise SceneError(f"{machine.name}: there is no 'drive' to start at an angle")
-    if scene.drive.position:
-        raise SceneError(f"{machine.name}: 'drive.position' gives where its main drive starts")
+    scene, given = machine.scene, machine.plan.drive_of(machine.plan.main)
+    if given is None:
+        raise SceneError(f'{machine.name}: there is no drive to start at an angle')
+    if given.position:
+        key = drive_key(machine.plan, machine.plan.main)
+        raise SceneError(f"{machine.name}: '{key}.position' gives where its main drive starts")
     position = {c: x for c, x in scene.initial.position.items() if c != machine.plan.main}
     changed: dict[str, Any] = {
-        'drive': scene.drive.model_copy(update={'start_angle': angle}),
+        **_redriven(machine.plan, {'start_angle': angle}),
         'initial': scene.initial.model_copy(update={'position': position}),
     }
     if loop := machine.assembly.loop:
@@ -195,14 +198,23 @@ def _moved(
     update = dict.fromkeys(('position', 'moves', 'acceleration')) | {
         where: known[main] + turned, 'speed': pace, 'profile': profile,
     }  # fmt: skip
-    own = DrivePart.model_copy(scene.drive or scene.drives[main], update=update)
     changed = {
-        'drive' if scene.drive else 'drives': own if scene.drive else {main: own},
+        **_redriven(plan, update),
         'guess': {c: QuantityValue(x, units[c]) for c, x in known.items() if c != main},
         'initial': InitialPart(),
         'duration': duration,
     }
     return replace(machine, scene=scene.model_copy(update=changed))
+
+
+def _redriven(plan: ScenePlan, update: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys of a scene with its main drive, of which some keys are others."""
+    given = plan.drive_of(plan.main)
+    assert given  # noqa: S101 - whoever asks has looked
+    own = given.model_copy(update=update)
+    if plan.scene.drive:
+        return {'drive': own}
+    return {'drives': {**plan.scene.drives, plan.main: own}}
 
 
 def without_clearance(machine: Machine, rigid: bool = False) -> Machine:

@@ -277,6 +277,10 @@ class ScenePlan(Names):
         """Whole turns of angles at the start that `held` and `given` leave out."""
         return self._turns | {c: turns for c, (turns, _) in self._local.items()}
 
+    def drive_of(self, c: str) -> DrivePart | None:
+        """What the scene says of the drive of a coordinate; None where it drives none at all."""
+        return self.scene.drives.get(c, self.scene.drive)
+
     def is_steady(self, c: str) -> bool:
         """True of a coordinate that a drive keeps at one speed for ever, or at rest."""
         law, *others = self.laws[c]

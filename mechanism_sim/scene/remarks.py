@@ -284,7 +284,7 @@ def _turns_on(machine: Machine, link: str) -> bool:
     if not laws or (steady and not any(laws[0].coefficients[1:])):
         return False
     if not isinstance(laws[0], DriveLaw):
-        given = machine.scene.drives.get(drive, machine.scene.drive)
+        given = plan.drive_of(drive)
         if given is None or not given.motor:
             return False
     elif not steady and not straight:

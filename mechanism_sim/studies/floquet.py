@@ -135,7 +135,7 @@ def applies(machine: Machine) -> bool:
     """True if a torque turns the main drive of a machine whose joints are ideal."""
     plan = machine.plan
     return (
-        machine.scene.drive is not None
+        plan.drive_of(plan.main) is not None
         and machine.plan.main in plan.powered
         and machine.plan.main not in plan.ideal.displacements
         and not machine.has_contacts

@@ -440,7 +440,8 @@ def _steady(machine: Machine, found: Linearisation, start: Point) -> Point | Non
     ----------
     start : where it is at rest
     """
-    if machine.scene.drive is None or machine.plan.main in machine.plan.ideal.displacements:
+    plan = machine.plan
+    if plan.drive_of(plan.main) is None or plan.main in plan.ideal.displacements:
         return None
     paces = [getattr(m.characteristic, 'synchronous_speed', 0.0) / m.ratio
              for m in machine.plan.motors]  # fmt: skip
@@ -627,7 +628,7 @@ def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[Criti
 def turning(machine: Machine, option: str) -> str:
     """The main drive's coordinate, which an option turns."""
     plan = machine.plan
-    driven = machine.plan.main in plan.prescribed or machine.scene.drive is not None
+    driven = plan.main in plan.prescribed or plan.drive_of(plan.main) is not None
     if not driven or machine.plan.main in plan.ideal.displacements:
         raise InputError(
             f"{machine.name}: {option} needs a drive of an angle: give 'drive.coordinate', and "

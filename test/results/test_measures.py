@@ -17,6 +17,7 @@ from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.messages import deserialize
 from mechanism_sim.nodes.publications import linkage_states, reactions
+from mechanism_sim.pages.controls import controls
 from mechanism_sim.report.summary import to_json
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read
@@ -24,6 +25,7 @@ from mechanism_sim.results.measures import EXACT, Measurement, check_measures, m
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.results.run import BATCH, Batch, Piece, Runner
 from mechanism_sim.results.turns import ImpactTally
+from mechanism_sim.scene.load import started_at
 from mechanism_sim.units import alike, product, read_common
 
 FINE = 20_001
@@ -230,6 +232,25 @@ def test_a_motor_beside_a_prescribed_drive_is_told_by_its_own_torque():
     ):
         (message,) = write(run.view(0.0))
         assert deserialize(message, kind).drive_torque == pytest.approx(2.5)
+
+
+def test_a_main_drive_among_drives_is_one_like_any_other():
+    """Its motor, its slider on a page and its start angle were those of the key `drive` only."""
+    arm = {'length': '0.2 m', 'mass': '1 kg', 'inertia': '0.01 kg m^2'}
+
+    def driven(**keys):
+        return ms.load_scene({
+            'title': 'An arm', 'mechanism': 'linkage', 'links': {'arm': arm},
+            'joints': {'a': {'revolute': ['ground', 'arm']}}, 'drives': {'arm': keys},
+        })  # fmt: skip
+
+    motor = driven(speed='50 rad/s', motor={'stall_torque': '5 N m', 'no_load_speed': '1 krad/s'})
+    run = ms.simulate(motor, duration=0.01)
+    (torque,) = run.sample(0.0, 'motor.torque')['motor.torque']
+    assert torque == pytest.approx(5.0 * 0.95)
+    steady = driven(speed='60 rpm')
+    assert 'drives.arm.speed' in controls(steady)
+    assert started_at(steady, 0.5).drive.start == pytest.approx((0.5, 2.0 * math.pi))
 
 
 @pytest.mark.parametrize('drive', [{'acceleration': '10 rad/s^2'}, {'torque': '0.3 N m'}])

@@ -171,10 +171,11 @@ def _load(i: int) -> Callable[[View], Array]:
 
 
 def _of_motor(machine: Machine) -> Iterator[Quantity]:
-    motor = machine.scene.drive.motor if machine.scene.drive else None
-    if motor is None:
+    main = machine.plan.main
+    drive = machine.plan.drive_of(main)
+    if drive is None or drive.motor is None:
         return
-    main, ratio = machine.plan.main, motor.ratio
+    ratio = drive.motor.ratio
     i, row = machine.physics.coordinates.index(main), machine.drive.row
 
     def power(view: View) -> Array:
