@@ -124,6 +124,11 @@ def join(robot: Robot, joint: Element, frames: SdfFrames | None = None) -> None:
             limits=any(number(x) < _ENDLESS for x in reach if x not in _NO_LIMIT),
             friction=number(_text(joint, dynamics + 'friction')) > 0.0,
         )
+    if (mimic := joint.find('axis/mimic')) is not None:
+        factor, leader = number(_text(mimic, 'multiplier'), 1.0), str(mimic.get('joint'))
+        robot.ratios[name] = {name: 1.0, leader: -factor}
+        if any(number(_text(mimic, x)) for x in ('offset', 'reference')):
+            robot.notes.append(f'{name}: it follows {leader} from where both are at the start')
     there = parent.local(child.world(at))
     robot.joints.append(
         RobotJoint(

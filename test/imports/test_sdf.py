@@ -47,3 +47,25 @@ def test_a_model_without_a_world_has_no_gravity_of_its_own(tmp_path):
     found = import_machine(file)
     assert 'gravity' not in found.data
     assert any(x.startswith('the file has no gravity: --set') for x in found.notes)
+
+
+@pytest.mark.parametrize('offset', ['0', '0.5'])
+def test_a_joint_that_mimics_another_keeps_its_ratio(tmp_path, offset):
+    """It was a joint of its own, without a word: the machine had a freedom more."""
+    arms = ''.join(
+        f'<link name="{x}"><pose>{k} 0 0 0 0 0</pose>{INERTIAL}</link><joint name="j{x}" '
+        f'type="revolute"><parent>world</parent><child>{x}</child><axis><xyz>0 0 1</xyz>{more}'
+        '</axis></joint>'
+        for k, (x, more) in enumerate({
+            'a': '',
+            'b': '<mimic joint="ja" axis="axis"><multiplier>-2</multiplier>'
+                 f'<offset>{offset}</offset><reference>0</reference></mimic>',
+        }.items())
+    )  # fmt: skip
+    file = tmp_path / 'm.sdf'
+    file.write_text(f'<sdf version="1.11"><model name="m">{arms}</model></sdf>')
+    found = import_machine(file, overrides={'drive': {'coordinate': 'a', 'speed': '3 rad/s'}})
+    run = ms.simulate(ms.load_scene(dict(found.data)), duration=0.01)
+    assert run.sample(0.0, 'velocity.b')['velocity.b'][0] == pytest.approx(-6.0)
+    told = 'jb: it follows ja from where both are at the start' in found.notes
+    assert told is (offset != '0')
