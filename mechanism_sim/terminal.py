@@ -38,7 +38,7 @@ def print_error(error: Exception, code: int) -> int:
     """Say on standard error what went wrong, and give back the exit code."""
     console = _colours(sys.stderr)
     if console is None:
-        print(f'mechanism-sim: {error}', file=sys.stderr, flush=True)
+        print_notice(str(error))
         return code
     from rich.text import Text  # noqa: PLC0415
 
@@ -47,7 +47,7 @@ def print_error(error: Exception, code: int) -> int:
 
 
 def print_notice(text: str) -> None:
-    """Say on standard error, in one line, what is not as it should be and does no harm."""
+    """Say something on standard error in one line, behind the name of the program."""
     with suppress(OSError, ValueError):  # nobody may be there who reads it
         print(f'mechanism-sim: {text}', file=sys.stderr, flush=True)
 

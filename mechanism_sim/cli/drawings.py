@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +26,7 @@ from mechanism_sim.cli.options import (
     time_option,
 )
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import print_notice
 
 if TYPE_CHECKING:
     from mechanism_sim.scene import Machine
@@ -230,12 +230,12 @@ def _export(options: argparse.Namespace) -> int:
     with progress.busy('export', options.json):
         text, missing = _exported(options, machine)
     for sentence in missing:
-        print(f'mechanism-sim: {sentence}', file=sys.stderr)
+        print_notice(sentence)
     if options.output:
         output.write_text(options.output, text)
     where = {'file': options.output} if options.output else {'text': text}
     if options.format == 'stl':  # the file itself has no word for it
-        print('mechanism-sim: its lengths are in mm', file=sys.stderr)
+        print_notice('its lengths are in mm')
         where['unit'] = 'mm'
     data = {'scene': machine.name, 'format': options.format, 'left_out': missing, **where}
     return print_either(options, data, options.output or text.rstrip())

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 
 from mechanism_sim import output
 from mechanism_sim.cli.options import Command, option, print_either, set_option
+from mechanism_sim.terminal import print_notice
 
 SHELLS = 'bash', 'zsh', 'tcsh', 'fish', 'powershell'
 
@@ -47,7 +47,7 @@ def _import(options: argparse.Namespace) -> int:
         options.file, options.unit, options.overrides, options.thickness, options.density
     )
     for sentence in found.notes:
-        print(f'mechanism-sim: {sentence}', file=sys.stderr)
+        print_notice(sentence)
     if file:
         output.write_text(file, found.text)
     where = {'file': options.output} if file else {'text': found.text}

@@ -7,7 +7,6 @@ import atexit
 import math
 import os
 import re
-import sys
 import tempfile
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import print_notice
 
 if TYPE_CHECKING:
     from mechanism_sim.results.measure_text import Measure
@@ -237,7 +237,7 @@ def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
         from mechanism_sim.scene.remarks import doubts, unused  # noqa: PLC0415
 
         for remark in (*doubts(machine), *unused(machine)):
-            print(f'mechanism-sim: {machine.name}: {remark}', file=sys.stderr)
+            print_notice(f'{machine.name}: {remark}')
     return machine
 
 
@@ -254,7 +254,7 @@ def say_turns(options: argparse.Namespace, machine: Machine, of_cycle: bool = Fa
     if options.revolutions is not None or options.duration is not None or given:
         return
     if note := machine.drive.repetition.note(machine.plan.main):
-        print(f'mechanism-sim: {machine.name}: {note}', file=sys.stderr)
+        print_notice(f'{machine.name}: {note}')
 
 
 def ros_args(options: argparse.Namespace) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +32,7 @@ from mechanism_sim.cli.source import (
 )
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.recording.runs import BAG_ENDINGS
+from mechanism_sim.terminal import print_notice
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.open_run import Asked, AskedSignals
@@ -380,10 +380,7 @@ def _list(options: argparse.Namespace, asked: Asked | AskedSignals, bag: Bag | N
     if bag and not names:
         raise InputError(f'{bag.path} holds nothing that can be plotted: {bag.contents()}')
     if bag and (left_out := bag.unreadable()):
-        print(
-            f'mechanism-sim: topics that cannot be read are left out: {", ".join(left_out)}',
-            file=sys.stderr,
-        )
+        print_notice(f'topics that cannot be read are left out: {", ".join(left_out)}')
     data = [{'name': name, 'unit': unit} for name, unit in names]
     width = max((len(name) for name, _ in names), default=0)
     lines = [f'{name:{width}}  {unit}'.rstrip() for name, unit in names]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,6 +20,7 @@ from mechanism_sim.cli.options import (
 )
 from mechanism_sim.errors import InputError
 from mechanism_sim.recording.runs import BAG_ENDINGS, MCAP
+from mechanism_sim.terminal import print_notice
 from mechanism_sim.units import counted
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def read_run(options: argparse.Namespace) -> Record:
 def warn_if_incomplete(bag: Bag | Record, path: str) -> None:
     """Warn on standard error that a bag was cut short."""
     if not bag.complete:
-        print(f'mechanism-sim: {path} was cut short; what could be read is shown', file=sys.stderr)
+        print_notice(f'{path} was cut short; what could be read is shown')
 
 
 def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -> None:
@@ -94,10 +94,7 @@ def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -
     for name, channel in channels.items():
         if spectra and channel.rate_error:
             rate = rate_text(channel.rate, channel.rate_error)
-            print(
-                f'mechanism-sim: {name}: times are rounded: taken as even, at {rate} Hz',
-                file=sys.stderr,
-            )
+            print_notice(f'{name}: times are rounded: taken as even, at {rate} Hz')
         if channel.missing:
             longest = max(len(x) for x in channel.runs)
             said = (
@@ -106,11 +103,8 @@ def warn_of_gaps(channels: Mapping[str, ChannelSamples], spectra: bool = True) -
                 if spectra
                 else 'its line is broken there'
             )
-            print(
-                f'mechanism-sim: {name}: {counted(channel.missing, "sample")} '
-                f'{"is" if channel.missing == 1 else "are"} missing; {said}',
-                file=sys.stderr,
-            )
+            lost, are = counted(channel.missing, 'sample'), 'is' if channel.missing == 1 else 'are'
+            print_notice(f'{name}: {lost} {are} missing; {said}')
 
 
 def simulate_run(

@@ -9,7 +9,6 @@ import copy
 import os
 import queue
 import secrets
-import sys
 import time
 import webbrowser
 from collections import deque
@@ -30,6 +29,7 @@ from mechanism_sim.editor.recovery import UnsavedEdits
 from mechanism_sim.editor.worker import Worker
 from mechanism_sim.pages.assets import contents_of, embedded
 from mechanism_sim.pages.server import PORT, Server
+from mechanism_sim.terminal import print_notice
 
 MODULES = (
     'html', 'svg', 'stage', 'lens', 'player', 'curves', 'wire', 'canvas', 'fields', 'wear', 'edit',
@@ -80,7 +80,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
         said = desk.keep()
         if desk.document.changed:
             kept = said or 'the next edit of this file brings it back'
-            print(f'mechanism-sim: the last changes are not saved; {kept}', file=sys.stderr)
+            print_notice(f'the last changes are not saved; {kept}')
         return 0
     finally:
         files.close()

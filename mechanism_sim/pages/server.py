@@ -10,7 +10,6 @@ import asyncio
 import errno
 import logging
 import socket
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from hmac import compare_digest
 from http import HTTPStatus
@@ -25,6 +24,7 @@ from websockets.http11 import Request, Response
 
 from mechanism_sim import strict_json
 from mechanism_sim.errors import InputError
+from mechanism_sim.terminal import print_notice
 
 PORT = 8080
 HOST = '127.0.0.1'
@@ -274,5 +274,5 @@ def _listening(wanted: int | None, name: str) -> socket.socket:
             raise InputError(
                 f'{name}: port {port} of {HOST} is taken: choose another; 0 is any free'
             ) from error
-        print(f'mechanism-sim: port {port} is taken: another was chosen', file=sys.stderr)
+        print_notice(f'port {port} is taken: another was chosen')
         return socket.create_server((HOST, 0))

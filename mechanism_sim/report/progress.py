@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from html import escape
 from typing import Any
@@ -63,7 +63,8 @@ def count(label: str, total: int, quiet: bool) -> Iterator[Callable[..., None]]:
                 told += f', about {left:.0f} s left'
             if finished > total:  # of a search nobody knows how many follow the first
                 told = note
-            print(f'{label}: {finished}{told}', file=sys.stderr, flush=True)
+            with suppress(OSError):  # as of a log on a disk that is full
+                print(f'{label}: {finished}{told}', file=sys.stderr, flush=True)
 
         yield show
 

@@ -136,6 +136,22 @@ def test_an_output_that_is_full_is_said(words, code, said):
     assert len(done.stderr.splitlines()) == 1
 
 
+def test_what_is_said_beside_a_result_ends_nothing_where_it_cannot_be_written(tmp_path):
+    """Notes of an import ended it where standard error was full, and errors had another code."""
+    file, table = tmp_path / 'x.yaml', tmp_path / 'x.csv'
+    table.write_text('Joint,X [mm],Y [mm],Links,Ground,Input\nA,0,0,a,yes,no\nB,9,0,a|b,no,no\n')
+    for words, code in (
+        (('import', str(table), '-o', str(file)), 0), (('check', 'nosuch'), 2),
+    ):  # fmt: skip
+        with open('/dev/full', 'wb') as full:
+            done = subprocess.run(
+                [sys.executable, '-m', 'mechanism_sim', *words],
+                stdout=subprocess.PIPE, stderr=full, check=False,
+            )  # fmt: skip
+        assert done.returncode == code
+    assert file.read_text(encoding='utf-8').startswith('title:')
+
+
 @pytest.mark.parametrize('closed', ['>&-', '<&- >&- 2>&-'])
 def test_an_output_that_is_closed_is_nobodys(tmp_path, closed):
     """As with ``> /dev/null``: files that are opened do not take its place."""
