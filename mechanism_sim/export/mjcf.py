@@ -27,6 +27,7 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import Coupling, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.plan import keeps_speed
 
 #: flywheel of a drive of given speed, in inertias of the machine; and the share of an error of its
 #: speed that its servo takes off in a step
@@ -54,7 +55,7 @@ def left_out(machine: Machine) -> list[str]:
     found += [
         f'{c}: its speed changes; the file has the one at the start'
         for c in machine.plan.prescribed
-        if not machine.plan.is_steady(c)
+        if not keeps_speed(machine.plan, c)
     ]
     found += [f'{motor.coordinate}: left out: {motor.name}' for motor in machine.plan.motors]
     for element in machine.plan.elements(machine.plan.ideal):

@@ -129,18 +129,9 @@ def join(robot: Robot, joint: Element, frames: SdfFrames | None = None) -> None:
         robot.ratios[name] = {name: 1.0, leader: -factor}
         if any(number(_text(mimic, x)) for x in ('offset', 'reference')):
             robot.notes.append(f'{name}: it follows {leader} from where both are at the start')
-    there = parent.local(child.world(at))
+    there, turn = parent.local(child.world(at)), parent.turn.T @ child.turn
     robot.joints.append(
-        RobotJoint(
-            name,
-            KINDS[kind],
-            parent.name,
-            child.name,
-            there,
-            at,
-            axis,
-            parent.turn.T @ child.turn,
-        )
+        RobotJoint(name, KINDS[kind], parent.name, child.name, there, at, axis, turn)
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from mechanism_sim.messages.part_states import integrator_of
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.drives import drive_key
+from mechanism_sim.scene.drives import drive_key, drive_of
 
 DRIVE = 'crank_drive'
 RPM = 30.0 / math.pi
@@ -111,7 +111,7 @@ def _all(machine: Machine) -> Iterator[Control]:
 def _drive(machine: Machine) -> Iterator[Control]:
     """Speed or torque of the main drive: by command if it takes them, else of the next run."""
     law, commands, main = machine.drive.law, machine.drive.commands, machine.plan.main
-    given = machine.plan.drive_of(main)
+    given = drive_of(machine.plan, main)
     straight = machine.plan.main in machine.mechanism.displacements
     if not isinstance(law, DriveLaw):
         now = law.coefficients[0]

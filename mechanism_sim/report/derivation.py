@@ -28,6 +28,7 @@ from mechanism_sim.planar.switches import Switch
 from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.scene import Level, Machine
+from mechanism_sim.scene.drives import drive_of
 from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
 
 _SHORT = 5
@@ -312,7 +313,7 @@ class _Derivation:
 
     def _formula(self, c: str) -> list[Equation]:
         """Motion of a drive by its own formula of the time, if it has one without conditions."""
-        drive = self._machine.plan.drive_of(c)
+        drive = drive_of(self._machine.plan, c)
         course = drive and (drive.position or drive.profile or drive.speed)
         if not isinstance(course, CoursePart) or course.formula is None:
             return []

@@ -37,6 +37,7 @@ from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
 from mechanism_sim.scene.gate import between_limits
 from mechanism_sim.scene.load import without_clearance
+from mechanism_sim.scene.plan import keeps_speed
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
@@ -518,7 +519,7 @@ def is_steady(machine: Machine) -> bool:
     Other drives rest, or turn whole turns in the turns after which all is as before.
     """
     plan = machine.plan
-    if not all(map(plan.is_steady, plan.laws)):
+    if not all(keeps_speed(plan, c) for c in plan.laws):
         return False
     speeds = {c: plan.held[c][1] for c in plan.laws}
     if not speeds[plan.main] or any(speeds.get(c) for c in machine.mechanism.displacements):

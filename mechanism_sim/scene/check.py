@@ -19,7 +19,7 @@ from mechanism_sim.numerics.sampled import (
 from mechanism_sim.planar.drive import DriveLaw, ends
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.drives import drive_key
+from mechanism_sim.scene.drives import drive_key, drive_of
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
@@ -301,7 +301,7 @@ def _drive(machine: Machine, coordinate: str) -> str:
             f'{"displacement" if straight else "angle"} {per_speed:+g} {force} s/{place} times '
             f'speed, from {begin:g} {pace}'
         )
-    given = machine.plan.drive_of(coordinate)
+    given = drive_of(machine.plan, coordinate)
     effort = given.effort if given else None
     shown = f'{effort.value:g} {force}' if isinstance(effort, QuantityValue) else effort
     with_effort = '' if effort is None else f', with {shown}'
@@ -470,7 +470,7 @@ def _unit(machine: Machine, c: str) -> str:
 def _courses(machine: Machine) -> Iterator[tuple[str, str, CoursePart | None]]:
     """Coordinates whose motion is given over time, by which key, and its course, if no moves."""
     for c in machine.plan.prescribed:
-        drive, key = machine.plan.drive_of(c), drive_key(machine.plan, c)
+        drive, key = drive_of(machine.plan, c), drive_key(machine.plan, c)
         assert drive is not None  # noqa: S101 - it is prescribed
         if drive.moves:
             yield c, f'{key}.moves', None

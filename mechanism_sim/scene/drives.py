@@ -77,6 +77,12 @@ def drive_key(names: Names, coordinate: str) -> str:
     return f'drives.{coordinate}' if coordinate in names.scene.drives else 'drive'
 
 
+def drive_of(names: Names, coordinate: str) -> DrivePart | None:
+    """Keys of the drive of a coordinate; None of a machine without any."""
+    found: DrivePart | None = names.scene.drives.get(coordinate, names.scene.drive)
+    return found
+
+
 def is_straight(drive: DrivePart) -> bool:
     """True if a drive is given by quantities of a displacement."""
     units = [x.unit for x in (drive.speed, drive.position, drive.profile, drive.acceleration) if x]

@@ -13,13 +13,13 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.keys.names import SceneError, listed
 from mechanism_sim.linkages.drive_range import placed_at
 from mechanism_sim.scene.build import build
-from mechanism_sim.scene.drives import drive_key
+from mechanism_sim.scene.drives import drive_key, drive_of
 from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
 from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import SpeedPart
-from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 from mechanism_sim.scene.remarks import angle_questions, length_questions
 from mechanism_sim.scene.schema import InitialPart, Scene
 from mechanism_sim.units import QuantityValue, argument
@@ -104,7 +104,7 @@ def run_length(machine: Machine, revolutions: float | None, duration: float | st
 
 def started_at(machine: Machine, angle: float) -> Machine:
     """Copy of a machine with its main drive at another angle [rad] at the start."""
-    scene, given = machine.scene, machine.plan.drive_of(machine.plan.main)
+    scene, given = machine.scene, drive_of(machine.plan, machine.plan.main)
     if given is None:
         raise SceneError(f'{machine.name}: there is no drive to start at an angle')
     if given.position:
@@ -133,7 +133,7 @@ def placed(machine: Machine, value: float) -> Machine:
     """
     plan, main = machine.plan, machine.plan.main
     straight, turned = main in plan.ideal.displacements, TURN * plan.turned.get(main, 0)
-    alone = len(plan.laws) == 1 and plan.is_steady(main)
+    alone = len(plan.laws) == 1 and keeps_speed(plan, main)
     if machine.level.dynamic or machine.assembly.freedom or not alone:
         raise SceneError(
             f'{machine.name}: its state does not follow from the position of {main} alone: that '
@@ -209,7 +209,7 @@ def _moved(
 
 def _redriven(plan: ScenePlan, update: Mapping[str, Any]) -> dict[str, Any]:
     """The keys of a scene with its main drive, of which some keys are others."""
-    given = plan.drive_of(plan.main)
+    given = drive_of(plan, plan.main)
     assert given  # noqa: S101 - whoever asks has looked
     own = given.model_copy(update=update)
     if plan.scene.drive:

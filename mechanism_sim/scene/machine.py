@@ -51,7 +51,7 @@ from mechanism_sim.scene.equations import EquationsOfMotion
 from mechanism_sim.scene.frame_forces import forces_on
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.nominal import Nominal
-from mechanism_sim.scene.plan import ScenePlan, announce, ordered_laws
+from mechanism_sim.scene.plan import ScenePlan, announce, keeps_speed, ordered_laws
 from mechanism_sim.scene.repetition import Repetition, repetition
 from mechanism_sim.scene.schema import Commands, JointPart, Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
@@ -401,7 +401,7 @@ class MainDrive:
     @property
     def steady(self) -> bool:
         """True if it is prescribed one constant speed for ever."""
-        return self.plan.is_steady(self.plan.main)
+        return keeps_speed(self.plan, self.plan.main)
 
     def laws_until(self, end: float) -> list[Law]:
         """The laws that take over before a time [s], and the first in any case."""

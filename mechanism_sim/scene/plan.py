@@ -277,16 +277,6 @@ class ScenePlan(Names):
         """Whole turns of angles at the start that `held` and `given` leave out."""
         return self._turns | {c: turns for c, (turns, _) in self._local.items()}
 
-    def drive_of(self, c: str) -> DrivePart | None:
-        """What the scene says of the drive of a coordinate; None where it drives none at all."""
-        return self.scene.drives.get(c, self.scene.drive)
-
-    def is_steady(self, c: str) -> bool:
-        """True of a coordinate that a drive keeps at one speed for ever, or at rest."""
-        law, *others = self.laws[c]
-        alone = not others and c not in self.sources
-        return alone and isinstance(law, DriveLaw) and law.degree <= 1
-
     def laws_until(self, c: str, end: float) -> tuple[Law, ...]:
         """The laws of a coordinate up to a time [s], or as many as are looked at beforehand."""
         laws = self.laws[c]
@@ -391,6 +381,13 @@ def _read_floating(plan: ScenePlan, tree: Mechanism) -> tuple[Values, Values]:
 
 
 # --- the mechanism --------------------------------------------------------------------------
+
+
+def keeps_speed(plan: ScenePlan, c: str) -> bool:
+    """True of a coordinate that a drive keeps at one speed for ever, or at rest."""
+    law, *others = plan.laws[c]
+    alone = not others and c not in plan.sources
+    return alone and isinstance(law, DriveLaw) and law.degree <= 1
 
 
 def ordered_laws(plan: ScenePlan) -> dict[str, Sequence[Law]]:

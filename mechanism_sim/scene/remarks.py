@@ -19,10 +19,12 @@ from mechanism_sim.numerics.expressions import ExpressionNode
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
+from mechanism_sim.scene.drives import drive_of
 from mechanism_sim.scene.gate import TURN, way_of
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
+from mechanism_sim.scene.plan import keeps_speed
 from mechanism_sim.scene.repetition import WHOLE, calls_of_angles, is_whole
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.sensing.point import PointOnLink
@@ -280,11 +282,11 @@ def _turns_on(machine: Machine, link: str) -> bool:
     until = machine.scene.duration or (2.0 * turn if math.isfinite(turn) else 0.0)
     drive = link if link in plan.laws else plan.main
     laws = plan.laws_until(drive, until) if drive in plan.laws else ()
-    steady, straight = bool(laws) and plan.is_steady(drive), drive in plan.ideal.displacements
+    steady, straight = bool(laws) and keeps_speed(plan, drive), drive in plan.ideal.displacements
     if not laws or (steady and not any(laws[0].coefficients[1:])):
         return False
     if not isinstance(laws[0], DriveLaw):
-        given = plan.drive_of(drive)
+        given = drive_of(plan, drive)
         if given is None or not given.motor:
             return False
     elif not steady and not straight:

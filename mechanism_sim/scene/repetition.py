@@ -21,7 +21,7 @@ from mechanism_sim.planar.mechanism import HigherPair, Weld
 from mechanism_sim.planar.points import Vector2
 from mechanism_sim.scene.formula_keys import TIME, table_calls
 from mechanism_sim.scene.nominal import Nominal
-from mechanism_sim.scene.plan import ScenePlan
+from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 
 MOST = 12
 """Turns of the drive up to which it is looked whether a machine repeats itself."""
@@ -107,8 +107,8 @@ def repetition(nominal: Nominal, period: float) -> Repetition:
     """
     found, plan = _by_turns(nominal, period), nominal.plan
     periods = {c: x.period for c, x in plan.sources.items()}
-    again = periods.get(plan.main, period if plan.is_steady(plan.main) else None)
-    known = [c for c in plan.laws if periods.get(c) or plan.is_steady(c)]
+    again = periods.get(plan.main, period if keeps_speed(plan, plan.main) else None)
+    known = [c for c in plan.laws if periods.get(c) or keeps_speed(plan, c)]
     if not periods or not again or not math.isfinite(again) or len(known) < len(plan.laws):
         return found
     for n, ways in enumerate(zip(*(_ways(plan, c, again) for c in known), strict=True), 1):
@@ -153,7 +153,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
     """
     plan = nominal.plan
     first = [laws[0] for laws in plan.laws.values()]
-    steady = all(map(plan.is_steady, plan.laws)) and math.isfinite(period)
+    steady = all(keeps_speed(plan, c) for c in plan.laws) and math.isfinite(period)
     known = len(first) == 1 or steady
     if not known or plan.powered or plan.main in plan.ideal.displacements:
         return Repetition()

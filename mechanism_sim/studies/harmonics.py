@@ -20,6 +20,7 @@ from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.planar.steep_loads import SteepLoads
 from mechanism_sim.results.quantities.motion import DERIVATIVES
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.plan import keeps_speed
 from mechanism_sim.studies import frames
 from mechanism_sim.studies.modes import (
     LinearMachine,
@@ -85,7 +86,7 @@ def harmonics(
     if count < 1:
         raise InputError(f'--harmonics {count}: expected 1 or more')
     for c in machine.plan.prescribed:
-        if not machine.plan.is_steady(c):
+        if not keeps_speed(machine.plan, c):
             raise InputError(
                 f'{machine.name}: {c} does not turn at a steady speed, so that nothing repeats '
                 "itself: give its drive a 'speed'"

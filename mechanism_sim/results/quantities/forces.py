@@ -16,6 +16,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.protocols import MotionBound
 from mechanism_sim.results.quantity import Quantity, Shown, View, direction, magnitude, vector
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.drives import drive_of
 
 
 def of_joints(machine: Machine) -> Iterator[Quantity]:
@@ -172,7 +173,7 @@ def _load(i: int) -> Callable[[View], Array]:
 
 def _of_motor(machine: Machine) -> Iterator[Quantity]:
     main = machine.plan.main
-    drive = machine.plan.drive_of(main)
+    drive = drive_of(machine.plan, main)
     if drive is None or drive.motor is None:
         return
     ratio = drive.motor.ratio
