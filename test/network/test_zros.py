@@ -108,6 +108,11 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
                     ask('/crank_driv')
             with pytest.raises(MessageError, match="no field 'stat'; it has state"):
                 node.call('set_simulation_state', None, {'state': {'stat': 1}})
+            said = '^/impacts is of the type mechanism_sim/msg/Impact, not std_msgs/msg/Float64$'
+            with pytest.raises(UsageError, match=said):
+                node.listen('/impacts', lambda _: True, FLOAT)
+            with pytest.raises(UsageError, match=said):
+                node.publish('/impacts', FLOAT, None, 1, 1.0, lambda: None)
             with pytest.raises(InvalidNameError):
                 node.publish('bad name', FLOAT, None, 1, 1.0, lambda: None)
             node.call('set_simulation_state', None, {'state': {'state': 3}})
@@ -218,6 +223,9 @@ def test_values_that_do_not_fit_are_refused(values, said):
         (('param', 'set', 'a', 'b'), 'required: VALUE'),
         (('service', 'call', 'a', '--timeout', '0'), "--timeout: '0' is no positive number"),
         (('service', 'call', 'a', '{steps: ', '--json'), "'{steps: ': no YAML"),
+        (('topic', 'pub', '/a', 'std_msgs/Float64'), "did you mean 'std_msgs/msg/Float64'?"),
+        (('topic', 'echo', '/a', 'arm/msg/Angle'), "the type 'arm/msg/Angle' is unknown; def"),
+        (('topic', 'pub', '/a', 'Float'), 'types are written as std_msgs/msg/String'),
         ((), 'required: GROUP'),
     ],
 )
