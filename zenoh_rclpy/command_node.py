@@ -74,6 +74,13 @@ def absolute(name: str) -> str:
     return f'/{name.removeprefix("/")}'
 
 
+def _check_type(topic: str, kind: str, ends: list[Any]) -> None:
+    """Raise UsageError if there are other ends of a topic, and none of a type."""
+    types = sorted({info.topic_type for info in ends})
+    if types and kind not in types:
+        raise UsageError(f'{topic} is of the type {", ".join(types)}, not {kind}')
+
+
 def refusal(answer: Any) -> str:
     """Why a service did not do what it was asked for; empty if it did, or does not say."""
     result = getattr(answer, 'result', None)
@@ -285,17 +292,10 @@ class CommandNode:
             while not over and (end is None or time.monotonic() < end):
                 spin_once(self.node, timeout_sec=_BEAT)
                 if kind and not count:
-                    self._check_type(full, kind, self.node.get_publishers_info_by_topic(full))
+                    _check_type(full, kind, self.node.get_publishers_info_by_topic(full))
                 self._check_patience(full, count, wanted)
         finally:
             self.node.destroy_subscription(subscription)
-
-    @staticmethod
-    def _check_type(topic: str, kind: str, ends: list[Any]) -> None:
-        """Raise UsageError if there are other ends of a topic, and none of a type."""
-        types = sorted({info.topic_type for info in ends})
-        if types and kind not in types:
-            raise UsageError(f'{topic} is of the type {", ".join(types)}, not {kind}')
 
     def _check_patience(self, topic: str, count: int, wanted: int) -> None:
         """Raise MiddlewareError if fewer messages than are wanted have come in time."""
@@ -356,7 +356,7 @@ class CommandNode:
         publisher = self.node.create_publisher(type(message), full, 10)
         if count and not self._wait(publisher.get_subscription_count):
             known = [n for n, _ in self.topics() if self.node.count_subscribers(n)]
-            self._check_type(full, kind, self.node.get_subscriptions_info_by_topic(full))
+            _check_type(full, kind, self.node.get_subscriptions_info_by_topic(full))
             raise missing(f'nobody subscribes to {full}', full, known, MiddlewareError)
         for k in range(count or sys.maxsize):
             if k:
