@@ -142,16 +142,12 @@ class Recorder(SimulationNode):
         """Record it, pass on how far the bag is complete, end when all have ended."""
         if message.run > self.run:
             self.begin_run(message.run)
-        self._now, progress = (
-            nanoseconds(message.header.stamp),
-            self.resolve_topic_name('progress'),
-        )
+        self._now = nanoseconds(message.header.stamp)
+        progress = self.resolve_topic_name('progress')
         reports = dict(zip(message.topics, message.counts, strict=True)).get(progress, 1)
         if self.writer.write(progress, serialize(message), self._now) == 1 and reports > 1:
             self._late = '; it came when the run had begun'
-            self.get_logger().warning(
-                'the run has begun already: its start will not be in the bag'
-            )
+            self.get_logger().warning('the run has begun already: the bag lacks its start')
         self._reports.setdefault(message.node, message)
         self._review()
         if self.partners.finished and self._loss_deadline is None:
