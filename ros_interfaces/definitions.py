@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -60,6 +61,12 @@ _DEFAULTS: dict[str, dict[str, Any]] = {'geometry_msgs/msg/Quaternion': {'w': 1.
 _TEXTS: dict[str, str] = {}
 # What follows the name of a field is its default, in YAML but for constants ('=').
 _DEFAULT_LINE = re.compile(r'^\s*[\w/]+(?:<=\d+)?(?:\[[<=\d]*\])?\s+(\w+)\s+([^=\s#].*)$')
+
+# What actions and services are made of.
+_PART = re.compile(
+    r'(_(SendGoal|GetResult))?_(Request|Response|Goal|Result|Feedback(Message)?)$'
+    r'|_(SendGoal|GetResult)$'
+)
 
 
 class MessageError(ValueError):
@@ -181,7 +188,16 @@ def _check_name(name: str) -> None:
     if name not in typestore().fielddefs:
         _add_services()
     if name not in typestore().fielddefs:
-        raise MessageError(f'Message or service {name!r} is unknown; define() adds one')
+        whole = _PART.sub('', name)
+        known = {_PART.sub('', other) for other in typestore().fielddefs}
+        (close,) = get_close_matches(whole, known, 1, 0.8) or ('',)
+        hint = 'types are written as std_msgs/msg/String'
+        if close:
+            hint = f"did you mean '{close}'?"
+        elif whole.count('/') == 2:
+            folder = whole.rpartition('/')[0]
+            hint = f'definitions are looked for in share/{folder} of AMENT_PREFIX_PATH'
+        raise MessageError(f"the type '{whole}' is unknown; {hint}")
 
 
 @cache
