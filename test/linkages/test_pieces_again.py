@@ -28,8 +28,10 @@ VARIED = {
             'pulse': {'at': 'piston', 'force': ['9 N if sin(31 rad/s*t) > 0.3 else 0', 0]},
         }
     },
+    'slow': {'drive.speed': '17 rpm'},
 }
-"""Loads that a steady crank does not bring again with every turn, or that switch by a rate."""
+"""Loads that a steady crank does not bring again with every turn, or that switch by a rate; and a
+crank whose pieces are shorter than a sixteenth of a turn."""
 
 
 def bits(*motions):
@@ -118,7 +120,7 @@ def test_a_load_a_thousandth_of_a_turn_wide_works_alike_in_every_turn():
     assert np.diff(ends) == pytest.approx(force * (before - after), rel=1e-9)
 
 
-@pytest.mark.parametrize('loads', ['none', 'two turns', 'time'])
+@pytest.mark.parametrize('loads', ['none', 'two turns', 'time', 'slow'])
 def test_closures_are_solved_in_the_first_turn_only(loads, monkeypatch):
     solved, follow = [], LinkageMotion.follow
     monkeypatch.setattr(
