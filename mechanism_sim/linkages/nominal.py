@@ -64,7 +64,7 @@ _SHORTEST = 2.0**-20
 _SHORT, _MOST_SHORT = 2.0**-14, 400  # so many pieces of such a share in a row lead nowhere
 #: [s] of a piece: nodes grant each other some seconds, and pieces are handed on whole
 _LONGEST = 0.1
-_SLOW = 32.0  # parts of a usual piece of a slow drive, if they are longer than that
+_SLOW = 40.0  # parts of a usual piece of a slow drive, if they are longer than that
 _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
@@ -238,8 +238,8 @@ class NominalRun:
         longest = _LONGEST if self.timed else max(_LONGEST, width / _SLOW)
         if not longest < width < math.inf:
             return min(width, longest)
-        # halved as often as need be: a steady drive comes by the same places every turn
-        return width / 2.0 ** math.ceil(math.log2(width / longest))
+        # in equal parts: a steady drive comes by the same places every turn
+        return width / math.ceil(width / longest - END)
 
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""
