@@ -236,7 +236,8 @@ class NominalRun:
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
         width = min(widths, default=_LONGEST)
         longest = _LONGEST if self.timed else max(_LONGEST, width / _SLOW)
-        if not longest < width < math.inf:
+        steady = all(len(local) <= 2 for _, local in self._local)
+        if not (steady and longest < width < math.inf):
             return min(width, longest)
         # in equal parts: a steady drive comes by the same places every turn
         return width / math.ceil(width / longest - END)
