@@ -140,11 +140,11 @@ def test_a_bag_is_not_played_into_a_run(network, tmp_path):
         with command_node(60.0) as node:
             for topic in ('progress', 'motion'):
                 assert eventually(lambda topic=topic: bool(node.endpoints(topic).publishers))
-        done = run('bag', 'play', str(bag), '--rate', '0', env=network)
+        done = run('bag', 'play', str(bag), '--rate', '0', refused=True)
         assert (done.returncode, done.stderr.count('\n')) == (2, 1), done.stderr
         assert 'cannot be played: ' in done.stderr
         assert 'ROS_DOMAIN_ID=1' in done.stderr
-        done = run('bag', 'play', str(bag), '--rate', '0', '--topics', '/progress', env=network)
+        done = run('bag', 'play', str(bag), '--rate', '0', '--topics', '/progress', refused=True)
         assert (done.returncode, '/progress cannot be played' in done.stderr) == (2, True)
     finally:
         running.kill()
