@@ -59,9 +59,10 @@ def pytest_collection(session: pytest.Session) -> None:
     if count == 1 or session.config.args != session.config.getini('testpaths'):
         return
     own = int(os.environ['PYTEST_XDIST_WORKER'].removeprefix('gw'))
+    said_later = suppress(Exception, pytest.skip.Exception)  # when it is collected
     for path in sorted(Path(__file__).parent.glob('*/test_*.py'))[own::count]:
         if not path.with_name('__init__.py').exists():
-            with pytest.MonkeyPatch.context() as patch, suppress(Exception):  # said when collected
+            with pytest.MonkeyPatch.context() as patch, said_later:
                 patch.syspath_prepend(path.parent)
                 import_module(path.stem)
 
