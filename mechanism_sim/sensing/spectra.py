@@ -29,6 +29,7 @@ _MOST = 4096  # samples a turn, unless told
 _SHORTEST = 256  # samples of a segment, unless told or fewer
 _FAINT = 1e-3  # of the mean density of power: what rounding may have, and no resonance
 _FEWEST = 16  # segments of which a kurtosis is worth looking at
+_AT_ONCE = 2**18  # samples of segments, which fit into a cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,10 +140,12 @@ def envelope(x: Array, rate: float, band: tuple[float, float] | None = None) -> 
     Hilbert's transform in one (Randall and Antoni, 2011, sect. 5.1).
     """
     low, high = band or (0.0, 0.5 * rate)
-    lines = np.fft.fft(x)
-    frequency = np.fft.fftfreq(len(x), 1.0 / rate)
-    inside = (frequency > 0.0) & (frequency >= low) & (frequency <= high)
-    return np.asarray(np.abs(np.fft.ifft(np.where(inside, 2.0 * lines, 0.0))))
+    lines = 2.0 * np.fft.rfft(x)
+    frequency = _lines(len(x), rate)
+    # the lines at 0 and at half the rate are real: they have no envelope
+    inside = (frequency > 0.0) & (np.arange(len(lines)) < 0.5 * len(x))
+    lines[~(inside & (frequency >= low) & (frequency <= high))] = 0.0
+    return np.asarray(np.abs(np.fft.ifft(lines, len(x))))
 
 
 def envelope_spectrum(
@@ -169,9 +172,14 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum
     """
     window = scipy.signal.get_window('hann', segment)
     cut = np.lib.stride_tricks.sliding_window_view(x, segment)[:: max(1, segment // 4)]
-    square = np.abs(np.fft.rfft(window * cut, axis=1)) ** 2
-    mean = (square**2).mean(axis=0), square.mean(axis=0) ** 2
-    values = np.divide(*mean, out=np.full(len(mean[0]), 2.0), where=mean[1] > 0.0) - 2.0
+    sums = np.zeros((2, segment // 2 + 1))
+    rows = max(1, _AT_ONCE // segment)
+    for first in range(0, len(cut), rows):
+        square = np.abs(np.fft.rfft(window * cut[first : first + rows], axis=1)) ** 2
+        sums += (square**2).sum(axis=0), square.sum(axis=0)
+    fourth, second = sums / len(cut)
+    values = np.full(len(second), 2.0)
+    values = np.divide(fourth, second**2, out=values, where=second > 0.0) - 2.0
     values[[0, -1]] = 0.0
     return LineSpectrum(_lines(segment, rate), values)
 
