@@ -107,6 +107,17 @@ def power(
     return LineSpectrum(_lines(length, rate), sums / weight)
 
 
+def severity(acceleration: LineSpectrum) -> float:
+    """Severity of vibration: rms [m/s] of the velocity from 10 Hz to 1 kHz.
+
+    By the power spectral density of an acceleration [(m/s^2)^2/Hz]; ISO 20816-1:2016, 4.3.
+    """
+    f = acceleration.frequency
+    inside = (f >= 10.0) & (f <= 1000.0)
+    speed = acceleration.values[inside] * acceleration.step / (2.0 * np.pi * f[inside]) ** 2
+    return math.sqrt(speed.sum())
+
+
 def autocorrelation(x: Array) -> Array:
     """Sums (N,) of products of samples (N,) so many places apart, those beyond the end being 0."""
     lines = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
