@@ -182,7 +182,7 @@ def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
     if not (_is_in_names(unit) or _is_unit(unit)):
         return ''
     any_other = not wanted or ('' in wanted and not _INDEX.fullmatch(unit))
-    return unit if any_other or any(_fits(unit, x) for x in wanted) else ''
+    return unit if any_other or any(fits(unit, x) for x in wanted) else ''
 
 
 def is_like_unit(name: str) -> bool:
@@ -194,7 +194,8 @@ def _is_in_names(unit: str) -> bool:
     return unit in _LONGER or (unit not in _AMBIGUOUS and bool(common(unit)))
 
 
-def _fits(unit: str, wanted: str) -> bool:
+def fits(unit: str, wanted: str) -> bool:
+    """True of a unit in which a quantity of an SI unit may be given."""
     try:
         to_si(f'1 {unit}', wanted)
     except ValueError:
