@@ -147,7 +147,7 @@ def _labels(size: Array, direction: Array) -> list[str]:
 
 
 def _overlap(apart: complex, largest: float) -> bool:
-    """Whether labels so far apart lie on one another: they are wide and low."""
+    """True of labels that lie on one another, so far apart: they are wide and low."""
     low = abs(apart.real) <= 0.7 * largest and abs(apart.imag) <= 0.1 * largest
     return low or abs(apart) <= 0.22 * largest
 
