@@ -195,19 +195,24 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum
     return LineSpectrum(_lines(segment, rate), values)
 
 
-def shock_band(x: Array, rate: float) -> tuple[float, float]:
+def shock_band(x: Array, rate: float, turn: float = math.inf) -> tuple[float, float]:
     """The band [Hz] in which a signal (N,) consists of shocks most: the top of its kurtogram.
 
     Of all frequencies and segments of 16, 32, ... samples, at least 16 of them in the signal, the
     pair of the largest spectral kurtosis; the band is as wide as the main lobe of the Hann window
     (Antoni, 2006, sect. 4). Frequencies of hardly any power are left out: that may be rounding.
+
+    Parameters
+    ----------
+    turn : [s] of a shaft whose orders the envelope is to have: segments are at most a quarter of
+        it, since those that are longer than the time between shocks see single events alone
     """
     best, band = -np.inf, (0.0, 0.5 * rate)
     if not len(x) or not np.ptp(x):
         return band
     held = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
     segment = 16
-    while segment * _FEWEST <= len(x):
+    while segment * _FEWEST <= len(x) and segment <= max(16.0, 0.25 * turn * rate):
         found = spectral_kurtosis(x, rate, segment)
         half = 2.0 * rate / segment
         ends = np.add.outer([-0.25 * half, 0.25 * half], found.frequency) * (len(x) / rate)
