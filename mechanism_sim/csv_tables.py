@@ -220,7 +220,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     larger : how many times as large it may be as `LARGEST` and `MOST`
     """
     where, most = f"{where}: '{path.name}'", larger * MOST
-    data = _data(path, where, larger * LARGEST)
+    data = documents.limited(path, larger * LARGEST, where, 'give fewer points')
     if found := _of_vectors(path, data, where, most):
         return found
     heading, rows = _rows(path, data, where)
@@ -248,16 +248,6 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     cells = dict(zip(names, columns if rows else missing, strict=True))
     units_of = dict(zip(names, map(_open, units), strict=True))
     return CsvTable(where, heading, cells, units_of, [n for n, _ in rows])
-
-
-def _data(path: Path, where: str, largest: int) -> bytes:
-    try:
-        data = documents.bytes_of(path, largest)
-    except OSError as error:
-        raise InputError(f'{where} cannot be read: {error.strerror or error}') from error
-    if len(data) > largest:
-        raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
-    return data
 
 
 def _of_vectors(path: Path, data: bytes, where: str, most: int) -> CsvTable | None:
