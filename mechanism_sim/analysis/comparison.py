@@ -144,8 +144,10 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
             ('crest factor', seen.crest, ''), ('kurtosis', seen.kurtosis, ''),
         ):  # fmt: skip
             yield ('sensors', name, word, unit), math.nan if value is None else value
-        faded = power(signal.runs, signal.rate, len(signal.longest))
-        whole = _of_whole_turns(record, signal) or faded
+        # segments that overlap weigh all of the run alike, which one window of its length does not
+        faded = power(signal.runs, signal.rate)
+        whole = _of_whole_turns(record, signal)
+        whole = whole or power(signal.runs, signal.rate, len(signal.longest))
         if signal.unit == 'm/s^2':
             yield ('severity', name, 'velocity, rms', 'm/s'), severity(whole)
         edges = 1000.0 * 2.0 ** (np.arange(len(_OCTAVES) + 1) - 5.5)
