@@ -77,6 +77,17 @@ def bytes_of(path: Path, largest: int) -> bytes:
         return file.read(largest + 1)
 
 
+def limited(path: Path, largest: int, where: str, advice: str) -> bytes:
+    """Bytes of a file of at most the `largest` number of them; `where` names it in sentences."""
+    try:
+        data = bytes_of(path, largest)
+    except OSError as error:
+        raise InputError(f'{where} cannot be read: {error.strerror or error}') from error
+    if len(data) > largest:
+        raise InputError(f'{where} is larger than {largest} bytes: {advice}')
+    return data
+
+
 def parse(text: str) -> Any:
     """The data that a document means: None, bool, int, float, str, list, dict with text as keys.
 

@@ -423,9 +423,15 @@ def vectors(path: Path, data: bytes, where: str) -> list[Column]:
     found = _read(reader, path, data, where)
     plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUOM']
     longest = max((len(c.values) for c in plain), default=0)
-    if others := [c.name for c in plain if 1 < len(c.values) < longest]:
-        names = ', '.join(others)[:_SHOWN_NAMES]
-        print_notice(f'{where}: vectors of other lengths are left out: {names}')
+    others = {
+        'vectors of other lengths': [c for c in plain if 1 < len(c.values) < longest],
+        'complex numbers': [c for c in found if c.values.dtype.kind == 'c'],
+        'arrays of several dimensions': [c for c in found if c.values.ndim > 1],
+    }
+    for what, columns in others.items():
+        if columns:
+            names = ', '.join(c.name for c in columns)[:_SHOWN_NAMES]
+            print_notice(f'{where}: {what} are left out: {names}')
     if not longest:
         raise InputError(f'{where} has no vector of numbers')
     return [c._replace(values=_cells(c.values)) for c in plain if len(c.values) == longest]

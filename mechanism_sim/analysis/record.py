@@ -437,15 +437,18 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     parts = [piece.motion for piece in found if len(piece.motion)]
     if not parts:
         raise InputError(f'{bag.path} has no recorded motion.')
+    impacts = [i for piece in found for i in piece.impacts]
+    changes = [change for piece in found for change in piece.modes]
+    found.clear()
     motion = Motion.joined(parts)
+    parts.clear()  # a long motion is in memory once
     for a, b in gaps(motion.curve):
         raise InputError(
             f'{bag.path}: the motion from {instant(a)} s to {instant(b)} s is missing.'
         )
-    impacts = _with_work(machine, motion, [i for piece in found for i in piece.impacts])
+    impacts = _with_work(machine, motion, impacts)
     audit = Audit(machine.physics)
     balance = EnergyTerms(audit.add(motion, impacts), impacts)
-    changes = [change for piece in found for change in piece.modes]
     run = Piece(machine, motion, balance, impacts, changes)
     return Record(machine, run, sensors.signals(), audit, bag.wall_time, bag.complete)
 

@@ -126,12 +126,7 @@ def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
 
 
 def _text(path: Path) -> str:
-    try:
-        data = documents.bytes_of(path, LARGEST)
-    except OSError as error:
-        raise InputError(f"'{path}' cannot be read: {error.strerror}") from error
-    if len(data) > LARGEST:
-        raise InputError(f"'{path}' has more than {LARGEST >> 20} MB: too large for a machine")
+    data = documents.limited(path, LARGEST, f"'{path}'", 'no machine needs as much')
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:

@@ -124,7 +124,7 @@ def search(
     found = search_of(wanted, size)
     if wanted:
         start, end = motion.curve.spans(*window)
-        alike = motion.alike[motion.curve.locate(0.5 * (start + end))]
+        alike = motion.alike(motion.curve.locate(0.5 * (start + end)))
         # those that the window cuts are like no other
         alike[[0, -1]] = alike.max() + 1 + np.arange(2)
         found.add(values, start, end, alike=alike)

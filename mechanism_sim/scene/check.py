@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -312,9 +313,9 @@ def _drive(machine: Machine, coordinate: str) -> str:
         again = ', again and again' if given.moves.repeat else ''
         return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
     speed = machine.plan.held[coordinate][1]
-    changing = ''
+    changing = f' ({speed * 30.0 / math.pi:.6g} rpm)' if speed and not straight else ''
     if law.degree > 1:
-        changing = f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
+        changing += f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
     return f'prescribed, {speed:g} {pace}{changing}{with_effort}'
 
 

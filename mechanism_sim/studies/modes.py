@@ -543,10 +543,14 @@ def campbell(machine: Machine, speeds: Array) -> list[Station]:
     turning(machine, '--speeds')
     found = derivatives(machine, held=kept(machine))
     stations, told = list[Station](), False
+    turns = [abs(speed) for speed in speeds.tolist() if speed]
+    ends = {min(turns, default=0.0), max(turns, default=0.0)}
     for speed in map(float, speeds):
         one = linearised(machine, speed=speed, known=found)
         stations.append(_station(one, speed))
-        told = told or warn_over_turn(one, speed)
+        # gravity weighs most at the slowest, what grows with the speed at the fastest
+        if abs(speed) in ends and not told:
+            told = warn_over_turn(one, speed)
     return stations
 
 
