@@ -198,7 +198,7 @@ class _Csv:
 
     def write(self, columns: Sequence[Column]) -> None:
         if not self._file.tell():
-            self._writer.writerow([text_cell(c.heading) for c in columns])
+            self._writer.writerow([_text_cell(c.heading) for c in columns])
         self._writer.writerows(zip(*(_text_cells(c.values) for c in columns), strict=True))
 
     def close(self, _: bool) -> None:
@@ -291,10 +291,10 @@ def _text_cells(values: Sequence[Any] | NDArray[Any]) -> Iterable[Any]:
     if isinstance(values, np.ndarray) and values.dtype.kind in 'iuf' and np.isfinite(values).all():
         numbers: list[Any] = values.tolist()
         return numbers
-    return map(text_cell, values)
+    return map(_text_cell, values)
 
 
-def text_cell(value: Any) -> Any:
+def _text_cell(value: Any) -> Any:
     """A value as a cell of a text; empty where there is not a number.
 
     Spreadsheets take a text that begins like a formula as one: an apostrophe says that it is none.

@@ -21,7 +21,7 @@ from typing import Any
 
 import pytest
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.cli import main
 
 ROOT = Path(__file__).parents[1]
@@ -112,8 +112,8 @@ def run(
     if program is not main or (env is None and (refused or not goes_apart(args)) and not joined):
         return _here(program, args)
     return subprocess.run(
-        command(*args), env=ending.owned(env or environment()), capture_output=True, text=True,
-        timeout=TIMEOUT, check=False,
+        command(*args), env=process_exit.owned(env or environment()), capture_output=True,
+        text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
 
 
@@ -145,12 +145,12 @@ def run_json(*args: str, env: dict[str, str] | None = None, program: Program = m
 def start(*args: str, env: dict[str, str]) -> subprocess.Popen[str]:
     """Start a command in the background."""
     pipe = subprocess.PIPE
-    return ending.start(command(*args), env=env, stdout=pipe, stderr=pipe, text=True)
+    return process_exit.start(command(*args), env=env, stdout=pipe, stderr=pipe, text=True)
 
 
 FOLLOW = (
     f'import sys; sys.path.insert(1, {str(ROOT)!r})\n'
-    f'from mechanism_sim.ending import follow; follow({os.getpid()})\n'
+    f'from mechanism_sim.process_exit import follow; follow({os.getpid()})\n'
 )
 """Beginning of a program that finds what is not installed, and ends with this process."""
 

@@ -59,7 +59,7 @@ KINDS = {
 #: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
 SHARED = ('sensors', 'progress')
 #: What is no longer read, with the version of bags that ended it.
-RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
+_RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
 _RUN = 'motion', 'impacts', 'mode_changes'
 _ZEROS = np.zeros((0, 0))
 NOTHING = Motion(
@@ -553,10 +553,10 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
     namespace : of the machine, as '/left'; needed where a bag holds several
     """
     for topic in bag.topics.values():
-        if topic.type in RETIRED:
+        if topic.type in _RETIRED:
             raise InputError(
                 f'{bag.path}: {topic.name} holds {topic.type.rpartition("/")[2]}, as bags before '
-                f'version {RETIRED[topic.type]} did; {bag.writer} reads it.'
+                f'version {_RETIRED[topic.type]} did; {bag.writer} reads it.'
             )
     prefix = f'{(namespace or "").rstrip("/")}/'
     found: dict[str, tuple[str, ...]] = {}

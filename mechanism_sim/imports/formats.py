@@ -32,7 +32,7 @@ READERS: dict[str, Reader] = {
 }
 """By ending: they take the path, the text of the file, and the unit of its lengths if told."""
 
-METRIC = '.sdf', '.urdf', '.xml'
+_METRIC = '.sdf', '.urdf', '.xml'
 """Formats whose lengths are in metres."""
 
 _ADDRESSES = 'http://', 'https://'
@@ -90,7 +90,7 @@ def import_machine(
                 f'imported{nearest(ending, READERS)}; those are {", ".join(READERS)}, and '
                 'addresses of PMKS+ in quotes'
             )
-        if unit and ending in METRIC:
+        if unit and ending in _METRIC:
             raise InputError(f"'{name}' is in metres, as all {ending[1:]}: --unit does not apply")
         stem, made = path.stem, _read(READERS[ending], path, unit)
     outlines.weigh(made, thickness, density)

@@ -33,7 +33,7 @@ UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR, UNSUPPORTED_ELEMENTS = 10
 INVALID_POSE = 101  # SetEntityState.Response
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
-STEPS, HALT = 'steps', 'a pause'
+STEPS, _HALT = 'steps', 'a pause'
 ROUNDING = 1e-12
 """Of times, relative: steps that end with the run are not beyond it; and of poses."""
 
@@ -385,7 +385,7 @@ class SimulationControl:
         if reason := await self.refusal(during_steps=ending):
             return answered(response, reason)
         if self.busy:  # steps of an action are announced one by one: no more of them
-            self.busy = HALT
+            self.busy = _HALT
         if asked == s.STATE_PLAYING:
             if drive.playing:
                 return self._already(response, 'playing')
@@ -478,7 +478,7 @@ class SimulationControl:
         hundred steps of 1 ms end at 0.1 s.
         """
         drive, size = self._drive, self._drive.value('step_size')
-        if self.busy == HALT:
+        if self.busy == _HALT:
             return f'paused meanwhile, at {drive.announced:.9g} s'
         if drive.announced != self._origin + self._steps * size:
             self._origin, self._steps = drive.announced, 0
@@ -504,7 +504,7 @@ class SimulationControl:
                 f'the run ends by itself at {self._drive.announced:.9g} s, up to which the law '
                 'of its drive is announced; start it with hold to operate it after its end'
             )
-        if self.busy and not (during_steps and self.busy in (STEPS, HALT)):
+        if self.busy and not (during_steps and self.busy in (STEPS, _HALT)):
             return f'{self.busy} under way: wait for the end'
         return ''
 

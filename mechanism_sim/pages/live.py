@@ -26,7 +26,7 @@ _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
 
 
-Sway = Callable[[Array], Array]
+_Sway = Callable[[Array], Array]
 """Of frames on springs on a piece of motion, see `Swaying.take`."""
 
 
@@ -56,7 +56,7 @@ class Live:
         self._sent: float | None = None
         self._at_start = False  # to be shown, before there is any motion
         self.swaying: Swaying | None = Swaying(self.machine)
-        self._pieces: deque[tuple[Motion, Sway | None]] = deque(maxlen=_KEPT)
+        self._pieces: deque[tuple[Motion, _Sway | None]] = deque(maxlen=_KEPT)
         self._struck: list[dict[str, Any]] = []
 
     def take(self, message: Any) -> None:
@@ -142,7 +142,7 @@ class Live:
         """Frames at times `t` (N,) [s], which are known here, packed."""
         return self._packed(self._pieces, t)
 
-    def _packed(self, pieces: Sequence[tuple[Motion, Sway | None]], t: Array) -> dict[str, Any]:
+    def _packed(self, pieces: Sequence[tuple[Motion, _Sway | None]], t: Array) -> dict[str, Any]:
         physics, parts = self.machine.physics, []
         speed, torque = [], []
         starts = [motion.curve.start[0] for motion, _ in pieces]

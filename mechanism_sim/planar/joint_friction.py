@@ -39,7 +39,7 @@ _SHARES = (0.25, 0.5, 0.75, 1.0)  # of the friction, one after the other
 
 _AGAINST = '; where {1} slips, it has this size and opposes the slip'
 
-STANDARD_GRAVITY = 9.80665  # m/s^2
+_STANDARD_GRAVITY = 9.80665  # m/s^2
 
 
 class Pressed(NamedTuple):
@@ -130,7 +130,7 @@ class JointFriction(ABC):
     def _resolution(self, frames: Frames) -> Term:
         mass = sum(body.mass for body in self.mechanism.bodies) or 1.0
         return self._number(
-            frames, 'resolution', _JOINT_FRICTION.resolution * mass * STANDARD_GRAVITY
+            frames, 'resolution', _JOINT_FRICTION.resolution * mass * _STANDARD_GRAVITY
         )
 
 

@@ -8,7 +8,12 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
+from mechanism_sim.analysis.collectors import (
+    FieldRange,
+    JointModes,
+    MessageAccounts,
+    SensorSummary,
+)
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
@@ -88,7 +93,7 @@ def _cell(own: Mapping[str, Any], key: str) -> Cell:
 
 def render_details(details: Details) -> str:
     """Return the text that the command line shows of what was asked."""
-    return text(detail_sections(details))
+    return text(_detail_sections(details))
 
 
 def sections(s: Summary) -> Iterator[Section]:
@@ -257,7 +262,7 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
     return Section('vibration', table=[head, *rows], notes=notes)
 
 
-def _ledger(ledger: Ledger) -> Section:
+def _ledger(ledger: MessageAccounts) -> Section:
     total = sum(account.sent for account in ledger.topics)
     table: list[Sequence[Cell]] = []
     title = f'messages: all {total} that were sent are recorded'
@@ -275,7 +280,7 @@ def _at_angle(drive: str, angle: float | None) -> str:
     return '' if angle is None else f', {drive} at {math.degrees(angle):.4g} deg'
 
 
-def detail_sections(details: Details) -> Iterator[Section]:
+def _detail_sections(details: Details) -> Iterator[Section]:
     """All that was asked for."""
     drive = details.drive
     yield from (_spectrum(name, line) for name, line in details.spectra.items())

@@ -27,7 +27,7 @@ from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.measure_tally import EXACT, FigureTally, speed_of
+from mechanism_sim.results.measure_accumulators import EXACT, FigureAccumulator, speed_of
 from mechanism_sim.results.measure_text import (
     INDICATORS,
     Bound,
@@ -123,7 +123,9 @@ class Measurement:
             window.figures.append(f)
             self._figures[f] = window
         for window in self._windows.values():
-            window.open(partial(FigureTally, machine, self._quantities, static), self._series)
+            window.open(
+                partial(FigureAccumulator, machine, self._quantities, static), self._series
+            )
         self.units()  # what cannot be added fails before anything runs
 
     def units(self) -> dict[str, str]:
@@ -300,23 +302,25 @@ class Window:
         self.figures: list[Figure] = []
         self._turns, self._since, self._until = turns, since, until
         self.per_revolution = each_turn
-        self._tallies: list[FigureTally] = []
+        self._accumulators: list[FigureAccumulator] = []
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, new: Callable[[Sequence[Figure]], FigureTally], series: EventSeries) -> None:
-        """Make ready for these figures, with what makes a tally of some."""
+    def open(
+        self, new: Callable[[Sequence[Figure]], FigureAccumulator], series: EventSeries
+    ) -> None:
+        """Make ready for these figures, with what makes an accumulator of some."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
         self._new = partial(new, timed)
-        self._tally = self._new()
+        self._accumulator = self._new()
 
     def add(self, piece: Piece) -> None:
         """Enter a piece."""
         since, until = self._turns.time(self._since), self._turns.time(self._until)
         edges = self._turns.edges
         if not self.per_revolution:
-            self._tally.add(piece, max(since, self._turns.begin), until)
+            self._accumulator.add(piece, max(since, self._turns.begin), until)
             return
         while True:
             begin = edges[self._turn]
@@ -326,13 +330,13 @@ class Window:
             counts = begin >= max(since, self._turns.begin) - slack
             counts = counts and (end <= until + slack or not over)
             if counts:
-                self._tally.add(piece, begin, end)
+                self._accumulator.add(piece, begin, end)
             if not over:
                 return
             if counts:
-                self._tallies.append(self._tally)
+                self._accumulators.append(self._accumulator)
                 self._ends += [begin, end]
-                self._tally = self._new()
+                self._accumulator = self._new()
             self._turn += 1
 
     def finish(self, end: float) -> None:
@@ -347,7 +351,7 @@ class Window:
                 begin = max(since, self._turns.begin)
                 value, note = self._of_events(f, begin, until, last=True)
             else:
-                value, note = self._tally.result(f)
+                value, note = self._accumulator.result(f)
             lost = self._outside(since, until)
             return value, lost if lost and note == EXACT else ', '.join(filter(None, (note, lost)))
         parts = self.each_turn(f)
@@ -359,8 +363,8 @@ class Window:
         """Size of the errors of a figure by rounding; numbers of events have none."""
         if f.of_events:
             return 0.0
-        tallies = self._tallies if self.per_revolution else [self._tally]
-        return max((tally.rounding(f) for tally in tallies), default=0.0)
+        accumulators = self._accumulators if self.per_revolution else [self._accumulator]
+        return max((accumulator.rounding(f) for accumulator in accumulators), default=0.0)
 
     def _outside(self, since: float, until: float) -> str:
         """How much of the window [s] the run does not reach, in words."""
@@ -378,7 +382,7 @@ class Window:
         if f.of_events:
             spans = list(zip(self._ends[::2], self._ends[1::2], strict=True))
             return [self._of_events(f, a, b, last=b == spans[-1][1]) for a, b in spans]
-        return [tally.result(f) for tally in self._tallies]
+        return [accumulator.result(f) for accumulator in self._accumulators]
 
     def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[float, str]:
         x, cut = self._series.values(f, since, until, last)

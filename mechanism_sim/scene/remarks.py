@@ -22,12 +22,12 @@ from mechanism_sim.numerics.expressions import ExpressionNode
 from mechanism_sim.planar.drive import DriveLaw, Law, ends
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
-from mechanism_sim.scene.gate import TURN
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.repetition import WHOLE, calls_of_angles, is_whole
 from mechanism_sim.scene.table_keys import TablePart
+from mechanism_sim.scene.validation import TURN
 from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.units import to_si, written
 
@@ -58,12 +58,16 @@ _IN_LAW = 33
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 
-def doubts(machine: Machine) -> list[str]:
+def plausibility_warnings(machine: Machine) -> list[str]:
     """A question for every value that is about a thousand times off, and warnings of joints."""
     every = [(machine.scene.joints[joint.name], joint) for joint in machine.plan.joints]
     return [
         *machine.questions,
-        *(text for keys, joint in every for text in keys.kind_keys.doubts(keys, machine, joint)),
+        *(
+            text
+            for keys, joint in every
+            for text in keys.kind_keys.plausibility_warnings(keys, machine, joint)
+        ),
         *_inertias(machine),
         *_masses(machine),
         *_plays(machine),

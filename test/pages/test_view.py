@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import mechanism_sim as ms
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Impact, String, service_class
 from mechanism_sim.messages import Motion as MotionMessage
@@ -50,7 +50,7 @@ def ended(process: subprocess.Popen[str]) -> int:
 @contextmanager
 def started(*args: str) -> Iterator[subprocess.Popen[str]]:
     """A command on the network of this process."""
-    process = ending.start(command(*args), text=True, stdout=subprocess.PIPE)
+    process = process_exit.start(command(*args), text=True, stdout=subprocess.PIPE)
     try:
         yield process
     finally:

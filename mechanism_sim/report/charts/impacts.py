@@ -30,7 +30,7 @@ _SHUT = 1e-9  # [mm], never opened
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
 
-RAYS = 600
+_RAYS = 600
 """Impacts that a rose shows: of more, the hardest."""
 
 
@@ -107,7 +107,7 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
     part, link = ('pin', rose.pin) if on_pin else ('bushing', rose.bushing)
     degrees = np.degrees(rose.on_pin if on_pin else rose.on_bushing)
     impulse = 1e3 * rose.normal_impulse
-    chosen = np.argsort(-impulse, kind='stable')[:RAYS]
+    chosen = np.argsort(-impulse, kind='stable')[:_RAYS]
     y = rose.largest
     curves = (
         ChartCurve(
