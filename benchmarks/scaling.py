@@ -18,7 +18,7 @@ import heyoka as hy
 import numpy as np
 
 from benchmarks.chains import SPEED, chain
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.errors import RunError
 from mechanism_sim.results.run import prepare
 from mechanism_sim.results.simulate import simulate
@@ -170,7 +170,7 @@ def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
     command = [sys.executable, '-m', 'mechanism_sim', 'run', 'four_bar_clearance', '--json',
                '--revolutions', str(revolutions), *options]  # fmt: skip
     env = os.environ | {'MECHANISM_SIM_ROUTER': router}
-    child = ending.start(command, stdout=subprocess.DEVNULL, env=env)
+    child = process_exit.start(command, stdout=subprocess.DEVNULL, env=env)
     peak = 0
     while True:
         peak = max(peak, peak_memory(child.pid))

@@ -12,7 +12,7 @@ import heyoka as hy
 import numpy as np
 
 from benchmarks.problem import Answer
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec
 from mechanism_sim.linkages.forces import AppliedForce
 from mechanism_sim.numerics.formula import Words, expression, read
 from mechanism_sim.planar.drive import DriveLaw
@@ -64,7 +64,7 @@ class Pin:
     name: str
     links: tuple[str, str]
     points: tuple[Vector2, Vector2]
-    play: Play | None
+    play: ClearanceSpec | None
 
 
 class Push(NamedTuple):
@@ -186,7 +186,7 @@ class Tree:
         return found
 
     @property
-    def loose(self) -> dict[Pin, Play]:
+    def loose(self) -> dict[Pin, ClearanceSpec]:
         """The joints with clearance."""
         return {pin: pin.play for pin in self.pins if pin.play}
 

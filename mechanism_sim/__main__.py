@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import PurePath
 from types import FrameType
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from ros_interfaces.streams import open_streams
 
 _GARBAGE = 10_000
@@ -22,8 +22,8 @@ _CALLERS = '<module>', 'node', '_run_code', '_run_module_as_main'
 def main() -> None:
     """The command line."""
     open_streams()
-    ending.begin()
-    ending.one_thread()
+    process_exit.begin()
+    process_exit.one_thread()
     gc.set_threshold(_GARBAGE, 10, 10)
     from mechanism_sim.cli import main as command  # noqa: PLC0415 - a signal may come meanwhile
 

@@ -182,7 +182,7 @@ def named_unit(name: str, wanted: Sequence[str] = ()) -> str:
     if not (_is_in_names(unit) or _is_unit(unit)):
         return ''
     any_other = not wanted or ('' in wanted and not _INDEX.fullmatch(unit))
-    return unit if any_other or any(_fits(unit, x) for x in wanted) else ''
+    return unit if any_other or any(fits(unit, x) for x in wanted) else ''
 
 
 def is_like_unit(name: str) -> bool:
@@ -194,7 +194,8 @@ def _is_in_names(unit: str) -> bool:
     return unit in _LONGER or (unit not in _AMBIGUOUS and bool(common(unit)))
 
 
-def _fits(unit: str, wanted: str) -> bool:
+def fits(unit: str, wanted: str) -> bool:
+    """True of a unit in which a quantity of an SI unit may be given."""
     try:
         to_si(f'1 {unit}', wanted)
     except ValueError:
@@ -219,7 +220,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     larger : how many times as large it may be as `LARGEST` and `MOST`
     """
     where, most = f"{where}: '{path.name}'", larger * MOST
-    data = _data(path, where, larger * LARGEST)
+    data = documents.limited(path, larger * LARGEST, where, 'give fewer points')
     if found := _of_vectors(path, data, where, most):
         return found
     heading, rows = _rows(path, data, where)
@@ -247,16 +248,6 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     cells = dict(zip(names, columns if rows else missing, strict=True))
     units_of = dict(zip(names, map(_open, units), strict=True))
     return CsvTable(where, heading, cells, units_of, [n for n, _ in rows])
-
-
-def _data(path: Path, where: str, largest: int) -> bytes:
-    try:
-        data = documents.bytes_of(path, largest)
-    except OSError as error:
-        raise InputError(f'{where} cannot be read: {error.strerror or error}') from error
-    if len(data) > largest:
-        raise InputError(f'{where} is larger than {largest} bytes: give fewer points')
-    return data
 
 
 def _of_vectors(path: Path, data: bytes, where: str, most: int) -> CsvTable | None:

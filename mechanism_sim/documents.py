@@ -30,7 +30,7 @@ MOST = 30_000
 DEEPEST = 24
 """Levels of lists and keys in each other."""
 
-LONGEST_KEY, LONGEST_TEXT, LONGEST_DESCRIPTION = 100, 1000, 10_000
+_LONGEST_KEY, _LONGEST_TEXT, _LONGEST_DESCRIPTION = 100, 1000, 10_000
 """Characters."""
 
 _TAG = 'tag:yaml.org,2002:'
@@ -75,6 +75,17 @@ def bytes_of(path: Path, largest: int) -> bytes:
         if not stat.S_ISREG(mode):
             raise OSError(errno.EINVAL, 'it is not a regular file')
         return file.read(largest + 1)
+
+
+def limited(path: Path, largest: int, where: str, advice: str) -> bytes:
+    """Bytes of a file of at most the `largest` number of them; `where` names it in sentences."""
+    try:
+        data = bytes_of(path, largest)
+    except OSError as error:
+        raise InputError(f'{where} cannot be read: {error.strerror or error}') from error
+    if len(data) > largest:
+        raise InputError(f'{where} is larger than {largest} bytes: {advice}')
+    return data
 
 
 def parse(text: str) -> Any:
@@ -139,7 +150,7 @@ def check(data: Any, where: tuple[str, ...] = ()) -> None:
         raise DocumentError(f'{place}: nested more than {DEEPEST} levels deep')
     if isinstance(data, str):
         described = where[-1:] == ('description',)
-        _check_text(data, place, LONGEST_DESCRIPTION if described else LONGEST_TEXT)
+        _check_text(data, place, _LONGEST_DESCRIPTION if described else _LONGEST_TEXT)
     elif isinstance(data, int) and abs(data) > 1.7e308:
         raise DocumentError(f'{place}: the number must be below 1.7e308')
     elif isinstance(data, Mapping):
@@ -149,11 +160,11 @@ def check(data: Any, where: tuple[str, ...] = ()) -> None:
                     f'{place}: the key {quoted(key)} is not possible: keys must be text; put it '
                     'in quotes'
                 )
-            if len(key) > LONGEST_KEY:
+            if len(key) > _LONGEST_KEY:
                 raise DocumentError(
-                    f'{place}: the key {quoted(key)} is longer than {LONGEST_KEY} characters'
+                    f'{place}: the key {quoted(key)} is longer than {_LONGEST_KEY} characters'
                 )
-            _check_text(key, place, LONGEST_KEY)
+            _check_text(key, place, _LONGEST_KEY)
             check(value, (*where, key))
     elif isinstance(data, list | tuple):
         for i, value in enumerate(data):

@@ -11,7 +11,7 @@ from typing import Any
 _LONG_WORD = re.compile(r'(\S{100})\S{300,}(\S{50})')
 
 
-def printable(text: str) -> str:
+def _printable(text: str) -> str:
     """A sentence for any terminal: long words cut in the middle, half characters escaped.
 
     Names and values that somebody gave are quoted in it, whatever they are.
@@ -24,14 +24,14 @@ class InputError(ValueError):
     """Something the user gave cannot be used; the command line ends with code 2."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(printable(text))
+        super().__init__(_printable(text))
 
 
 class RunError(RuntimeError):
     """A run failed although its input was good; the command line ends with code 1."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(printable(text))
+        super().__init__(_printable(text))
 
 
 class RunWarning(UserWarning):

@@ -11,7 +11,7 @@ from mechanism_sim.errors import InputError
 
 _BARE = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?', re.I)
 
-MOST_VALUES = 100_000
+_MOST_VALUES = 100_000
 """Of a range, or of two together: scenes of so many runs take gigabytes before the first."""
 
 
@@ -81,9 +81,9 @@ def check_counts(where: str, counts: Sequence[int]) -> None:
     """Refuse numbers of values that are less than two, or too many all together."""
     if min(counts) < 2:
         raise InputError(f'{where}: the number of values must be at least 2')
-    if (every := math.prod(counts)) > MOST_VALUES:
+    if (every := math.prod(counts)) > _MOST_VALUES:
         product = f'{" x ".join(map(str, counts))} = ' if len(counts) > 1 else ''
-        raise InputError(f'{where}: {product}{every} values are too many: at most {MOST_VALUES}')
+        raise InputError(f'{where}: {product}{every} values are too many: at most {_MOST_VALUES}')
 
 
 def check_order(where: str, low: float, high: float, written: Sequence[Any]) -> None:

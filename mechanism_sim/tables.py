@@ -198,7 +198,7 @@ class _Csv:
 
     def write(self, columns: Sequence[Column]) -> None:
         if not self._file.tell():
-            self._writer.writerow([text_cell(c.heading) for c in columns])
+            self._writer.writerow([_text_cell(c.heading) for c in columns])
         self._writer.writerows(zip(*(_text_cells(c.values) for c in columns), strict=True))
 
     def close(self, _: bool) -> None:
@@ -291,10 +291,10 @@ def _text_cells(values: Sequence[Any] | NDArray[Any]) -> Iterable[Any]:
     if isinstance(values, np.ndarray) and values.dtype.kind in 'iuf' and np.isfinite(values).all():
         numbers: list[Any] = values.tolist()
         return numbers
-    return map(text_cell, values)
+    return map(_text_cell, values)
 
 
-def text_cell(value: Any) -> Any:
+def _text_cell(value: Any) -> Any:
     """A value as a cell of a text; empty where there is not a number.
 
     Spreadsheets take a text that begins like a formula as one: an apostrophe says that it is none.
@@ -423,9 +423,15 @@ def vectors(path: Path, data: bytes, where: str) -> list[Column]:
     found = _read(reader, path, data, where)
     plain = [c for c in found if c.values.ndim == 1 and c.values.dtype.kind in 'biufUOM']
     longest = max((len(c.values) for c in plain), default=0)
-    if others := [c.name for c in plain if 1 < len(c.values) < longest]:
-        names = ', '.join(others)[:_SHOWN_NAMES]
-        print_notice(f'{where}: vectors of other lengths are left out: {names}')
+    others = {
+        'vectors of other lengths': [c for c in plain if 1 < len(c.values) < longest],
+        'complex numbers': [c for c in found if c.values.dtype.kind == 'c'],
+        'arrays of several dimensions': [c for c in found if c.values.ndim > 1],
+    }
+    for what, columns in others.items():
+        if columns:
+            names = ', '.join(c.name for c in columns)[:_SHOWN_NAMES]
+            print_notice(f'{where}: {what} are left out: {names}')
     if not longest:
         raise InputError(f'{where} has no vector of numbers')
     return [c._replace(values=_cells(c.values)) for c in plain if len(c.values) == longest]

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 if TYPE_CHECKING:
     from rich.console import Console
 
-STYLES = {
+_STYLES = {
     r'(?m)^[^\s:][^:\n]*?(?=:|  |$)': 'bold',  # headings: what a line at the margin is about
     r'(?<![\w.+^-])[-+]?\d+(?:\.\d+)?(?:e[-+]\d+)?(?![\w.]\w)': 'cyan',  # numbers
     r'(?m)(?<=^  )mechanism-sim .*$': 'green',  # commands to be copied
@@ -29,7 +29,7 @@ def echo(text: str) -> None:
     from rich.text import Text  # noqa: PLC0415
 
     styled = Text(text)
-    for pattern, style in STYLES.items():
+    for pattern, style in _STYLES.items():
         styled.highlight_regex(re.compile(pattern), style)
     console.print(styled, soft_wrap=True)
 

@@ -280,7 +280,7 @@ class FilmTolerances(NamedTuple):
 
     #: steps between two looks
     look: int = 8192
-    #: steps still to come, from which on a film is spoken of: some minutes
+    #: steps still to come, from which on a run is spoken of, and its film: some minutes
     many: float = 1e7
     #: steps still to come of a film that is squeezed out at standstill, which nobody waits for:
     #: they take hours to days

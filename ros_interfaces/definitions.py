@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -61,6 +62,12 @@ _TEXTS: dict[str, str] = {}
 # What follows the name of a field is its default, in YAML but for constants ('=').
 _DEFAULT_LINE = re.compile(r'^\s*[\w/]+(?:<=\d+)?(?:\[[<=\d]*\])?\s+(\w+)\s+([^=\s#].*)$')
 
+# What actions and services are made of.
+_PART = re.compile(
+    r'(_(SendGoal|GetResult))?_(Request|Response|Goal|Result|Feedback(Message)?)$'
+    r'|_(SendGoal|GetResult)$'
+)
+
 
 class MessageError(ValueError):
     """A message is unknown, does not match its definition, or cannot be decoded."""
@@ -103,45 +110,29 @@ def messages_of(package: str) -> tuple[str, ...]:
 
 @cache
 def typestore() -> Typestore:
-    """Every definition known: those of ROS 2 Jazzy, what rosbags lacks of it, and more on demand.
-
-    The messages of other packages are taken in when the first of them is asked for, services and
-    actions likewise.
-    """
+    """Every definition known: those of ROS 2 Jazzy, and others once they are asked for."""
     store = get_typestore(Stores.ROS2_JAZZY)
     # ROS treats char as uint8, also when it hashes; rosbags hashes it as a type of its own, which
     # would spoil every service hash through ServiceEventInfo.client_gid.
-    for name, (constants, members) in list(store.fielddefs.items()):
-        if "'char'" in repr(members):
-            fields = [(field, _char_as_uint8(description)) for field, description in members]
-            store.fielddefs[name] = (constants, fields)
-    for name, text in simulation.MESSAGES.items():
-        _register(store, name, text)
+    for name, (constants, members) in store.fielddefs.items():
+        fields = [(field, _char_as_uint8(description)) for field, description in members]
+        store.fielddefs[name] = (constants, fields)
     return store
-
-
-@cache
-def _add_services() -> None:
-    """Take in services and actions, which those who read and write messages only never need."""
-    for name, text in (SERVICES | simulation.SERVICES).items():
-        _register_service(typestore(), name, text)
-    for name, text in simulation.ACTIONS.items():
-        _register_action(typestore(), name, text)
 
 
 def define(name: str, text: str) -> None:
     """Add the message ``pkg/msg/Name`` given by the text of its definition."""
-    _register(typestore(), name, text)
+    _register(name, text)
 
 
 def define_service(name: str, text: str) -> None:
     """Add the service ``pkg/srv/Name`` given by the text of its definition."""
-    _register_service(typestore(), name, text)
+    _register_service(name, text)
 
 
 def define_action(name: str, text: str) -> None:
     """Add the action ``pkg/action/Name`` given by the text of its definition."""
-    _register_action(typestore(), name, text)
+    _register_action(name, text)
 
 
 def definition(name: str) -> str:
@@ -156,6 +147,7 @@ def definition(name: str) -> str:
 def type_hash(name: str) -> str:
     """``RIHS01_<sha256>`` of a message or a service."""
     _check_name(name)
+    _dependencies(name)  # which takes them in
     return typestore().hash_rihs01(name)
 
 
@@ -177,62 +169,81 @@ def field_descriptions(name: str) -> list[tuple[str, Any]]:
 
 def _check_name(name: str) -> None:
     if name not in typestore().fielddefs:
-        _learn(name.partition('/')[0])
+        _learn(name)
     if name not in typestore().fielddefs:
-        _add_services()
-    if name not in typestore().fielddefs:
-        raise MessageError(f'Message or service {name!r} is unknown; define() adds one')
+        whole = _PART.sub('', name)
+        known = {_PART.sub('', other) for other in typestore().fielddefs}
+        (close,) = get_close_matches(whole, known, 1, 0.8) or ('',)
+        hint = 'types are written as std_msgs/msg/String'
+        if close:
+            hint = f"did you mean '{close}'?"
+        elif whole.count('/') == 2:
+            folder = whole.rpartition('/')[0]
+            hint = f'definitions are looked for in share/{folder} of AMENT_PREFIX_PATH'
+        raise MessageError(f"the type '{whole}' is unknown; {hint}")
 
 
-@cache
-def _learn(package: str) -> None:
-    """Take in the messages of a package, and of those that they are made of."""
+def _learn(name: str) -> None:
+    """Take in a definition: of its own text, or of that of the service or action it belongs to."""
+    package, kind, short = [*name.split('/'), '', ''][:3]
+    whole = f'{package}/{kind}/{short.partition("_")[0]}'
+    for texts, register in (
+        (simulation.MESSAGES, _register),
+        (SERVICES, _register_service),
+        (simulation.SERVICES, _register_service),
+        (simulation.ACTIONS, _register_action),
+    ):
+        if whole in texts:
+            return register(whole, texts[whole])
     folder = definition_folder(package)
-    if folder is None:
-        return
-    for short in messages_of(package):
-        _register(typestore(), f'{package}/msg/{short}', (folder / f'{short}.msg').read_text())
-    for short in messages_of(package):
-        for nested in _dependencies(f'{package}/msg/{short}'):
-            _check_name(nested)
+    if folder is not None and kind == 'msg' and short in messages_of(package):
+        _register(name, (folder / f'{short}.msg').read_text())
+    return None
 
 
-def _register(store: Typestore, name: str, text: str) -> None:
-    package, kind, short = name.split('/')
+def _register(name: str, text: str) -> None:
+    package, _, short = name.split('/')
     parsed = get_types_from_msg(text, f'{package}/msg/{short}')
-    store.register({f'{package}/{kind}/{short}': parsed[f'{package}/msg/{short}']})
+    # not by rosbags' own `register`, which compiles a class that nobody uses
+    _keep(name, parsed[f'{package}/msg/{short}'])
     _TEXTS[name] = text.rstrip() + '\n'
     matches = map(_DEFAULT_LINE.match, text.splitlines())
     _DEFAULTS[name] = {found[1]: yaml.safe_load(found[2]) for found in matches if found}
 
 
-def _register_service(store: Typestore, name: str, text: str) -> None:
+_FILLER: list[Any] = [('structure_needs_at_least_one_member', (Nodetype.BASE, ('uint8', 0)))]
+
+
+def _keep(name: str, found: Any) -> None:
+    constants, fields = found[0], found[1] or _FILLER
+    if typestore().fielddefs.setdefault(name, (constants, fields))[1] != fields:
+        raise MessageError(f'{name!r} is defined otherwise already')
+
+
+def _register_service(name: str, text: str) -> None:
     request, response = text.split('---\n') if '---\n' in text else (text, '')
-    _register(store, f'{name}_Request', request)
-    _register(store, f'{name}_Response', response)
+    _register(f'{name}_Request', request)
+    _register(f'{name}_Response', response)
     parts: dict[str, Any] = {
         part: (Nodetype.NAME, f'{name}_{part.capitalize()}') for part in _PARTS
     }
     event: list[tuple[str, Any]] = [('info', (Nodetype.NAME, 'service_msgs/msg/ServiceEventInfo'))]
     event += [(part, (Nodetype.SEQUENCE, (parts[part], 1))) for part in _PARTS[:2]]
-    store.register({f'{name}_Event': ([], event)})
-    store.register({name: ([], [(f'{part}_message', parts[part]) for part in _PARTS])})
+    _keep(f'{name}_Event', ([], event))
+    _keep(name, ([], [(f'{part}_message', parts[part]) for part in _PARTS]))
 
 
-def _register_action(store: Typestore, name: str, text: str) -> None:
+def _register_action(name: str, text: str) -> None:
     """An action and what is derived of it, as rosidl does (``rosidl_parser/definition.py``)."""
     for part, body in zip(('Goal', 'Result', 'Feedback'), text.split('---\n'), strict=True):
-        _register(store, f'{name}_{part}', body)
+        _register(f'{name}_{part}', body)
     goal_id = 'unique_identifier_msgs/UUID goal_id\n'
     _register_service(
-        store,
         f'{name}_SendGoal',
         f'{goal_id}{name}_Goal goal\n---\nbool accepted\nbuiltin_interfaces/Time stamp\n',
     )
-    _register_service(
-        store, f'{name}_GetResult', f'{goal_id}---\nint8 status\n{name}_Result result\n'
-    )
-    _register(store, f'{name}_FeedbackMessage', f'{goal_id}{name}_Feedback feedback\n')
+    _register_service(f'{name}_GetResult', f'{goal_id}---\nint8 status\n{name}_Result result\n')
+    _register(f'{name}_FeedbackMessage', f'{goal_id}{name}_Feedback feedback\n')
     members = {
         'goal': 'Goal',
         'result': 'Result',
@@ -244,7 +255,7 @@ def _register_action(store: Typestore, name: str, text: str) -> None:
     fields: list[tuple[str, Any]] = [
         (field, (Nodetype.NAME, f'{name}_{part}')) for field, part in members.items()
     ]
-    store.register({name: ([], fields)})
+    _keep(name, ([], fields))
 
 
 _PARTS = ('request', 'response', 'event')

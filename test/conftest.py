@@ -17,6 +17,8 @@ os.environ.pop('PYTHONDONTWRITEBYTECODE', None)
 os.environ.setdefault('MECHANISM_SIM_MIDDLEWARE', 'zenoh')
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +47,24 @@ kernels.COMPILING = math.inf
 
 NEEDS = {'network': 'network', 'backend': 'network', 'ros': 'network', 'browser': 'browser'}
 """Marks of tests by the fixtures they use; what starts nodes by commands is marked itself."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest collects
+def pytest_collection(session: pytest.Session) -> None:
+    """Begin with other modules than other workers: to rewrite the assertions of all takes long.
+
+    Who comes to a module later finds that done.
+    """
+    count = int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1'))
+    if count == 1 or session.config.args != session.config.getini('testpaths'):
+        return
+    own = int(os.environ['PYTEST_XDIST_WORKER'].removeprefix('gw'))
+    said_later = suppress(Exception, pytest.skip.Exception)  # when it is collected
+    for path in sorted(Path(__file__).parent.glob('*/test_*.py'))[own::count]:
+        if not path.with_name('__init__.py').exists():
+            with pytest.MonkeyPatch.context() as patch, said_later:
+                patch.syspath_prepend(path.parent)
+                import_module(path.stem)
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by marks

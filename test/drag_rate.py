@@ -19,7 +19,7 @@ from browsing import OPTIONS, program
 from playwright.sync_api import sync_playwright
 from running import command
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 
 SPAN = 3.0  # [s]
 EVERY = 0.008  # [s]
@@ -34,7 +34,7 @@ def cpu_of(process: int) -> float:
 
 def measure(scene: str = 'four_bar_clearance', joint: str = '') -> None:
     """Drag a joint of a scene and print what it takes."""
-    server = ending.start(
+    server = process_exit.start(
         command('edit', scene, '--port', '0', '--json'), text=True, stdout=subprocess.PIPE,
         cwd=tempfile.gettempdir(),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from typing import Any
 from middleware_network import PATIENCE
 from running import command
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.session import Session
 
@@ -188,7 +188,7 @@ class Hand:
 @contextmanager
 def editing(*args: str) -> Iterator[str]:
     """An editor in a process of its own: its address."""
-    process = ending.start(
+    process = process_exit.start(
         command('edit', *args, '--port', '0', '--json'), text=True, stdout=subprocess.PIPE
     )
     try:

@@ -38,7 +38,7 @@ from mechanism_sim.results.catalogue import catalogue
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import Piece, prepare
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.validation import validate
 
 Array = NDArray[np.float64]
 
@@ -193,7 +193,7 @@ def lengths(machine: Machine, revolutions: float) -> Iterator[tuple[str, float]]
     """How far a machine is to run, in words and [s]; then how far if that is too dear."""
     if steady_speed(machine) is not None:
         try:
-            admit(machine, machine.drive.time_of(1.0))
+            validate(machine, machine.drive.time_of(1.0))
         except InputError:
             pass
         else:

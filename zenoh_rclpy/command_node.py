@@ -1,6 +1,6 @@
 """A node that lists, echoes, publishes and calls, for the command ``zros``.
 
-What ``ros2 topic``, ``ros2 param``, ``ros2 service`` and ``ros2 action`` do, with ROS and without:
+What ``ros2`` does for nodes, topics, parameters, services and actions, with ROS and without:
 on rclpy where it is installed, on this package elsewhere.
 """
 
@@ -10,7 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -67,6 +67,18 @@ def missing(
     """There is no such thing; the nearest of those that are there."""
     (close,) = get_close_matches(name, list(known), 1, 0.5) or ('',)
     return kind(f"{sentence}; did you mean '{close}'?" if close else sentence)
+
+
+def absolute(name: str) -> str:
+    """A name in full, from the root."""
+    return f'/{name.removeprefix("/")}'
+
+
+def _check_type(topic: str, kind: str, ends: list[Any]) -> None:
+    """Raise UsageError if there are other ends of a topic, and none of a type."""
+    types = sorted({info.topic_type for info in ends})
+    if types and kind not in types:
+        raise UsageError(f'{topic} is of the type {", ".join(types)}, not {kind}')
 
 
 def refusal(answer: Any) -> str:
@@ -189,8 +201,38 @@ class CommandNode:
         names = {f'{space.rstrip("/")}/{name}' for name, space in pairs}
         return sorted(n for n in names if f'/{_NAME}' not in n)
 
+    def of_node(self, node: str) -> dict[str, list[tuple[str, list[str]]]]:
+        """Topics, services and actions of a node with their types, by kind.
+
+        Raises
+        ------
+        UsageError
+            If there is no such node.
+        """
+        full = absolute(node)
+        if not self._wait(lambda: full in self.nodes()):
+            raise self._no_node(full)
+        space, _, name = full.rpartition('/')
+        look = self.node
+        kinds = {
+            'publishers': look.get_publisher_names_and_types_by_node,
+            'subscriptions': look.get_subscriber_names_and_types_by_node,
+            'services': look.get_service_names_and_types_by_node,
+            'clients': look.get_client_names_and_types_by_node,
+        }
+        return {
+            kind: [(n, types) for n, types in find(name, space or '/') if '/_' not in n]
+            for kind, find in kinds.items()
+        }
+
+    def _no_node(self, full: str) -> Exception:
+        known = self.nodes()
+        return missing(
+            f"there is no node '{full}'; nodes: {', '.join(known) or 'none'}", full, known
+        )
+
     def _find(self, name: str, look: Callable[[], Any], kind: str) -> tuple[str, list[str]]:
-        full = name if name.startswith('/') else f'/{name}'
+        full = absolute(name)
         found = self._wait(lambda: dict(look()).get(full))
         if not found:
             known = [n for n, _ in look() if _ACTION_PARTS not in n]
@@ -249,6 +291,8 @@ class CommandNode:
         try:
             while not over and (end is None or time.monotonic() < end):
                 spin_once(self.node, timeout_sec=_BEAT)
+                if kind and not count:
+                    _check_type(full, kind, self.node.get_publishers_info_by_topic(full))
                 self._check_patience(full, count, wanted)
         finally:
             self.node.destroy_subscription(subscription)
@@ -264,10 +308,14 @@ class CommandNode:
         known = [n for n, _ in self.topics() if self.node.count_publishers(n)]
         raise missing(f'{said}: nobody publishes there', topic, known, MiddlewareError)
 
-    def rates(
-        self, topic: str, times: list[float], over: Callable[[], bool], wanted: int = 0
+    def arrivals(
+        self,
+        topic: str,
+        arrivals: list[tuple[float, int]],
+        over: Callable[[], bool],
+        wanted: int = 0,
     ) -> None:
-        """Add when messages of a topic come [s], until `over` gives true.
+        """Add times [s] and sizes [bytes] of messages of a topic, until `over` gives true.
 
         It is asked at every message, and now and then without any. Those that are `wanted` are
         waited for as by `listen`.
@@ -276,14 +324,14 @@ class CommandNode:
         subscription = self.node.create_subscription(
             message_class(types[0]),
             full,
-            lambda _: times.append(time.monotonic()),
+            lambda data: arrivals.append((time.monotonic(), len(data))),
             QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT),
             raw=True,
         )
         try:
             while not over():
                 spin_once(self.node, timeout_sec=_BEAT)
-                self._check_patience(full, len(times), wanted)
+                self._check_patience(full, len(arrivals), wanted)
         finally:
             self.node.destroy_subscription(subscription)
 
@@ -303,11 +351,12 @@ class CommandNode:
         MiddlewareError
             If nobody subscribes, or does not take in all.
         """
-        full = topic if topic.startswith('/') else f'/{topic}'
+        full = absolute(topic)
         message = from_plain(message_class(kind), values)
         publisher = self.node.create_publisher(type(message), full, 10)
         if count and not self._wait(publisher.get_subscription_count):
             known = [n for n, _ in self.topics() if self.node.count_subscribers(n)]
+            _check_type(full, kind, self.node.get_subscriptions_info_by_topic(full))
             raise missing(f'nobody subscribes to {full}', full, known, MiddlewareError)
         for k in range(count or sys.maxsize):
             if k:
@@ -327,7 +376,7 @@ class CommandNode:
         UsageError, MiddlewareError
             If there is no such service, or no answer.
         """
-        full = service if service.startswith('/') else f'/{service}'
+        full = absolute(service)
         if kind is None:
             full, types = self._find(service, self.node.get_service_names_and_types, 'service')
             kind = types[0]
@@ -353,7 +402,7 @@ class CommandNode:
         UsageError, MiddlewareError
             If there is no such action, or it refuses the goal.
         """
-        full = action if action.startswith('/') else f'/{action}'
+        full = absolute(action)
         made = action_class(kind)
         client = ActionClient(self.node, made, full)
         if not client.wait_for_server(max(self._end - time.monotonic(), 0.0)):
@@ -363,7 +412,13 @@ class CommandNode:
         handle = self._answer(client.send_goal_async(goal, listener), full)
         if not handle.accepted:
             raise MiddlewareError(f'{full} does not accept the goal')
-        return self._answer(handle.get_result_async(), full)
+        try:
+            return self._answer(handle.get_result_async(), full)
+        except BaseException:  # of a signal, too: nobody hears what would come of the goal
+            with suppress(RuntimeError):  # rclpy has left the network at a signal
+                cancelled = handle.cancel_goal_async()
+                spin_until_future_complete(self.node, cancelled, timeout_sec=_QUIET)
+            raise
 
     def _answer(self, future: Any, name: str) -> Any:
         while not future.done():
@@ -378,14 +433,12 @@ class CommandNode:
     # parameters
 
     def _parameters(self, node: str, short: str, **fields: Any) -> Any:
-        full = node if node.startswith('/') else f'/{node}'
+        full = absolute(node)
         words = ''.join('_' + c.lower() if c.isupper() else c for c in short).lstrip('_')
         try:
             return self.call(f'{full}/{words}', f'{_PARAMETERS}/{short}', fields or None)
         except UsageError:
-            known = self.nodes()
-            found = f'nodes: {", ".join(known) or "none"}'
-            raise missing(f"there is no node '{full}'; {found}", full, known) from None
+            raise self._no_node(full) from None
 
     def parameter_names(self, node: str) -> list[str]:
         """Names of the parameters of a node."""
@@ -399,13 +452,20 @@ class CommandNode:
         UsageError
             If there is none.
         """
-        values = self._parameters(node, 'GetParameters', names=[name]).values
+        values = self.parameters(node, [name])
         if not values:
             known = self.parameter_names(node)
             raise missing(f"{node} has no parameter '{name}'", name, known)
+        return values[name]
+
+    def parameters(self, node: str, names: list[str]) -> dict[str, Any]:
+        """Values of parameters by name; none if one of them is not there."""
+        values = self._parameters(node, 'GetParameters', names=names).values
         message = message_class('rcl_interfaces/msg/Parameter')
-        found = message(name=name, value=values[0])
-        return Parameter.from_parameter_msg(found).value
+        return {
+            name: Parameter.from_parameter_msg(message(name=name, value=value)).value
+            for name, value in zip(names, values, strict=False)
+        }
 
     def describe(self, node: str, name: str) -> Any:
         """The descriptor of a parameter."""
@@ -428,7 +488,7 @@ class CommandNode:
             value = float(value)
         if isinstance(old, str) and not isinstance(value, str):
             value = str(value)
-        full = node if node.startswith('/') else f'/{node}'
+        full = absolute(node)
         kind = service_class(f'{_PARAMETERS}/SetParameters')
         client = self.node.create_client(kind, f'{full}/set_parameters')
         self._wait(client.service_is_ready)

@@ -1,4 +1,4 @@
-"""The command line ``zros``: topics, parameters, services and actions of what runs.
+"""The command line ``zros``: nodes, topics, parameters, services and actions of what runs.
 
 The words are those of ``ros2``; every verb has ``--json`` and ``--timeout``.
 """
@@ -43,7 +43,7 @@ class Parser(argparse.ArgumentParser):
 def make_parser() -> argparse.ArgumentParser:
     """The parser; `act` of what it reads is what is to be done."""
     parser = Parser(
-        prog='zros', description='Topics, parameters, services and actions of what runs.'
+        prog='zros', description='Nodes, topics, parameters, services and actions of what runs.'
     )
     groups = parser.add_subparsers(dest='group', metavar='GROUP', required=True)
     common = Parser(add_help=False)
@@ -71,18 +71,22 @@ def make_parser() -> argparse.ArgumentParser:
 
         return verb
 
+    verb = group('node', 'list and inspect nodes')
+    verb('list', lambda n, o: _print_names(o, n.nodes()), 'nodes')
+    verb('info', _node_info, 'topics and services of a node', 'NODE')
     _add_topic(group('topic', 'list, echo, inspect and publish on topics'))
-    verb = group('param', 'list, get, set and describe parameters')
+    verb = group('param', 'list, get, set, describe and dump parameters')
     verb('list', _param_list, 'parameters of a node, or of all', '[NODE]')
     verb('get', _param_get, 'the value of a parameter', 'NODE', 'NAME')
     verb('describe', _param_describe, 'what a parameter is', 'NODE', 'NAME')
     verb('set', _param_set, 'give a parameter a value', 'NODE', 'NAME', 'VALUE')
+    verb('dump', _param_dump, 'all values of a node, as a file for --params-file', 'NODE')
     verb = group('service', 'list and call services')
     _types(verb('list', lambda n, o: _list(o, n.services()), 'services'))
     verb('call', _call, "call a service with VALUES as '{steps: 100}'",
          'SERVICE', '[TYPE]', '[VALUES]')  # fmt: skip
     verb = group('action', 'list actions, and send them goals')
-    verb('list', _action_list, 'actions')
+    verb('list', lambda n, o: _print_names(o, n.actions()), 'actions')
     sub = verb('send_goal', _send_goal, "send a goal with VALUES as '{steps: 10}'",
                'ACTION', 'TYPE', '[VALUES]')  # fmt: skip
     sub.add_argument('-f', '--feedback', action='store_true', help='print what comes meanwhile')
@@ -92,8 +96,10 @@ def make_parser() -> argparse.ArgumentParser:
 def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
     _types(verb('list', lambda n, o: _list(o, n.topics()), 'topics'))
     verb('info', _info, 'who publishes and subscribes', 'TOPIC')
+    verb('type', lambda n, o: _print_names(o, n.endpoints(o.topic).types), 'its type', 'TOPIC')
     echo = verb('echo', _echo, 'print messages of a topic', 'TOPIC', '[TYPE]')
     hz = verb('hz', _hz, 'how often messages come, each second until it is ended', 'TOPIC')
+    bw = verb('bw', _bw, 'how many bytes come, each second until it is ended', 'TOPIC')
     pub = verb('pub', _pub, "publish VALUES as '{data: 0.5}'", 'TOPIC', 'TYPE', '[VALUES]')
     for sub in (echo, pub):
         only = sub.add_mutually_exclusive_group()
@@ -101,16 +107,17 @@ def _add_topic(verb: Callable[..., argparse.ArgumentParser]) -> None:
             '--once', action='store_const', const=1, dest='count', help='one message'
         )
         only.add_argument('--count', metavar='N', type=_number, help='so many messages')
-    for sub in (echo, hz):
+    for sub in (echo, hz, bw):
         sub.add_argument('--duration', metavar='S', type=float, help='end after so many seconds')
     echo.add_argument('--field', metavar='PATH', help="only this, as 'a.b' or 'position.0'")
     echo.add_argument(
         '--full', action='store_true', help=f'arrays whole, not their first {_LONGEST} elements'
     )
-    hz.add_argument(
-        '--window', metavar='N', type=lambda text: _number(text, 2), default=10_000,
-        help='figures of the last N messages (default: %(default)s)',
-    )  # fmt: skip
+    for sub in (hz, bw):
+        sub.add_argument(
+            '--window', metavar='N', type=lambda text: _number(text, 2), default=10_000,
+            help='figures of the last N messages (default: %(default)s)',
+        )  # fmt: skip
     pub.add_argument('--rate', metavar='HZ', type=_positive, default=1.0, help='messages a second')
 
 
@@ -219,48 +226,77 @@ def _echo(node: CommandNode, options: argparse.Namespace) -> None:
 
 
 def _hz(node: CommandNode, options: argparse.Namespace) -> None:
+    _watch(node, options, _rate)
+
+
+def _bw(node: CommandNode, options: argparse.Namespace) -> None:
+    _watch(node, options, _bandwidth)
+
+
+def _watch(
+    node: CommandNode,
+    options: argparse.Namespace,
+    figures: Callable[[list[float], list[int]], tuple[dict[str, float], str]],
+) -> None:
+    """Print figures of the times [s] and sizes of messages, each second and at the end."""
     end = None if options.duration is None else time.monotonic() + options.duration
     told = time.monotonic()
-    times: list[float] = []
+    arrivals: list[tuple[float, int]] = []
+
+    def show() -> None:
+        times, sizes = map(list, zip(*arrivals, strict=True))
+        values, text = figures(times, sizes)
+        if options.json:
+            _print_json(values)
+        else:
+            print(text, flush=True)
 
     def over() -> bool:
         nonlocal told
-        del times[: -options.window]
+        del arrivals[: -options.window]
         now = time.monotonic()
         ended = end is not None and now > end
         if now >= told + _TOLD and not options.json and not ended:
-            if len(times) > 1 and times[-1] > told:
-                _print_rate(options, times)
+            if len(arrivals) > 1 and arrivals[-1][0] > told:
+                show()
             else:
                 print('no new messages', flush=True)
             told = now
         return ended
 
     try:
-        node.rates(options.topic, times, over, 2 if options.timeout else 0)
+        node.arrivals(options.topic, arrivals, over, 2 if options.timeout else 0)
     finally:  # a signal does not lose what was measured
-        if len(times) > 1:
-            _print_rate(options, times)
-    if len(times) < 2:
-        count = 'no message' if not times else 'one message'
+        if len(arrivals) > 1:
+            show()
+    if len(arrivals) < 2:
+        count = 'no message' if not arrivals else 'one message'
         raise ValueError(f'{options.topic}: {count} came, which has no rate')
 
 
-def _print_rate(options: argparse.Namespace, times: list[float]) -> None:
-    """How often messages came, which did at these times [s]."""
+def _rate(times: list[float], _: list[int]) -> tuple[dict[str, float], str]:
+    """How often messages come: figures and a sentence."""
     gaps = [after - before for before, after in pairwise(times)]
     figures = {
         'rate': 1.0 / fmean(gaps), 'least': min(gaps), 'greatest': max(gaps),
-        'deviation': pstdev(gaps), 'messages': len(times),
+        'deviation': pstdev(gaps), 'messages': float(len(times)),
     }  # fmt: skip
-    if options.json:
-        _print_json({k: float(v) for k, v in figures.items()})
-    else:
-        print(
-            f'{figures["rate"]:.3f} messages a second; between them {min(gaps):.6f} to '
-            f'{max(gaps):.6f} s, deviation {figures["deviation"]:.6f} s, of {len(times)} messages',
-            flush=True,
-        )
+    return figures, (
+        f'{figures["rate"]:.3f} messages a second; between them {min(gaps):.6f} to '
+        f'{max(gaps):.6f} s, deviation {figures["deviation"]:.6f} s, of {len(times)} messages'
+    )
+
+
+def _bandwidth(times: list[float], sizes: list[int]) -> tuple[dict[str, float], str]:
+    """How many bytes come: figures and a sentence."""
+    figures = {
+        'rate': sum(sizes[1:]) / (times[-1] - times[0]), 'least': float(min(sizes)),
+        'greatest': float(max(sizes)), 'mean': fmean(sizes), 'messages': float(len(sizes)),
+    }  # fmt: skip
+    return figures, (
+        f'{figures["rate"]:.6g} bytes a second; messages of {min(sizes)} to {max(sizes)} bytes, '
+        f'mean {figures["mean"]:.6g}, of {len(sizes)} messages'
+    )
 
 
 def _pub(node: CommandNode, options: argparse.Namespace) -> None:
@@ -273,7 +309,20 @@ def _pub(node: CommandNode, options: argparse.Namespace) -> None:
     node.publish(options.topic, options.type, values, options.count, options.rate, show)
 
 
-# parameters
+# nodes and parameters
+
+
+def _node_info(node: CommandNode, options: argparse.Namespace) -> None:
+    found = node.of_node(options.node)
+    if options.json:
+        _print_json(
+            {k: [{'name': n, 'types': types} for n, types in known] for k, known in found.items()}
+        )
+        return
+    for kind, known in found.items():
+        print(f'{kind}:')
+        for name, types in known:
+            print(f'  {name} [{", ".join(types)}]')
 
 
 def _param_list(node: CommandNode, options: argparse.Namespace) -> None:
@@ -303,6 +352,20 @@ def _param_describe(node: CommandNode, options: argparse.Namespace) -> None:
     _print(options, node.describe(options.node, options.name), '')
 
 
+def _param_dump(node: CommandNode, options: argparse.Namespace) -> None:
+    from ros_interfaces.plain import to_plain  # noqa: PLC0415
+    from zenoh_rclpy.command_node import absolute  # noqa: PLC0415
+    from zenoh_rclpy.parameter_files import write_parameters  # noqa: PLC0415
+
+    found = node.parameters(options.node, node.parameter_names(options.node))
+    # a file has no words for values that are not set, and for arrays without a type
+    values = {k: to_plain(v, finite=options.json) for k, v in found.items() if v not in (None, [])}
+    if options.json:
+        _print_json(values)
+    else:
+        print(write_parameters(absolute(options.node), values), end='')
+
+
 def _param_set(node: CommandNode, options: argparse.Namespace) -> None:
     owner, name = options.node, options.name
     node.set_parameter(owner, name, _values(options.value))
@@ -325,14 +388,6 @@ def _call(node: CommandNode, options: argparse.Namespace) -> int:
     answer = node.call(options.service, kind, _values(values))
     _print(options, answer, '')
     return 1 if refusal(answer) else 0
-
-
-def _action_list(node: CommandNode, options: argparse.Namespace) -> None:
-    names = node.actions()
-    if options.json:
-        _print_json(names)
-    elif names:
-        print('\n'.join(names))
 
 
 def _send_goal(node: CommandNode, options: argparse.Namespace) -> int:
@@ -369,6 +424,13 @@ def _print(options: argparse.Namespace, message: Any, mark: str) -> None:
     dumped = yaml.safe_dump(plain, sort_keys=False, allow_unicode=True).removesuffix('...\n')
     text = f'{plain}\n' if isinstance(plain, str) else dumped  # as it is, such as a URDF
     print(f'{text}{mark}'.rstrip('\n'), flush=True)
+
+
+def _print_names(options: argparse.Namespace, names: list[str]) -> None:
+    if options.json:
+        _print_json(names)
+    elif names:
+        print('\n'.join(names))
 
 
 def _print_json(data: object) -> None:

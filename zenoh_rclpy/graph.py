@@ -57,13 +57,15 @@ class Graph:
         """Every node."""
         return list(self.find(NODE, '').values())
 
-    def names_and_types(self, kinds: Iterable[str]) -> list[tuple[str, list[str]]]:
+    def names_and_types(
+        self, kinds: Iterable[str], of: Callable[[Token], bool] = lambda _: True
+    ) -> list[tuple[str, list[str]]]:
         """Names of topics or services with their types, sorted."""
         wanted = set(kinds)
         found: dict[str, set[str]] = defaultdict(set)
         with self._changed:
             for token in self._tokens.values():
-                if token.kind in wanted:
+                if token.kind in wanted and of(token):
                     found[token.name].add(token.type)
         return [(name, sorted(types)) for name, types in sorted(found.items())]
 

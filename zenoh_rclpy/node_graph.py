@@ -78,6 +78,30 @@ class NodeGraph:
         """Services with servers."""
         return self.context.graph.names_and_types((wire.SERVICE,))
 
+    def get_publisher_names_and_types_by_node(
+        self, node_name: str, node_namespace: str
+    ) -> list[tuple[str, list[str]]]:
+        """Topics on which a node publishes."""
+        return self._by_node(wire.PUBLISHER, node_name, node_namespace)
+
+    def get_subscriber_names_and_types_by_node(
+        self, node_name: str, node_namespace: str
+    ) -> list[tuple[str, list[str]]]:
+        """Topics to which a node subscribes."""
+        return self._by_node(wire.SUBSCRIPTION, node_name, node_namespace)
+
+    def get_service_names_and_types_by_node(
+        self, node_name: str, node_namespace: str
+    ) -> list[tuple[str, list[str]]]:
+        """Services of a node."""
+        return self._by_node(wire.SERVICE, node_name, node_namespace)
+
+    def get_client_names_and_types_by_node(
+        self, node_name: str, node_namespace: str
+    ) -> list[tuple[str, list[str]]]:
+        """Services for which a node has clients."""
+        return self._by_node(wire.CLIENT, node_name, node_namespace)
+
     def count_publishers(self, topic: str) -> int:
         """Number of publishers on a topic."""
         return self.context.graph.count(wire.PUBLISHER, self.resolve_topic_name(topic))
@@ -111,6 +135,10 @@ class NodeGraph:
         if only_expand:
             return full
         return self._arguments.remap(full, self._namespace, self._name, kind)
+
+    def _by_node(self, kind: str, name: str, namespace: str) -> list[tuple[str, list[str]]]:
+        graph = self.context.graph
+        return graph.names_and_types((kind,), lambda t: (t.node, t.namespace) == (name, namespace))
 
     def _infos(self, kind: str, topic: str) -> list[TopicEndpointInfo]:
         found = self.context.graph.find(kind, self.resolve_topic_name(topic))

@@ -4,6 +4,7 @@ It is a YAML of its own: 1e-9 is a number, 010 is eight, 1:30 a text, and a key 
 """
 
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,18 @@ class _Loader(yaml.SafeLoader):
         if kind is yaml.ScalarNode and implicit[0]:
             return _PLAIN
         return super().resolve(kind, value, implicit)  # type: ignore[no-untyped-call]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Quotes texts that would be read as numbers or truth values."""
+
+
+def _quoted(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    plain = bool(text) and isinstance(_scalar(text), str)
+    return dumper.represent_scalar('tag:yaml.org,2002:str', text, style=None if plain else '"')
+
+
+_Dumper.add_representer(str, _quoted)
 
 
 def parse(text: str) -> Any:
@@ -48,6 +61,14 @@ def read_parameters(path: str) -> Iterator[tuple[str, dict[str, Any]]]:
     if not isinstance(content, dict):
         raise ValueError(f'the file must have the form NODE: {MARK}: NAME: VALUE')
     yield from _sections('', content)
+
+
+def write_parameters(node: str, values: dict[str, Any]) -> str:
+    """Text of a file with values of a node, which `read_parameters` reads."""
+    content = {node: {MARK: values}}
+    return yaml.dump(
+        content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=sys.maxsize
+    )
 
 
 def _sections(prefix: str, content: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

@@ -123,7 +123,7 @@ class TopicAccount:
 
 
 @dataclass(frozen=True)
-class Ledger:
+class MessageAccounts:
     """The accounts of all topics that a node claims.
 
     A node that did not finish may have sent more than its last message says.
@@ -135,7 +135,7 @@ class Ledger:
     lost: int  #: messages sent and not recorded, on all topics
 
 
-class LedgerCollector:
+class MessageAccountsCollector:
     """Keeps the last Progress message of every node; a finished one is final."""
 
     def __init__(self) -> None:
@@ -149,7 +149,7 @@ class LedgerCollector:
         if last is None or not last.finished:
             self._last[message.node] = message
 
-    def summary(self, recorded: Mapping[str, int]) -> Ledger | None:
+    def summary(self, recorded: Mapping[str, int]) -> MessageAccounts | None:
         """The accounts; None without a message.
 
         Parameters
@@ -170,7 +170,9 @@ class LedgerCollector:
             tuple(sorted(node for node, m in self._last.items() if bool(m.finished) is wanted))
             for wanted in (True, False)
         )
-        return Ledger(tuple(accounts), finished, unfinished, sum(x.lost for x in accounts))
+        return MessageAccounts(
+            tuple(accounts), finished, unfinished, sum(x.lost for x in accounts)
+        )
 
 
 def _full_name(topic: str, recorded: Mapping[str, int]) -> str:

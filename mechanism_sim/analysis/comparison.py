@@ -19,12 +19,9 @@ from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene.facts import as_written
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.indicators import indicators
-from mechanism_sim.sensing.spectra import LineSpectrum, power
+from mechanism_sim.sensing.spectra import LineSpectrum, power, severity
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people, given, number
-
-SEVERITY = 10.0, 1000.0
-"""[Hz] Band of the severity of vibration: rms of the velocity, ISO 20816-1:2016, 4.3."""
 
 _BRIEF = 48  # letters of the name of a run
 _FEW = 32  # lines below a band
@@ -147,13 +144,12 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
             ('crest factor', seen.crest, ''), ('kurtosis', seen.kurtosis, ''),
         ):  # fmt: skip
             yield ('sensors', name, word, unit), math.nan if value is None else value
-        faded = power(signal.runs, signal.rate, len(signal.longest))
-        whole = _of_whole_turns(record, signal) or faded
+        # segments that overlap weigh all of the run alike, which one window of its length does not
+        faded = power(signal.runs, signal.rate)
+        whole = _of_whole_turns(record, signal)
+        whole = whole or power(signal.runs, signal.rate, len(signal.longest))
         if signal.unit == 'm/s^2':
-            f, energy = whole.frequency, whole.values * whole.step
-            inside = (f >= SEVERITY[0]) & (f <= SEVERITY[1])
-            speed = energy[inside] / (2.0 * np.pi * f[inside]) ** 2
-            yield ('severity', name, 'velocity, rms', 'm/s'), math.sqrt(speed.sum())
+            yield ('severity', name, 'velocity, rms', 'm/s'), severity(whole)
         edges = 1000.0 * 2.0 ** (np.arange(len(_OCTAVES) + 1) - 5.5)
         for middle, (low, high) in zip(_OCTAVES, pairwise(edges), strict=True):
             # under Hann's window an order lies on three lines, of which a low band may lose one

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -196,7 +197,8 @@ def find_details(
     channels : numbers in messages that are wanted beside signals of sensors, by name
     """
     skip = wanted.skip
-    begin = record.begin(skip)
+    begin, rate = record.begin(skip), record.rate if record.has_turns else None
+    turn = 1.0 / rate if rate else math.inf
 
     def signal(name: str) -> _Samples:
         if name in channels:
@@ -206,10 +208,10 @@ def find_details(
 
     return Details(
         record.machine.plan.main,
-        record.rate if record.has_turns else None,
+        rate,
         {name: _spectrum(signal(name)) for name in wanted.spectra},
         {name: _orders(record, name, skip) for name in wanted.orders},
-        {name: _envelope(signal(name), wanted.band) for name in wanted.envelopes},
+        {name: _envelope(signal(name), wanted.band, turn) for name in wanted.envelopes},
         {
             name: Average(record.over_turns(name, skip=skip), record.unit(name))
             for name in wanted.averages
@@ -294,13 +296,16 @@ def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
     )
 
 
-def _envelope(signal: _Samples, band: tuple[float, float] | None) -> SignalSpectrum:
+def _envelope(
+    signal: _Samples, band: tuple[float, float] | None, turn: float = math.inf
+) -> SignalSpectrum:
+    """Of a signal in a band [Hz], or in that of its shocks; `turn` as for `shock_band`."""
     if band and not 0.0 <= band[0] < band[1] <= 0.5 * signal.rate:
         raise InputError(
             f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '
             f'sampling rate of {signal.name}, {0.5 * signal.rate:g} Hz'
         )
-    band = band or shock_band(signal.longest, signal.rate)
+    band = band or shock_band(signal.longest, signal.rate, turn)
     found = envelope_spectrum(signal.longest, signal.rate, band)
     share = band_share(signal.longest, signal.rate, band)
     return SignalSpectrum(found, f'({signal.unit or 1})^2', band, share, signal.unit)

@@ -39,7 +39,7 @@ _FAR, _LONG = 1000.0, 10.0
 [s], counts from elsewhere, as from 1970: a run from 0 on would not come to its end."""
 
 
-def signal_of(bag: Bag, sensor: str | None = None) -> Signal:
+def _signal_of(bag: Bag, sensor: str | None = None) -> Signal:
     """The signal of a sensor of a bag; of its only one, if none is named."""
     collectors = SignalCollectors()
     topics = find_topics(bag)['sensors']
@@ -110,7 +110,7 @@ def measurements(
             # signals of a sensor are what the bag gives, and not numbers of its messages
             sensed = sensor in machine.scene.sensors or sensor not in catalogue(machine)
             if not channel and sensed and find_topics(bag)['sensors']:
-                found.append(_of_sensor(bag, machine, signal_of(bag, sensor).since(skip)))
+                found.append(_of_sensor(bag, machine, _signal_of(bag, sensor).since(skip)))
                 continue
             channels = _channels_of(bag, channel)
         chosen = _chosen(path, machine, sensor, channel, channels)
@@ -128,9 +128,11 @@ def _channels_of(bag: Bag, path: str | None) -> dict[str, ChannelSamples]:
 
 
 def samples_of(bag: Bag, x: Series) -> ChannelSamples:
-    """Recorded values as samples of a channel."""
+    """Recorded values as samples of a channel; in the unit with which the name of a field ends."""
     # of a joint nobody may say whether it turns or slides: numbers are SI all the same
     unit = '' if ' or ' in x.unit else x.unit
+    if not x.unit and x.name.startswith('/'):
+        unit = named_unit(x.name.rpartition('.')[2])
     return checked(bag.path, ChannelSamples(x.name, x.t, x.values, unit))
 
 

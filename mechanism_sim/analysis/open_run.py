@@ -80,7 +80,7 @@ class MessageRun:
     def listed(self) -> Iterator[Name]:
         """All that can be asked for; an array stands for all its items."""
         yield from (Name(name, x.unit) for name, x in self.series.items())
-        yield from names_in(self._bag)
+        yield from _names_in(self._bag)
 
     def names(self) -> list[str]:
         """Names of all that can be asked for."""
@@ -108,7 +108,7 @@ class MessageRun:
     def find(self, given: str | Iterable[str | Sequence[str]]) -> list[Series]:
         """Recorded values of names, at the times of their messages, in one pass over the bag."""
         names, home = [*flat(given)], self._namespace
-        paths = {name: path for name in names if (path := path_in(self._bag, name, home))}
+        paths = {name: path for name in names if (path := _path_in(self._bag, name, home))}
         states = {name: self._path(name) for name in names if name not in paths}
         try:
             read = [*recorded(self._bag, [*paths.values(), *states.values()])]
@@ -342,7 +342,7 @@ class Asked:
         for sensor in record.sampled_sensors:
             yield Name(sensor, record.signal(sensor).unit)
         if self._bag:
-            yield from names_in(self._bag)
+            yield from _names_in(self._bag)
 
     def _chosen(self, name: str) -> list[str]:
         """Names of the quantities of the motion that a name stands for."""
@@ -371,10 +371,10 @@ class Asked:
         return {s.name: s for s in drawn(record.piece, names, begin, finish, rate, also)}
 
     def _path(self, name: str) -> MessagePath | None:
-        return path_in(self._bag, name, self._namespace) if self._bag else None
+        return _path_in(self._bag, name, self._namespace) if self._bag else None
 
 
-def path_in(bag: Bag, name: str, namespace: str | None = None) -> MessagePath | None:
+def _path_in(bag: Bag, name: str, namespace: str | None = None) -> MessagePath | None:
     """The path into messages of a bag that a name stands for, if it does."""
     path = parse(name, bag.topics)
     if path is None or not path.steps:
@@ -455,7 +455,7 @@ def _signal(record: Record, sensor: str) -> Series:
     return Series(sensor, signal.unit, np.concatenate(t)[:-1], np.concatenate(values)[:-1])
 
 
-def names_in(bag: Bag) -> Iterator[Name]:
+def _names_in(bag: Bag) -> Iterator[Name]:
     """The numbers in the messages of a bag that can be read, but for headers.
 
     Of ROS by the definition of the type; of others those that the first message has.

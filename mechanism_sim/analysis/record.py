@@ -59,7 +59,7 @@ KINDS = {
 #: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
 SHARED = ('sensors', 'progress')
 #: What is no longer read, with the version of bags that ended it.
-RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
+_RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
 _RUN = 'motion', 'impacts', 'mode_changes'
 _ZEROS = np.zeros((0, 0))
 NOTHING = Motion(
@@ -437,15 +437,18 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     parts = [piece.motion for piece in found if len(piece.motion)]
     if not parts:
         raise InputError(f'{bag.path} has no recorded motion.')
+    impacts = [i for piece in found for i in piece.impacts]
+    changes = [change for piece in found for change in piece.modes]
+    found.clear()
     motion = Motion.joined(parts)
+    parts.clear()  # a long motion is in memory once
     for a, b in gaps(motion.curve):
         raise InputError(
             f'{bag.path}: the motion from {instant(a)} s to {instant(b)} s is missing.'
         )
-    impacts = _with_work(machine, motion, [i for piece in found for i in piece.impacts])
+    impacts = _with_work(machine, motion, impacts)
     audit = Audit(machine.physics)
     balance = EnergyTerms(audit.add(motion, impacts), impacts)
-    changes = [change for piece in found for change in piece.modes]
     run = Piece(machine, motion, balance, impacts, changes)
     return Record(machine, run, sensors.signals(), audit, bag.wall_time, bag.complete)
 
@@ -550,10 +553,10 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
     namespace : of the machine, as '/left'; needed where a bag holds several
     """
     for topic in bag.topics.values():
-        if topic.type in RETIRED:
+        if topic.type in _RETIRED:
             raise InputError(
                 f'{bag.path}: {topic.name} holds {topic.type.rpartition("/")[2]}, as bags before '
-                f'version {RETIRED[topic.type]} did; {bag.writer} reads it.'
+                f'version {_RETIRED[topic.type]} did; {bag.writer} reads it.'
             )
     prefix = f'{(namespace or "").rstrip("/")}/'
     found: dict[str, tuple[str, ...]] = {}

@@ -212,7 +212,7 @@ class _Collector:
             for k in np.flatnonzero(np.diff(t) < 0.0)[:1]:
                 spans = f'from {t[k]:g} s to {t[k + 1]:g} s'
                 assume(f'{bag.path}: times of {path.topic} go back, first {spans}')
-        units = [self._unit] if self._unit else field_units(self._type, path.fields)
+        units = [self._unit] if self._unit else _field_units(self._type, path.fields)
         return [
             Series(
                 _name(path, which), _unit(units, which, sliding), np.array(t), np.array(values),
@@ -227,7 +227,7 @@ def _type(message: Any) -> str:
     return '' if isinstance(message, dict) else type_name(type(message))
 
 
-def field_units(kind: str, fields: Sequence[str]) -> tuple[str, ...]:
+def _field_units(kind: str, fields: Sequence[str]) -> tuple[str, ...]:
     """As `units_of`; none of a type that is not known here."""
     try:
         return units_of(kind, fields)
@@ -445,7 +445,7 @@ class MessagePath:
 
     def field(self, message: Any, name: str) -> Any:
         """A field of a message."""
-        known = field_names(message)
+        known = _field_names(message)
         if known is None:
             raise InputError(f"'{self.text}': a number has no field '{name}'")
         if name not in known:
@@ -454,7 +454,7 @@ class MessagePath:
                 f"'{self.text}': {_kind(message)} has no field '{name}'"
                 f'{nearest(name, known)}; there are: {", ".join(known)}'
             )
-        return field_value(message, name)
+        return _field_value(message, name)
 
     def _passes(self, step: Filter, message: Any) -> bool:
         value = message
@@ -469,13 +469,13 @@ class MessagePath:
             return float(value)
         if isinstance(value, str):
             raise InputError(f"'{self.text}' is text, not a number")
-        known = field_names(value)
+        known = _field_names(value)
         if known is None:
             raise InputError(f"'{self.text}' is not a number")
         raise InputError(f"'{self.text}' is a message: choose one of {', '.join(known)}")
 
 
-def field_names(message: Any) -> list[str] | None:
+def _field_names(message: Any) -> list[str] | None:
     """Fields of a message, or of a dictionary that stands for one; None of anything else."""
     if isinstance(message, dict):
         return [str(name) for name in message]
@@ -484,8 +484,8 @@ def field_names(message: Any) -> list[str] | None:
     return None
 
 
-def field_value(message: Any, name: str) -> Any:
-    """A field that `field_names` has."""
+def _field_value(message: Any, name: str) -> Any:
+    """A field that `_field_names` has."""
     if isinstance(message, dict):
         return message[name]
     return getattr(message, name if hasattr(message, name) else f'{name}_')
@@ -500,13 +500,13 @@ def numeric_paths(message: Any, longest: float = math.inf) -> Iterator[tuple[str
     """
 
     def walk(at: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-        for name in field_names(at) or ():
+        for name in _field_names(at) or ():
             if name in PADDING:
                 continue
-            here, value = (*path, name), field_value(at, name)
+            here, value = (*path, name), _field_value(at, name)
             if isinstance(value, _ARRAYS):
                 value = value[0] if 0 < len(value) <= longest else None
-            if field_names(value) is not None:
+            if _field_names(value) is not None:
                 yield from walk(value, here)
             elif isinstance(value, _NUMBERS):
                 yield here
@@ -524,10 +524,10 @@ def _names(message: Any, name: str, value: Any) -> list[str]:
         return []
     texts: list[str] = []
     of = ''
-    for field in field_names(message) or ():
+    for field in _field_names(message) or ():
         if field == name:
             break
-        found = field_value(message, field)
+        found = _field_value(message, field)
         if isinstance(found, list) and found and all(isinstance(x, str) for x in found):
             texts, of = found, field
     if len(texts) == len(value) == len(set(texts)):

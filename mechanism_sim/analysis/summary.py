@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from mechanism_sim.analysis.collectors import (
     FieldRange,
     JointModes,
-    Ledger,
-    LedgerCollector,
+    MessageAccounts,
+    MessageAccountsCollector,
     ModeShares,
     SensorSummary,
     VibrationCollector,
@@ -417,7 +417,7 @@ class Summary:
     energy: EnergySummary | None
     parts: dict[str, tuple[PartSummary, ...]]  #: by the topic of their states
     vibration: tuple[SensorSummary, ...] | None
-    ledger: Ledger | None
+    ledger: MessageAccounts | None
     digest: str | None
     absent: tuple[str, ...]
     fields: tuple[FieldRange, ...] = ()  #: of a bag of another program
@@ -453,7 +453,11 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     driven, planned_end = _planned(bag, topics['drive'])
     crank = Crank(driven, displacements(bag) or ())
     impacts, modes, digest = ImpactCollector(), ModeShares(), MotionDigest()
-    energy, vibration, ledger = PublishedEnergies(), VibrationCollector(), LedgerCollector()
+    energy, vibration, ledger = (
+        PublishedEnergies(),
+        VibrationCollector(),
+        MessageAccountsCollector(),
+    )
     parts = {topic: PublishedParts(topic) for topic in PARTS}
     peaks, unknown = _peaks(bag, namespace) if present['motion'] else (None, '')
     channels = _Channels(peaks.machine if peaks and not present['sensors'] else None, vibration)

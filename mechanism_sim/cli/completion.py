@@ -19,7 +19,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.arguments import Once
 from mechanism_sim.nodes.classes import NODE_NAMES
 
-Completer = Callable[..., Any]
+_Completer = Callable[..., Any]
 
 FOUR_BAR: dict[str, dict[str, Any]] = {
     'links': {'ground': {}, 'crank': {}, 'coupler': {}, 'rocker': {}},
@@ -38,7 +38,7 @@ def complete(parser: argparse.ArgumentParser, commands: Mapping[str, Any]) -> No
     argcomplete.autocomplete(parser, always_complete_options=False)
 
 
-def _completer(command: str, action: argparse.Action) -> Completer:
+def _completer(command: str, action: argparse.Action) -> _Completer:
     """Completers of arguments, by what their help calls them."""
     if (command, action.dest) == ('sweep', 'file'):
         return _either(lambda **_: sweep_names(), FilesCompleter(('yaml', 'yml')))
@@ -48,7 +48,7 @@ def _completer(command: str, action: argparse.Action) -> Completer:
     return _either(*found)
 
 
-def _either(*completers: Completer) -> Completer:
+def _either(*completers: _Completer) -> _Completer:
     return lambda **asked: [name for complete in completers for name in complete(**asked)]
 
 
@@ -92,7 +92,7 @@ def _scene(parsed_args: Any) -> dict[str, Any]:
     return FOUR_BAR | found if found.get('mechanism') == 'four_bar' else found
 
 
-_COMPLETERS: dict[str, Completer] = {
+_COMPLETERS: dict[str, _Completer] = {
     'SCENE': _either(lambda **_: scene_names(), FilesCompleter(('yaml', 'yml'))),
     'BAG': FilesCompleter(('mcap',)),
     'FILE': FilesCompleter(),

@@ -230,13 +230,13 @@ def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
 
     with progress.busy('reading the scene', options.json):
         from mechanism_sim.scene import load_scene  # noqa: PLC0415
-        from mechanism_sim.scene.gate import admit  # noqa: PLC0415
+        from mechanism_sim.scene.validation import validate  # noqa: PLC0415
 
-        machine = admit(load_scene(options.scene, overrides_of(options)))
+        machine = validate(load_scene(options.scene, overrides_of(options)))
     if remarks:
-        from mechanism_sim.scene.remarks import doubts, unused  # noqa: PLC0415
+        from mechanism_sim.scene.remarks import plausibility_warnings, unused  # noqa: PLC0415
 
-        for remark in (*doubts(machine), *unused(machine)):
+        for remark in (*plausibility_warnings(machine), *unused(machine)):
             print_notice(f'{machine.name}: {remark}')
     return machine
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.cli.options import PRINTED, print_json
 from mechanism_sim.errors import InputError, RunError, RunWarning
 from mechanism_sim.packages import refusal
@@ -28,7 +28,7 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
     PRINTED.clear()
     warnings.showwarning = partial(_print_warning, warnings.showwarning)
     try:
-        with ending.working():
+        with process_exit.working():
             try:
                 code: Any = work()
             except SystemExit as ended:  # after --help
@@ -44,7 +44,7 @@ def carry_out(work: Callable[[], int], given: Sequence[str]) -> NoReturn:
         needed = InputError(f'this needs more memory than there is{much}; ask for less of it')
         sys.exit(_report_failure(needed, 2, given))
     except KeyboardInterrupt as interrupted:
-        sys.exit(ending.report_signal(str(interrupted)))
+        sys.exit(process_exit.report_signal(str(interrupted)))
     except BrokenPipeError:
         # Whoever read our output has had enough.
         mute_output()

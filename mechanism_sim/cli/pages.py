@@ -198,7 +198,7 @@ def _run_arguments(options: argparse.Namespace) -> list[str]:
     duration = run_length(machine, turns, options.duration if turns is not None else known)
     pace = options.realtime_factor
     if pace is None:
-        pace = visible_pace(machine)
+        pace = visible_pace(machine, duration)
     if not 0.0 <= pace < math.inf:
         raise InputError('--realtime-factor must be 0 (no limit) or positive')
     return [

@@ -12,7 +12,7 @@ from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.cli.options import (
     TABLES,
     Command,
@@ -103,7 +103,7 @@ def _solve(options: argparse.Namespace) -> int:
     from mechanism_sim.report.sections import text  # noqa: PLC0415
     from mechanism_sim.results.measures import Measurement  # noqa: PLC0415
     from mechanism_sim.results.simulate import stream, whole  # noqa: PLC0415
-    from mechanism_sim.results.turns import ImpactTally  # noqa: PLC0415
+    from mechanism_sim.results.turns import ImpactAccumulator  # noqa: PLC0415
     from mechanism_sim.scene import run_length  # noqa: PLC0415
 
     if options.no_events and not options.json:
@@ -116,7 +116,7 @@ def _solve(options: argparse.Namespace) -> int:
     taken = Measurement(machine, read_measures(options, machine))
     snapshot = Snapshot.load(options.resume) if options.resume else None
     asked = [*_derivatives(options, machine, end, snapshot), *_horizon(options, machine)]
-    digest, turns = MotionDigest(), ImpactTally(machine)
+    digest, turns = MotionDigest(), ImpactAccumulator(machine)
     pieces: list[Piece] = []
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
@@ -204,16 +204,16 @@ def _run(options: argparse.Namespace) -> int:
         return 0
     _name_strangers(options.ros_args, [*plan.nodes, MONITOR])
     stopped = _stopped(options.record)
-    ending.say_when_interrupted(stopped)
+    process_exit.say_when_interrupted(stopped)
     with progress.bar('run', end, quiet=options.json) as show:
         outcome = run(plan, options.processes, show)
-    if outcome.code == ending.INTERRUPTED:
-        ending.report_signal(stopped(f' at {outcome.duration:.6g} s of {end:.6g} s'))
+    if outcome.code == process_exit.INTERRUPTED:
+        process_exit.report_signal(stopped(f' at {outcome.duration:.6g} s of {end:.6g} s'))
     if options.json:
         print_json(outcome.to_json())
     elif outcome.code == 0:
         echo(outcome.text())
-    return ending.interrupted() if outcome.code == ending.INTERRUPTED else outcome.code
+    return process_exit.interrupted() if outcome.code == process_exit.INTERRUPTED else outcome.code
 
 
 def _stopped(bag: str | None) -> Callable[..., str]:

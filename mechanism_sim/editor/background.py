@@ -11,7 +11,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import Any, NamedTuple
 
-from mechanism_sim import ending, strict_json
+from mechanism_sim import process_exit, strict_json
 from mechanism_sim.editor.processes import LARGEST, crowded, work_unseen
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.memory import give_back, resident
@@ -20,7 +20,7 @@ from mechanism_sim.packages import reason
 PATIENCE = 2.0
 """[s] for a run to notice that it is not wanted any more; then its process is ended."""
 
-UNTIL = 2.0
+_UNTIL = 2.0
 """[s] of a run whose length neither the scene says nor the speed of its drive."""
 
 _OFTEN = 0.2  # [s] between words of progress
@@ -94,7 +94,7 @@ class Background:
         context = get_context('spawn')
         link, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with theirs, ending.signals_held():
+        with theirs, process_exit.signals_held():
             process.start()
         self._process = process
         self._jobs.put(None)  # for those who came before
@@ -211,7 +211,7 @@ def _run(machine: Any, number: int, link: Connection) -> tuple[Any, Any]:
     except InputError:
         if machine.scene.duration is not None:
             raise
-        end = run_length(machine, None, UNTIL)  # of a motor nobody knows how fast it turns
+        end = run_length(machine, None, _UNTIL)  # of a motor nobody knows how fast it turns
     last = time.monotonic()
 
     def show(t: float, _impacts: int) -> None:

@@ -19,7 +19,7 @@ from mechanism_sim.scene.files import check_scene, find_scene
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.table_keys import with_files
 
-NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'
+_NEW = 'title: A new machine\nmechanism: linkage\nlinks: {}\njoints: {}\n'
 
 _KEPT = 500  # texts that undo goes back to
 
@@ -35,7 +35,7 @@ class Document:
     watch : called with every change, as `follow` takes it
     """
 
-    def __init__(self, text: str = NEW, file: Path | None = None, name: str = 'machine') -> None:
+    def __init__(self, text: str = _NEW, file: Path | None = None, name: str = 'machine') -> None:
         self.text, self.file, self.name = text, file, name
         self._before: list[str] = []
         self._after: list[str] = []
@@ -202,7 +202,7 @@ class Document:
         if file.stem.startswith('.') or not (inside or file == self.file):
             raise InputError(f"'{name}' is not a scene name: write for example my_machine")
         with output.errors_as_sentences(file):
-            there = text_there(file)
+            there = _text_there(file)
         own = self.file is not None and file == self.file
         if there is not None and there not in ((self._saved, self.text) if own else (self.text,)):
             reason = 'was changed by another program' if own and self._saved else 'exists already'
@@ -226,7 +226,7 @@ def _nobody(_change: str, _value: Any) -> None:
     """Nobody follows a document."""
 
 
-def text_there(file: Path) -> str | None:
+def _text_there(file: Path) -> str | None:
     """Text of a file, as far as a document may hold it; None if none can be read so."""
     try:
         return documents.bytes_of(file, documents.LARGEST).decode(errors='replace')

@@ -11,7 +11,7 @@ from subprocess import PIPE, Popen
 from threading import Thread
 from typing import Any
 
-from mechanism_sim import ending, strict_json
+from mechanism_sim import process_exit, strict_json
 from mechanism_sim.editor.document import Document
 from mechanism_sim.errors import InputError
 
@@ -77,7 +77,7 @@ class FilesBeside:
                 '-o',
                 str(file),
             ]
-            self._process = ending.start(told, stdout=PIPE, stderr=PIPE, text=True)
+            self._process = process_exit.start(told, stdout=PIPE, stderr=PIPE, text=True)
             _, said = self._process.communicate()
         last = said.strip().rpartition('\n')[2].removeprefix('mechanism-sim: ')
         self._say(f'saved: {file}' if self._process.returncode == 0 else last)

@@ -20,7 +20,7 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.schema import Scene
 
-Traced = Mapping[str, bool]
+_Traced = Mapping[str, bool]
 """Points whose paths somebody wants drawn, or not."""
 
 
@@ -88,7 +88,7 @@ class DocumentPicture(NamedTuple):
             return ''
         return f'{free[0]} is not joined to the frame yet: put a pivot on one of its points (G)'
 
-    def tracks(self, path: tuple[str, ...], traced: Traced) -> list[tuple[str, bool]]:
+    def tracks(self, path: tuple[str, ...], traced: _Traced) -> list[tuple[str, bool]]:
         """The points of the link at a path, and whether their paths are drawn."""
         link = path[1] if path[:1] == ('links',) and len(path) == 2 else ''
         if link in ('', GROUND) or link not in self.scene.links:
@@ -97,7 +97,7 @@ class DocumentPicture(NamedTuple):
         return [(point, has_path(point, traced)) for point in points]
 
     def to_json(
-        self, name: str, traced: Traced, symbol: float, colours: Mapping[str, int]
+        self, name: str, traced: _Traced, symbol: float, colours: Mapping[str, int]
     ) -> dict[str, Any]:
         """All of it for a page; `symbol` [m] is kept through a drag, else 0.
 
@@ -164,7 +164,7 @@ def pictured(
     return DocumentPicture(scene, turn, turn.start, '')
 
 
-def has_path(point: str, traced: Traced) -> bool:
+def has_path(point: str, traced: _Traced) -> bool:
     """True if the path of a point is drawn: of named ones, if nobody says otherwise."""
     link, _, name = point.partition('.')
     return traced.get(point, name not in ('start', 'end') and link != GROUND)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.memory import resident
 
 LARGEST: Final = 400.0
@@ -44,7 +44,7 @@ def work_unseen(name: str) -> None:
     warnings.simplefilter('ignore', RuntimeWarning)
     with suppress(OSError):
         Path('/proc/self/comm').write_text(f'editor: {name}', 'utf-8')
-    ending.follow(os.getppid())
+    process_exit.follow(os.getppid())
 
 
 def cpu_time(pid: int | None) -> float | None:

@@ -19,7 +19,7 @@ from contextlib import suppress
 from multiprocessing.connection import wait
 from typing import Any
 
-from mechanism_sim import ending, strict_json
+from mechanism_sim import process_exit, strict_json
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.editor import palette
 from mechanism_sim.editor.background import Background
@@ -74,7 +74,7 @@ def edit(document: Document, port: int | None, browse: bool, opened: Callable[[s
         opened(f'{server.address}?key={key}')
         if browse:
             webbrowser.open(f'{server.address}?key={key}')
-        with ending.working():
+        with process_exit.working():
             desk.serve(server.send_text)
     except KeyboardInterrupt:
         said = desk.keep()

@@ -43,7 +43,7 @@ FARTHEST = 1e4
 
 _SAID = 1000  # characters of a sentence; somebody may have given a name of thousands
 
-MOST_PARTS = 160
+_MOST_PARTS = 160
 """Links and joints of what is drawn: more takes minutes to compile."""
 
 
@@ -233,10 +233,10 @@ class Session:
         try:
             scene = self.document.scene()
             parts = len(scene.links) + len(scene.joints)
-            if parts > MOST_PARTS:
+            if parts > _MOST_PARTS:
                 raise InputError(
                     f'{self.document.name}: its {parts} links and joints are not drawn, as that '
-                    f'takes too long: allowed are {MOST_PARTS}; check and solve take more'
+                    f'takes too long: allowed are {_MOST_PARTS}; check and solve take more'
                 )
         except InputError as error:
             self._picture = self._picture._replace(problem=str(error))

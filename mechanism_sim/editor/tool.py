@@ -15,7 +15,7 @@ Draw = Callable[[Sketch, Spot, Spot], list[Edit]]
 """From a sketch and the places where a gesture begins and ends to edits; raises InputError if the
 part cannot be there: what it needs."""
 
-Refit = Callable[[Sketch, str, Any], list[Edit]]
+_Refit = Callable[[Sketch, str, Any], list[Edit]]
 """From a sketch whose links were moved, a joint's name and its keys to edits that make it fit."""
 
 
@@ -48,11 +48,11 @@ class Tool:
 TOOLS: dict[str, tuple[Tool, ...]] = {}
 """The tools that draw parts of a kind, by its name, or by the section of its loads."""
 
-REFITS: dict[str, Refit] = {}
+REFITS: dict[str, _Refit] = {}
 """Functions that fit joints to links that were moved, of those kinds that must fit."""
 
 
-def register(kind: str, *tools: Tool, refit: Refit | None = None) -> None:
+def register(kind: str, *tools: Tool, refit: _Refit | None = None) -> None:
     """Make the tools of a kind known."""
     TOOLS[kind] = tools
     if refit:

@@ -12,7 +12,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any
 
-from mechanism_sim import ending, strict_json
+from mechanism_sim import process_exit, strict_json
 from mechanism_sim.editor.document import Document
 from mechanism_sim.editor.processes import LARGEST, cpu_time, crowded, work_unseen
 from mechanism_sim.memory import resident
@@ -23,21 +23,21 @@ PATIENCE = 15.0
 
 _BUSY = 4.0  # [s] of a busy machine, for a second of CPU time
 
-OUTDATED = 1.0
+_OUTDATED = 1.0
 """[s] after which a picture is given up for one of a newer document."""
 
 RETRY = 2.0
 """[s] until a process that could not be started is tried again."""
 
-NOT_STARTED = (
+_NOT_STARTED = (
     'the drawing is not updated: its process cannot be started ({}); this is tried again, and '
     'later edits are drawn then'
 )
-TOO_LONG = (
+_TOO_LONG = (
     f'it is not drawn: that takes longer than {PATIENCE:g} s; remove parts, or use the commands '
     'check and solve, which have no time limit'
 )
-CANCELLED = 'it is not drawn: another document has replaced it'
+_CANCELLED = 'it is not drawn: another document has replaced it'
 
 Send = Callable[[str, int, str], None]
 
@@ -128,9 +128,9 @@ class Worker:
         if not self._begun:
             return
         if self.busy > PATIENCE and self._spends() > PATIENCE:
-            self._again(TOO_LONG)
-        elif outdated and self.busy > OUTDATED:
-            self._again(CANCELLED)
+            self._again(_TOO_LONG)
+        elif outdated and self.busy > _OUTDATED:
+            self._again(_CANCELLED)
 
     def _spends(self) -> float:
         """CPU time [s] of what it does, or a part of the time, where that is not known."""
@@ -151,16 +151,16 @@ class Worker:
         ours: list[Connection] = []
         # It gets the document when it is there to take it: until then nobody reads, and a document
         # with all texts before is more than a pipe holds.
-        # not a daemon in multiprocessing's sense, which `ending.follow` makes of it
+        # not a daemon in multiprocessing's sense, which `process_exit.follow` makes of it
         try:
             ours += context.Pipe()
             process = context.Process(target=_work, args=(ours[1],), daemon=True)
-            with ending.signals_held():
+            with process_exit.signals_held():
                 process.start()
         except OSError as error:  # no memory, no processes, no files: that may pass
             for end in ours:
                 end.close()
-            before, self.trouble = self.trouble, NOT_STARTED.format(reason(error))
+            before, self.trouble = self.trouble, _NOT_STARTED.format(reason(error))
             if not before:
                 self._send('said', -1, strict_json.dumps({'type': 'said', 'text': self.trouble}))
             return

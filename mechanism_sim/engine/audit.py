@@ -74,7 +74,7 @@ class Energy:
         return left / self.exchanged if self.exchanged else math.inf if left else 0.0
 
     @property
-    def doubt(self) -> str:
+    def caveat(self) -> str:
         """A sentence if works may be off by more than `AuditTolerances.promised`, else empty."""
         if self.error <= _AUDIT.promised * self.exchanged + self.rounding:
             return ''

@@ -20,6 +20,7 @@ from mechanism_sim.numerics.polynomials import Nodes, PiecewisePolynomial, exact
 from mechanism_sim.planar.drive import TWO_PI
 
 _ALIKE, _TINY = 2.0**-30, 1e-300  # of the largest term of a coordinate, and least size of one
+_KEYS, _REMEMBERED = 8192, 2**16  # segments that are compared at once, and with how many
 
 
 @dataclass(frozen=True)
@@ -82,20 +83,36 @@ class Motion:
         turns = np.pad(c.turns, ((0, 0), (0, states.shape[1])))
         return PiecewisePolynomial(c.start, c.start_low, c.duration, turns, powers)
 
-    @property
-    def alike(self) -> NDArray[np.intp]:
-        """Numbers (m,) of segments: one number for those that move alike but for whole turns.
+    def alike(self, segments: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Numbers (k,) of segments (k,): one for those that move alike but for whole turns.
 
-        Their coefficients agree on a grid, which is coarser than rounding.
+        Their coefficients agree on a grid, which is coarser than rounding. Of very many different
+        ones, as of chaotic motions, only the first are remembered.
         """
         c = self.rows
-        powers = c.coefficients * c.duration[:, None, None] ** np.arange(c.coefficients.shape[2])
-        sizes = np.abs(powers).max(axis=(0, 2), initial=_TINY)[:, None]
-        parts = [np.round(powers / sizes / _ALIKE), self.modes, self.approach, self.torques]
-        parts += [self.acting] if self.acting.size else []
-        keys = np.hstack([x.reshape(len(c), -1) for x in parts]) + 0.0  # no zero is negative
+        blocks = [segments[first : first + _KEYS] for first in range(0, len(segments), _KEYS)]
+        degrees = np.arange(c.coefficients.shape[2])
+
+        def powers(k: NDArray[np.intp]) -> Array:
+            return np.asarray(c.coefficients[k] * c.duration[k, None, None] ** degrees)
+
+        sizes = np.full(c.turns.shape[1], _TINY)
+        for k in blocks:
+            sizes = np.maximum(sizes, np.abs(powers(k)).max(axis=(0, 2)))
         known: dict[bytes, int] = {}
-        return np.array([known.setdefault(key.tobytes(), len(known)) for key in keys], np.intp)
+        found, count = np.empty(len(segments), np.intp), 0
+        for first, k in zip(range(0, len(segments), _KEYS), blocks, strict=True):
+            parts = [np.round(powers(k) / sizes[:, None] / _ALIKE)]
+            parts += [x[k] for x in (self.modes, self.approach, self.torques)]
+            parts += [self.acting[k]] if self.acting.size else []
+            keys = np.hstack([x.reshape(len(k), -1) for x in parts]) + 0.0  # no zero is negative
+            for i, key in enumerate(map(np.ndarray.tobytes, keys), first):
+                found[i] = known.get(key, count)
+                if found[i] == count:
+                    count += 1
+                    if len(known) < _REMEMBERED:
+                        known[key] = found[i]
+        return found
 
     def _of_rows(self, rows: PiecewisePolynomial, kept: slice) -> Motion:
         """Some of the segments, of which `rows` has coordinates and states."""

@@ -128,7 +128,7 @@ class Dynamics:
     Parameters
     ----------
     degree : of the laws of the prescribed coordinates
-    lent : [kg] to the rows of the closures, see `engine.reduction`; 0 for none
+    constraint_mass : [kg] to the rows of the closures, see `engine.reduction`; 0 for none
 
     Attributes
     ----------
@@ -152,11 +152,11 @@ class Dynamics:
         relations: Sequence[Relation],
         powered: Sequence[str],
         applied: AppliedForces = AppliedForces(),  # noqa: B008 - a tuple does not change
-        lent: float = 0.0,
+        constraint_mass: float = 0.0,
     ) -> None:
         self.equations = eq = Equations(mechanism, gaps, relations)
         p, frames, names = eq.parameters, eq.frames, eq.coordinates
-        mass = p('closures.lent', lent)
+        mass = p('closures.lent', constraint_mass)
         self.gaps, self.elements = tuple(gaps), tuple(applied.elements)
         self.relations, self.degree = tuple(relations), degree
         self.prescribed, self.powered = tuple(prescribed), tuple(powered)

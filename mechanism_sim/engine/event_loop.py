@@ -60,7 +60,7 @@ class EventLoop:
     Attributes
     ----------
     events : number of events since the start
-    films : looks whether they make steps short
+    films : looks how many steps are left, and whether they make them short
     """
 
     def __init__(

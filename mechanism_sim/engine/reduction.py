@@ -1,9 +1,9 @@
 """Equations of motion solved for the free coordinates, with the closures taken out.
 
 Closures are eliminated once, so that contact and impact see one small matrix; minimal coordinates
-instead would have to pass a singular point somewhere. ``M + lent G^T G`` in the place of M changes
-the forces of closures only, by ``lent G a``, which is known: so links without mass, whose M is
-singular, can be solved for.
+instead would have to pass a singular point somewhere. ``M + m G^T G`` in the place of M, with the
+constraint mass m, changes the forces of closures only, by ``m G a``, which is known: so links
+without mass, whose M is singular, can be solved for.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Reduction:
     applied : of every coordinate, generalised forces
     accelerations : of the prescribed coordinates
     alpha : rate of Baumgarte's stabilisation
-    lent : [kg] added along the closures, or None
+    constraint_mass : [kg] added along the closures, or None
 
     Attributes
     ----------
@@ -78,13 +78,18 @@ class Reduction:
         applied: Sequence[Sequence[Term]],
         accelerations: Vector,
         alpha: hy.expression,
-        lent: Term,
+        constraint_mass: Term,
     ) -> None:
         self._equations = eq = equations
         names = eq.coordinates
         self._free = free = [i for i, c in enumerate(names) if c not in prescribed]
         self._driven = driven = [names.index(c) for c in prescribed]
-        self._a_p, self._alpha, self._lent, self._rows = accelerations, alpha, lent, rows
+        self._a_p, self._alpha, self._constraint_mass, self._rows = (
+            accelerations,
+            alpha,
+            constraint_mass,
+            rows,
+        )
         rhs: Vector = [
             add(*applied[i], neg(add(eq.bias[i], dot([eq.M[i][j] for j in driven], self._a_p))))
             for i in free
@@ -117,12 +122,12 @@ class Reduction:
     def _mass(self) -> Matrix:
         """Mass matrix of the free coordinates, with what is lent to the closures."""
         M = [[self._equations.M[i][j] for j in self._free] for i in self._free]
-        if self._lent is None:
+        if self._constraint_mass is None:
             return M
         for i, line in enumerate(M):
             for j in range(len(M)):
                 closures = dot([g[i] for g in self._G], [g[j] for g in self._G])
-                line[j] = add(line[j], mul(self._lent, closures))
+                line[j] = add(line[j], mul(self._constraint_mass, closures))
         return M
 
     def _on_drives(self, jet: Jet, response: Vector, closing: Vector) -> Vector:
@@ -209,7 +214,10 @@ class Reduction:
         ]
         off = [add(x, neg(dot(row, a))) for row, x in zip(self._G, wanted, strict=True)]
         factors = solve_symmetric(self._S, [off])[0]
-        forces = [add(f, neg(mul(self._lent, x))) for f, x in zip(factors, wanted, strict=True)]
+        forces = [
+            add(f, neg(mul(self._constraint_mass, x)))
+            for f, x in zip(factors, wanted, strict=True)
+        ]
         return FreeMotion(self.shifted(a, factors), forces)
 
     def second_derivatives(self, a: Vector, stabilised: bool = False) -> Vector:

@@ -28,12 +28,12 @@ _GUARDS = TOLERANCES.guards
 _SINGULAR = TOLERANCES.singular
 _STEPS = TOLERANCES.steps
 
-TAU, LIMIT, LONGEST, QUICKEST, STRIDE, BASE, LENGTH, LARGEST = range(8)
+_TAU, LIMIT, LONGEST, _QUICKEST, _STRIDE, BASE, LENGTH, LARGEST = range(8)
 """Reals of a row: time of the present state and up to which steps may end [s]; longest step [s];
 fastest stabilisation [1/s]; stride before singular positions [s]; time at local zero [s]; then
 what heyoka gives: length of the step [s], largest magnitude in the state."""
 
-STEP, OUT, DOUBTS, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(9)
+STEP, _OUT, _DOUBTS, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(9)
 """Whole numbers of a row: addresses of heyoka's functions, the third 0 if nothing is steep; row of
 the first step; steps at most; states that are kept, and all of them; the state that watches
 singular positions, or -1; index of the stabilisation."""
@@ -48,7 +48,7 @@ class RowArrays(NamedTuple):
     state: Array  #: of the integrator, changed in place
     parameters: Array  #: likewise
     time: Array  #: (1,) of the integrator's functions
-    reals: Array  #: see `TAU`
+    reals: Array  #: see `_TAU`
     whole: Indices  #: see `STEP`
     jets: Array  #: (states + guards, order + 1) Taylor coefficients of a step
     scaled: Array  #: (order + 1,) overwritten
@@ -125,7 +125,7 @@ def take_row(row: RowArrays) -> int:
     )
     near = whole[NEAR]
     for k in range(whole[MOST]):
-        tau = reals[TAU]
+        tau = reals[_TAU]
         time[0] = tau
         reals[LENGTH] = reals[LONGEST]
         call_code(whole[STEP], jets, state, parameters, time, reals[LENGTH:], reals[LARGEST:])
@@ -135,21 +135,21 @@ def take_row(row: RowArrays) -> int:
             return k
         if not stays(jets, whole[SIZE], shut, parameters, h, scaled):
             return k
-        if whole[DOUBTS] and doubts(
-            whole[DOUBTS], jets, parameters, seen, reals[BASE], tau, h, more
+        if whole[_DOUBTS] and doubts(
+            whole[_DOUBTS], jets, parameters, seen, reals[BASE], tau, h, more
         ):
             return k
         if near >= 0:
-            ahead = _SINGULAR.ahead * max(h, reals[STRIDE])
+            ahead = _SINGULAR.ahead * max(h, reals[_STRIDE])
             if jets[near, 1] + ahead * jets[near, 2] < 0.0:
                 return k
         kept, order = rows[whole[FIRST] + k], jets.shape[1]
         for i in range(whole[WIDTH]):
             kept[i * order : (i + 1) * order] = jets[i]
-        call_code(whole[OUT], state, jets, reals[LENGTH:])
+        call_code(whole[_OUT], state, jets, reals[LENGTH:])
         taus[k], lengths[k] = tau, h
-        parameters[whole[STABILISATION]] = min(1.0 / h, reals[QUICKEST])
-        reals[TAU] = end
+        parameters[whole[STABILISATION]] = min(1.0 / h, reals[_QUICKEST])
+        reals[_TAU] = end
     return int(whole[MOST])
 
 
@@ -176,7 +176,7 @@ class StepRows:
         self._system, self._integrator, self._output = system, integrator, output
         self._check = check
         self._reals = np.zeros(LARGEST + 1)
-        self._reals[LONGEST], self._reals[QUICKEST] = longest, quickest
+        self._reals[LONGEST], self._reals[_QUICKEST] = longest, quickest
         self._calls: dict[int, Callable[[], int]] = {}
         self._known: RowArrays | None = None
         # the tape of compact code is heyoka's own
@@ -201,13 +201,13 @@ class StepRows:
         block, first = divmod(len(output.lengths), BLOCK)
         if block not in self._calls:
             self._calls[block] = take_row.bind(self._known._replace(rows=output.block(block)))
-        reals[TAU], reals[LIMIT], reals[STRIDE], reals[BASE] = tau, limit, stride, base
+        reals[_TAU], reals[LIMIT], reals[_STRIDE], reals[BASE] = tau, limit, stride, base
         whole[FIRST], whole[MOST] = first, min(most, BLOCK - first)
         if count := self._calls[block]():
             output.taus += self._taus[:count].tolist()
             output.lengths += self._lengths[:count].tolist()
             output.provide()
-            return reals[TAU]
+            return reals[_TAU]
         return tau
 
     def count(self, steps: int) -> None:

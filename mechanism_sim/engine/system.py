@@ -46,7 +46,7 @@ class System:
     relations : closures of loops
     powered : names of the coordinates on which a drive's torque acts
     applied : forces that need no gap
-    lent : [kg] to closures, see `engine.reduction`
+    constraint_mass : [kg] to closures, see `engine.reduction`
 
     Attributes
     ----------
@@ -65,10 +65,10 @@ class System:
         relations: Sequence[Relation] = (),
         powered: Sequence[str] = (),
         applied: AppliedForces = AppliedForces(),  # noqa: B008 - a tuple does not change
-        lent: float = 0.0,
+        constraint_mass: float = 0.0,
     ) -> None:
         self.mechanism = mechanism
-        self.lent = lent
+        self.constraint_mass = constraint_mass
         self.gaps = tuple(gaps)
         # one without a row of its own holds nothing, but its joint is cut
         self.relations = tuple(
@@ -81,7 +81,7 @@ class System:
         self.angular = tuple(c not in mechanism.displacements for c in self.free)
         self.degree = degree
         self.dynamics = Dynamics(
-            mechanism, gaps, prescribed, degree, relations, powered, applied, lent
+            mechanism, gaps, prescribed, degree, relations, powered, applied, constraint_mass
         )
         self.elements = self.dynamics.elements
         self.run = RunExpressions(self.dynamics)

@@ -79,7 +79,7 @@ def film_gone(elements: Iterable[ForceElement], q: Array, t: float) -> RunError 
 
 
 class FilmWatch:
-    """Looks after some thousand steps whether a film rules how long they are.
+    """Looks after some thousand steps how many are left, and whether a film makes them short.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class FilmWatch:
         self._said = False
 
     def look(self, steps: int, end: float, final: bool) -> str:
-        """A sentence, once a run, if a film makes what is left of it long; else nothing.
+        """A sentence, once a run, if much is left of it, as where a film rules; else nothing.
 
         Parameters
         ----------
@@ -108,7 +108,7 @@ class FilmWatch:
             If the machine stands still, and its film is squeezed out in more steps than anyone
             waits for.
         """
-        if not self._films or (self._seen and 0 <= steps - self._seen[-1].steps < _FILMS.look):
+        if self._seen and 0 <= steps - self._seen[-1].steps < _FILMS.look:
             return ''
         place, t = self._place(), self._present.time
         now = _Seen(steps, t, np.array([film.thickness(place) for film in self._films]))
@@ -122,10 +122,17 @@ class FilmWatch:
         most = max(coming.values(), default=(end - t) / step)
         if most < _FILMS.many or (self._said and most < _FILMS.endless):
             return ''
-        rate, k = self._ruling()
+        left = end - t
+        rate, k = self._ruling() if self._films else (0.0, None)
         if k is None or rate * step < _FILMS.rules:
-            return ''
-        film, h, left = self._films[k], float(now.h[k]), end - t
+            if self._said:
+                return ''
+            self._said = True
+            return (
+                f'at t = {t:.6g} s steps last {step:.2g} s: the {left:.4g} s left take some '
+                f'{most:.0e} of them'
+            )
+        film, h = self._films[k], float(now.h[k])
         most = coming.get(k, left / step)
         about = f'the oil film of {film.name} is {1e6 * h:.3g} um thick at t = {t:.6g} s'
         if final and k in coming and most > _FILMS.endless:

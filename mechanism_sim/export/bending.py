@@ -12,7 +12,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Mechanism
 
-STATIONS = 41
+_STATIONS = 41
 """Points along an axis from which viewers without shape functions draw."""
 
 _VISIBLE, _MOST = 0.04, 1000.0
@@ -68,7 +68,7 @@ class Bending:
 
     @property
     def _stations(self) -> Array:
-        return np.linspace(0.0, self.beam.length, STATIONS)
+        return np.linspace(0.0, self.beam.length, _STATIONS)
 
     def largest(self, amplitudes: Array) -> float:
         """The largest distance [m] that is magnified, of coordinates (N, n)."""

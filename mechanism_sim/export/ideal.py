@@ -37,14 +37,14 @@ SAME = 1e-6
 WIDTH = 1.0 / 30.0
 
 #: of the ground, and of links in turn: a palette that the colour-blind can tell apart (Okabe, Ito)
-COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
+_COLOURS = ('0.6 0.6 0.6', '0.9 0.6 0', '0.35 0.7 0.9', '0 0.6 0.5', '0.8 0.4 0', '0 0.45 0.7')
 WORLD = 'world'
 
 #: mass of a block in a slot, and of links without mass, as a share of the heaviest link's
 LIGHT = 1e-4
 
 #: radius of gyration of what has no inertia, as a share of the machine's size
-COMPACT = 0.1
+_COMPACT = 0.1
 
 #: time steps in a turn of the drive at its largest speed, or in a run; and the longest step [s]
 STEPS, LONGEST = 4000, 1e-3
@@ -97,7 +97,7 @@ class Ideal:
         """With a mass and an inertia: there must be some."""
         blank = 1.0 if body in self.machine.plan.bodies else LIGHT
         mass = body.mass or (LIGHT * self._heaviest if self._heaviest else blank)
-        radius = COMPACT * self.machine.plan.ideal.size
+        radius = _COMPACT * self.machine.plan.ideal.size
         return replace(body, mass=mass, inertia=body.inertia or mass * radius**2)
 
     @cached_property
@@ -192,7 +192,7 @@ class Ideal:
         points = [b for b in plan.bodies if b.mass and not b.inertia]
         turning = [b.name for b in points if plan.ideal.frame(b.name)[0] != GROUND]
         if turning:
-            radius = COMPACT * plan.ideal.size
+            radius = _COMPACT * plan.ideal.size
             yield f'{", ".join(turning)}: without inertia, here with a radius of {radius:g} m'
 
 
@@ -282,7 +282,7 @@ def solids(machine: Machine) -> list[Solid]:
             found += _guide(joint, layers, thick, mechanism.size, ideal.guided(joint)[0])
         else:
             found += _discs(joint, layers, thick)
-    colours = dict(zip(layers, chain(COLOURS, cycle(COLOURS[1:])), strict=False))
+    colours = dict(zip(layers, chain(_COLOURS, cycle(_COLOURS[1:])), strict=False))
     # a gear in two meshes is one disc
     return [replace(solid, colour=colours[solid.link]) for solid in dict.fromkeys(found)]
 

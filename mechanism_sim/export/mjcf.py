@@ -31,7 +31,7 @@ from mechanism_sim.scene.plan import keeps_speed
 
 #: flywheel of a drive of given speed, in inertias of the machine; and the share of an error of its
 #: speed that its servo takes off in a step
-FLYWHEEL, GAIN = 1e6, 1.0
+FLYWHEEL, _GAIN = 1e6, 1.0
 
 
 def to_mjcf(machine: Machine) -> str:
@@ -268,7 +268,7 @@ class _MjcfWriter:
             flywheel = FLYWHEEL * self._load(straight)
             driven.set('armature', text(flywheel))
             actuator.tag = 'velocity'
-            actuator.set('kv', text(GAIN * flywheel / self._step))
+            actuator.set('kv', text(_GAIN * flywheel / self._step))
             self._controls.append(machine.plan.held[coordinate][1])
             return
         constant, per_angle, per_speed = law.coefficients

@@ -10,7 +10,7 @@ from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.packages import needed
 
 #: around the picture, width of a line, half the length of a line of the mark at a shaft [mm]
-MARGIN, LINE, CROSS = 5.0, 0.25, 3.0
+MARGIN, LINE, _CROSS = 5.0, 0.25, 3.0
 
 
 def to_dxf(outline: Outline) -> str:
@@ -35,7 +35,7 @@ def to_dxf(outline: Outline) -> str:
     document.layers.add('SHAFT')
     for place in outline.shafts:
         u, v = (1e3 * c for c in place)
-        for x, y in ((CROSS, 0.0), (0.0, CROSS)):
+        for x, y in ((_CROSS, 0.0), (0.0, _CROSS)):
             space.add_line((u - x, v - y), (u + x, v + y), dxfattribs={'layer': 'SHAFT'})
     text = StringIO()
     document.write(text)
@@ -70,7 +70,8 @@ def to_svg(outline: Outline) -> str:
         _draw(lines, guide, thin)
     centres = ((1e3 * x, -1e3 * y) for x, y in outline.shafts)
     crosses = (
-        f'M{x - CROSS:g},{y:g}h{2 * CROSS:g}M{x:g},{y - CROSS:g}v{2 * CROSS:g}' for x, y in centres
+        f'M{x - _CROSS:g},{y:g}h{2 * _CROSS:g}M{x:g},{y - _CROSS:g}v{2 * _CROSS:g}'
+        for x, y in centres
     )
     shaft = {'id': 'shaft', 'd': ''.join(crosses)}
     ElementTree.SubElement(lines, 'path', {**shaft, 'stroke-width': f'{LINE / 2}'})

@@ -15,7 +15,7 @@ from mechanism_sim.joints.sheets import Circle, Outline, Polygon
 from mechanism_sim.planar.mechanism import Revolute
 from mechanism_sim.scene.machine import Machine
 
-THICK = 0.5  # of a plate, in symbols
+_THICK = 0.5  # of a plate, in symbols
 
 
 def drawing(machine: Machine) -> str:
@@ -45,7 +45,7 @@ def to_stl(machine: Machine) -> str:
     Each link is a solid of its name; they lie above each other.
     """
     skeleton, poses = _drawn(machine)
-    thick = THICK * skeleton.symbol
+    thick = _THICK * skeleton.symbol
     facets: dict[str, list[str]] = {}
     for link, curves in _plates(skeleton, poses):
         low = 1.5 * thick * skeleton.links.index(link) if link in skeleton.links else -1.5 * thick

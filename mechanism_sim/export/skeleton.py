@@ -12,7 +12,7 @@ import scipy
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.bending import bendings, round_below, scale_bar
 from mechanism_sim.export.shapes import BOX, Shape, inside
-from mechanism_sim.joints.contact_keys import Clearance, Play
+from mechanism_sim.joints.contact_keys import Clearance, ClearanceSpec
 from mechanism_sim.joints.joint_keys import bounds_of
 from mechanism_sim.linkages.springs import Spring
 from mechanism_sim.planar.configuration import Poses
@@ -78,7 +78,7 @@ class Skeleton:
         q: Array,
         points: Mapping[str, LinkPoint] | None = None,
         springs: Iterable[tuple[LinkPoint, LinkPoint]] = (),
-        clearances: Mapping[str, Play] | None = None,
+        clearances: Mapping[str, ClearanceSpec] | None = None,
         drives: Mapping[str, float] | None = None,
         magnified: float = 0.0,
         size: float = 0.0,

@@ -32,7 +32,7 @@ READERS: dict[str, Reader] = {
 }
 """By ending: they take the path, the text of the file, and the unit of its lengths if told."""
 
-METRIC = '.sdf', '.urdf', '.xml'
+_METRIC = '.sdf', '.urdf', '.xml'
 """Formats whose lengths are in metres."""
 
 _ADDRESSES = 'http://', 'https://'
@@ -90,7 +90,7 @@ def import_machine(
                 f'imported{nearest(ending, READERS)}; those are {", ".join(READERS)}, and '
                 'addresses of PMKS+ in quotes'
             )
-        if unit and ending in METRIC:
+        if unit and ending in _METRIC:
             raise InputError(f"'{name}' is in metres, as all {ending[1:]}: --unit does not apply")
         stem, made = path.stem, _read(READERS[ending], path, unit)
     outlines.weigh(made, thickness, density)
@@ -126,12 +126,7 @@ def _read(reader: Reader, path: Path, unit: str | None) -> Blueprint:
 
 
 def _text(path: Path) -> str:
-    try:
-        data = documents.bytes_of(path, LARGEST)
-    except OSError as error:
-        raise InputError(f"'{path}' cannot be read: {error.strerror}") from error
-    if len(data) > LARGEST:
-        raise InputError(f"'{path}' has more than {LARGEST >> 20} MB: too large for a machine")
+    data = documents.limited(path, LARGEST, f"'{path}'", 'no machine needs as much')
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:

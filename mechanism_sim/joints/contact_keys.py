@@ -162,7 +162,7 @@ class Friction(Part):
         return self
 
 
-class Play(Part):
+class ClearanceSpec(Part):
     """Clearance of a joint, and the laws of its contacts."""
 
     radial: Displacement
@@ -189,7 +189,7 @@ class Play(Part):
         return {'restitution': 0.0, **data} if never else data
 
     @model_validator(mode='after')
-    def _known_radii(self) -> Play:
+    def _known_radii(self) -> ClearanceSpec:
         c = self.contact
         if c and c.materials and not c.radii:
             if not (c.radius or self.pin_radius):
@@ -247,13 +247,13 @@ class Play(Part):
         return laws[contact.law](share * stiffness, self.restitution, contact.exponent)
 
 
-def play_of(given: Any, radial: float) -> Play:
+def play_of(given: Any, radial: float) -> ClearanceSpec:
     """The clearance of a joint whose keys give restitution and so on under other names."""
     keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
         type(given).model_fields
     )
     said = {key: getattr(given, key) for key in keys}
-    return Play(radial=radial, restitution=given.restitution or 0.0, **said)
+    return ClearanceSpec(radial=radial, restitution=given.restitution or 0.0, **said)
 
 
 class Inclination(Part):
@@ -355,7 +355,7 @@ class AxialPlay(Part):
         return self
 
 
-class Clearance(Play):
+class Clearance(ClearanceSpec):
     """A pin on the first-named link, loose in a bushing on the second-named one; or a block."""
 
     radial: Length

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import Clearance, Contact, Friction, Play
+from mechanism_sim.joints.contact_keys import Clearance, ClearanceSpec, Contact, Friction
 from mechanism_sim.joints.sheets import JointParts
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Hypothesis, Part
@@ -78,11 +78,11 @@ class JointKeys(Part):
         """The joint of that name of a mechanism."""
         raise NotImplementedError
 
-    def play(self, joint: Any) -> Play | None:
+    def play(self, joint: Any) -> ClearanceSpec | None:
         """Clearance of the joint of a mechanism, if it is loose."""
         return self.clearance
 
-    def touches(self, name: str) -> Play | None:
+    def touches(self, name: str) -> ClearanceSpec | None:
         """Contacts of the joint of that name beside its constraint or clearance, such as stops."""
         return None
 
@@ -121,7 +121,7 @@ class JointKeys(Part):
         """Those of the ideal joint of a mechanism."""
         return ()
 
-    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The gaps of a loose joint; what it has instead where it is elastic or full of oil."""
         gaps = () if joint.elastic else walls(
             joint.closure(mechanism), play.radial, play.restitution, play.friction,
@@ -129,7 +129,9 @@ class JointKeys(Part):
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
 
-    def seat(self, play: Play, joint: Any, m: Mechanism, force: Array, place: Place) -> Array:
+    def seat(
+        self, play: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
+    ) -> Array:
         """Offset (r,) [m] along the rows of its closure at which it rests, loose, at the start.
 
         Under a force (2,) [N] of the first on the second link, the links being at a place.
@@ -141,7 +143,9 @@ class JointKeys(Part):
         """These contacts in words."""
         raise NotImplementedError
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> Sequence[MotionBound]:
+    def bounds(
+        self, play: ClearanceSpec, joint: Any, mechanism: Mechanism
+    ) -> Sequence[MotionBound]:
         """The gaps of these contacts."""
         return ()
 
@@ -153,7 +157,7 @@ class JointKeys(Part):
         """Remarks on the joint of a machine at rest."""
         return []
 
-    def doubts(self, machine: Any, joint: Any) -> list[str]:
+    def plausibility_warnings(self, machine: Any, joint: Any) -> list[str]:
         """Warnings about what its keys say, which every command repeats."""
         return []
 
@@ -172,11 +176,11 @@ class TouchingKeys(JointKeys):
 
     touches_by = '', 'compliance'
 
-    def touches(self, name: str) -> Play:
+    def touches(self, name: str) -> ClearanceSpec:
         """Contact of the surfaces."""
         if self.compliance and self.compliance.law == 'film':
             raise InputError(f'joints.{name}.compliance.law = film is for pins in bushings')
-        return Play(
+        return ClearanceSpec(
             radial=0.0, restitution=self.restitution, hypothesis=self.hypothesis or 'newton',
             friction=self.friction.coefficient if self.friction else 0.0, contact=self.compliance,
         )  # fmt: skip
@@ -187,7 +191,7 @@ KINDS = Registry[type[JointKeys]]()
 
 
 def contacts_of(
-    joints: Mapping[str, JointKeys], mechanism: Mechanism, clearances: Mapping[str, Play]
+    joints: Mapping[str, JointKeys], mechanism: Mechanism, clearances: Mapping[str, ClearanceSpec]
 ) -> tuple[list[Gap], list[ForceElement]]:
     """The gaps and the force elements of all loose joints of a mechanism."""
     gaps: list[Gap] = []
@@ -201,7 +205,7 @@ def contacts_of(
 
 
 def bounds_of(
-    joints: Mapping[str, JointKeys], mechanism: Mechanism, touching: Mapping[str, Play]
+    joints: Mapping[str, JointKeys], mechanism: Mechanism, touching: Mapping[str, ClearanceSpec]
 ) -> list[MotionBound]:
     """The gaps of joints of a mechanism that have some beside their constraint or clearance."""
     return [

@@ -15,7 +15,7 @@ import heyoka as hy
 from pydantic import model_validator
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import Contact, Play, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, play_of
 from mechanism_sim.joints.joint_keys import JointKeys, Joints
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import (
@@ -100,7 +100,7 @@ class StopKeys(JointKeys):
                     'that bends are not modelled: give them to a joint of a rigid link'
                 )
 
-    def touches(self, name: str) -> Play | None:
+    def touches(self, name: str) -> ClearanceSpec | None:
         """Contacts of its stops."""
         if self.stops is None:
             return None
@@ -139,7 +139,7 @@ class StopKeys(JointKeys):
             moving, still = still, moving
         return f'{", ".join(said)} of {moving[0]} against {still[0]}'
 
-    def bounds(self, play: Play, joint: Joint, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, play: ClearanceSpec, joint: Joint, mechanism: Mechanism) -> list[MotionBound]:
         """The gaps of its stops."""
         given = self.stops
         assert given is not None  # noqa: S101 - there is a play

@@ -20,7 +20,7 @@ from mechanism_sim.linkages.four_bar import FourBar
 TOLERANCE = 1e-12
 
 #: what a linkage of Grashof's is called when ground, crank, coupler or rocker is its shortest link
-GRASHOF_NAMES = ('double-crank', 'crank-rocker', 'double-rocker', 'rocker-crank')
+_GRASHOF_NAMES = ('double-crank', 'crank-rocker', 'double-rocker', 'rocker-crank')
 
 
 _AT = 1e-3  # [rad] nearer to a change point than this its branches are not told apart
@@ -65,7 +65,7 @@ def classify(lengths: ArrayLike) -> NDArray[np.str_]:
     """
     lengths = np.asarray(lengths, np.float64)
     total, room = lengths.sum(axis=0), excess(lengths)
-    names = np.array(GRASHOF_NAMES)[lengths.argmin(axis=0)]
+    names = np.array(_GRASHOF_NAMES)[lengths.argmin(axis=0)]
     names = np.where(room < 0.0, 'triple-rocker', names)
     names = np.where(np.abs(room) <= TOLERANCE * total, 'change point', names)
     spare = total - 2.0 * lengths.max(axis=0)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.linkages.ideal import IdealMotion
+from mechanism_sim.linkages.ideal import IdealMotion, LinkageMotion
 from mechanism_sim.linkages.piece_ends import END
+from mechanism_sim.planar.mechanism import HigherPair
 
 _GRID = 2.0**38
 """Places in 1 rad, or in the size of the mechanism, to which a start is rounded."""
 _MOST = 4096
+_ALIKE = 1e-9  # closures, of the size of the mechanism, and their slopes: the same
 
 Place: TypeAlias = tuple[bytes, float, float, float]
 """Positions on the grid, the rate of the drive, length of a piece, and the share tried first."""
@@ -40,10 +43,16 @@ class KnownPieces:
     ----------
     ideal : of whose motion they are, n coordinates
     scale : (n,) [m] or [rad]
+    first : (n,) a place of the motion
+
+    Attributes
+    ----------
+    pitches : displacements, by their numbers, and after how far [m] closures are as before
     """
 
-    def __init__(self, ideal: IdealMotion, scale: Array) -> None:
+    def __init__(self, ideal: IdealMotion, scale: Array, first: Array) -> None:
         self._driven, self._scale = ideal.driven, scale
+        self.pitches = _pitches(ideal, first)
         more = len(ideal.driven) != 1 or ideal.driven[0] in ideal.sliding
         self._more = more or bool(ideal.edges and ideal.edges.outside)
         self._pieces: dict[Place, NextPiece | None] = {}
@@ -62,9 +71,16 @@ class KnownPieces:
         """
         if self._more or len(local) != 2 or not local[1]:
             return None
-        start = last / self._scale
+        start = (last - self.passed(last)) / self._scale
         start[self._driven] = local[0]
         return np.round(start * _GRID).tobytes(), local[1], length, share
+
+    def passed(self, last: Array) -> Array:
+        """Whole pitches (n,) in positions (n,): closures are the same without them."""
+        whole = np.zeros_like(last)
+        for i, pitch in self.pitches.items():
+            whole[i] = pitch * math.floor(last[i] / pitch)
+        return whole
 
     def start(self, place: Place) -> Array:
         """Positions (n,) there."""
@@ -94,3 +110,31 @@ class KnownPieces:
         last = length * (1.0 - END)
         cuts = tuple(t - off for t in piece.cuts if 0.0 < t - off < last)
         return piece._replace(length=length, coefficients=coefficients, cuts=cuts)
+
+
+def _pitches(ideal: IdealMotion, first: Array) -> dict[int, float]:
+    """Displacements, by their numbers, and after how far [m] all closures are as before.
+
+    Joints say what they repeat themselves after; others of the machine may not.
+
+    Parameters
+    ----------
+    first : (n,) a place of the motion
+    """
+    found: dict[int, float] = {}
+    if not isinstance(ideal, LinkageMotion) or (
+        ideal.edges and {*ideal.edges.coordinates} - {*ideal.driven}
+    ):
+        return found
+    mechanism = ideal.kinematics.mechanism
+    pairs = [joint for joint in mechanism.joints if isinstance(joint, HigherPair)]
+    pitches = {link: pitch for joint in pairs for link, pitch in joint.pitches.items()}
+    for i in {*ideal.sliding} - {*ideal.driven}:
+        if pitch := pitches.get(ideal.coordinates[i]):
+            places = np.repeat(first[:, None], 3, axis=1)
+            places[i] += pitch * np.arange(3)
+            off, slopes = ideal.kinematics.closure(places)
+            alike = np.abs(slopes - slopes[:1]).max() <= _ALIKE
+            if alike and np.abs(off - off[:1]).max() <= _ALIKE * mechanism.size:
+                found[i] = pitch
+    return found

@@ -117,7 +117,7 @@ class NominalRun:
         self._scale = np.array(
             [size if i in ideal.sliding else 1.0 for i in range(len(ideal.coordinates))]
         )
-        self._known = KnownPieces(ideal, self._scale)
+        self._known = KnownPieces(ideal, self._scale, np.array(first, dtype=float))
         self._coming: deque[DriveLaw] = deque()
         self._sources: dict[str, LawSource] = {}
         self._pieces: list[tuple[Fraction, float, NDArray[np.int64], Array]] = []
@@ -235,7 +235,12 @@ class NominalRun:
             way = 2.0 * np.pi * self._scale[i] / _PIECES_PER_TURN
             widths += [(way / abs(c)) ** (1.0 / k) for k, c in enumerate(local) if k and c]
         width = min(widths, default=_LONGEST)
-        return float(min(width, _LONGEST if self.timed else max(_LONGEST, width / _SLOW)))
+        longest = _LONGEST if self.timed else max(_LONGEST, width / _SLOW)
+        steady = all(len(local) <= 2 for _, local in self._local)
+        if not (steady and longest < width < math.inf):
+            return min(width, longest)
+        # in equal parts: a steady drive comes by the same places every turn
+        return width / math.ceil(width / longest - END)
 
     def _add(self, end: Fraction) -> None:
         """A piece up to `end`, or less if that would not be exact."""
@@ -283,7 +288,7 @@ class NominalRun:
             return None
         if place is None:
             return self._cut(self._made(h))
-        varied = self._cuts is not None and self._cuts.varied
+        varied = self._cuts is not None and (self._cuts.varied or bool(known.pitches))
         if place not in known:
             self._last = known.start(place)
             angle = float(self._last[self._ideal.driven[0]])
@@ -296,8 +301,10 @@ class NominalRun:
             known.enter(place, made)
             self._last, self._about, self._share = here
         self._turns[self._ideal.driven] = turns
-        found = known.beside(place, local)
-        return found if found and not varied else self._cut(found or self._made(h))
+        if (found := known.beside(place, local)) is None:
+            return self._cut(self._made(h))
+        found.coefficients[:, 0] += known.passed(self._last)
+        return self._cut(found) if varied else found
 
     def _made(self, h: float) -> NextPiece:
         """The piece from here on, of so many seconds, or of fewer if that would not be exact."""

@@ -13,7 +13,7 @@ from ros_interfaces.origin import require
 
 OWN = 'mechanism_sim'
 
-LATEST = 2.0**31
+_LATEST = 2.0**31
 """[s] A stamp holds no more."""
 
 _LAST_MODE = 6  # RECOVERING, of ModeChange
@@ -37,8 +37,8 @@ def own_messages() -> tuple[str, ...]:
 def add() -> None:
     """Have classes and checks of messages know of these."""
     require(OWN)
-    unknown = frozenset(f'{OWN}/msg/{name}' for name in UNKNOWN_AS_NAN)
-    add_rules(OWN, Rules(unknown, {f'{OWN}/msg/{x}': find for x, find in CONTRADICTIONS.items()}))
+    unknown = frozenset(f'{OWN}/msg/{name}' for name in _UNKNOWN_AS_NAN)
+    add_rules(OWN, Rules(unknown, {f'{OWN}/msg/{x}': find for x, find in _CONTRADICTIONS.items()}))
 
 
 def _about_progress(message: Any) -> str | None:
@@ -81,15 +81,15 @@ def _about_motion(message: Any) -> str | None:
 
 def _beyond(message: Any, *fields: str) -> str | None:
     for field in fields:
-        if not 0.0 <= getattr(message, field) < LATEST:
+        if not 0.0 <= getattr(message, field) < _LATEST:
             return f'{field} = {getattr(message, field):g} s is not a time of a run'
     return None
 
 
-UNKNOWN_AS_NAN = 'BearingLoads', 'CamState', 'GearState', 'GenevaState', 'JointReactions'
+_UNKNOWN_AS_NAN = 'BearingLoads', 'CamState', 'GearState', 'GenevaState', 'JointReactions'
 """Messages that hold NaN for what is unknown."""
 
-CONTRADICTIONS = {
+_CONTRADICTIONS = {
     'Progress': _about_progress,
     'DriveLaw': _about_law,
     'Motion': _about_motion,

@@ -33,7 +33,7 @@ UNSUPPORTED_FORMAT, NO_RESOURCE, RESOURCE_PARSE_ERROR, UNSUPPORTED_ELEMENTS = 10
 INVALID_POSE = 101  # SetEntityState.Response
 # SetSimulationState.Response; constants of a service are not in the classes made from definitions
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
-STEPS = 'steps'
+STEPS, _HALT = 'steps', 'a pause'
 ROUNDING = 1e-12
 """Of times, relative: steps that end with the run are not beyond it; and of poses."""
 
@@ -384,6 +384,8 @@ class SimulationControl:
         ending = asked in (s.STATE_PAUSED, s.STATE_QUITTING)
         if reason := await self.refusal(during_steps=ending):
             return answered(response, reason)
+        if self.busy:  # steps of an action are announced one by one: no more of them
+            self.busy = _HALT
         if asked == s.STATE_PLAYING:
             if drive.playing:
                 return self._already(response, 'playing')
@@ -443,23 +445,29 @@ class SimulationControl:
 
     async def _simulate_steps(self, goal: Any) -> Any:
         """Steps one by one, with feedback after each."""
-        kind = action_class(f'{SIMULATION}/action/SimulateSteps')
-        steps, result = int(goal.request.steps), kind.Result()
-        if reason := await self.refusal() or self._no_steps(steps):
+        steps = int(goal.request.steps)
+        result = action_class(f'{SIMULATION}/action/SimulateSteps').Result()
+        if not (reason := await self.refusal() or self._no_steps(steps)):
+            reason = await self.alone(STEPS, self._go_singly(goal, steps))
+        if not reason:
+            goal.succeed()
+        elif goal.is_cancel_requested:
+            goal.canceled()
+        else:
             goal.abort()
-            return answered(result, reason)
+        return answered(result, reason)
+
+    async def _go_singly(self, goal: Any, steps: int) -> str:
+        """Why the steps of a goal are not done; empty if they are."""
+        kind = action_class(f'{SIMULATION}/action/SimulateSteps')
         for done in range(1, steps + 1):
             if goal.is_cancel_requested:
-                goal.canceled()
-                return answered(result, f'cancelled after {done - 1} steps')
-            if reason := await self.alone(STEPS, self._go(1)):
-                goal.abort()
-                return answered(result, reason)
-            goal.publish_feedback(
-                kind.Feedback(completed_steps=done, remaining_steps=steps - done)
-            )
-        goal.succeed()
-        return answered(result)
+                return f'cancelled after {done - 1} steps'
+            if reason := await self._go(1):
+                return reason
+            feedback = kind.Feedback(completed_steps=done, remaining_steps=steps - done)
+            goal.publish_feedback(feedback)
+        return ''
 
     # --- what they have in common -------------------------------------------------------------
 
@@ -470,6 +478,8 @@ class SimulationControl:
         hundred steps of 1 ms end at 0.1 s.
         """
         drive, size = self._drive, self._drive.value('step_size')
+        if self.busy == _HALT:
+            return f'paused meanwhile, at {drive.announced:.9g} s'
         if drive.announced != self._origin + self._steps * size:
             self._origin, self._steps = drive.announced, 0
         self._steps += steps
@@ -494,7 +504,7 @@ class SimulationControl:
                 f'the run ends by itself at {self._drive.announced:.9g} s, up to which the law '
                 'of its drive is announced; start it with hold to operate it after its end'
             )
-        if self.busy and not (during_steps and self.busy == STEPS):
+        if self.busy and not (during_steps and self.busy in (STEPS, _HALT)):
             return f'{self.busy} under way: wait for the end'
         return ''
 

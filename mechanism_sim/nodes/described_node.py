@@ -26,7 +26,7 @@ from mechanism_sim.messages.own import OWN
 from mechanism_sim.nodes.middleware import Clock, ClockType, Node, Parameter, QoSOverridingOptions
 from mechanism_sim.nodes.qos import CLOCK, LATCHED, RESULTS
 
-DIAGNOSTICS_PERIOD = 1.0  # [s]
+_DIAGNOSTICS_PERIOD = 1.0  # [s]
 OURS = RESULTS, LATCHED, CLOCK
 
 
@@ -191,7 +191,7 @@ class DescribedNode(Node):
     def publish_diagnostics(self) -> None:
         """Publish ``/diagnostics`` from now on."""
         self._diagnostics = super().create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self.create_timer(DIAGNOSTICS_PERIOD, self._publish_diagnostics)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics)
 
     def diagnose(self) -> Diagnosis:
         """State of this node; subclasses add to it."""

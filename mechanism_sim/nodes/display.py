@@ -15,7 +15,7 @@ from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.qos import LATCHED, RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
-SCALES = {
+_SCALES = {
     'force_scale': 'Length of arrows per force [m/N]; 0: the largest fits half the machine',
     'clearance_magnification': 'Magnification of clearances; 0: chosen so that they are visible',
 }
@@ -32,7 +32,7 @@ class Display(SimulationNode):
 
     def __init__(self, parameters: Sequence[Parameter] = ()) -> None:
         super().__init__('display', parameters)
-        self._sizes = [self.declare(x, 0.0, about, read_only=True) for x, about in SCALES.items()]
+        self._sizes = [self.declare(x, 0.0, about, read_only=True) for x, about in _SCALES.items()]
         self._prefix = self.value('frame_prefix')
         self._shapes = self.create_publisher(MarkerArray, 'markers', LATCHED)
         self._forces = self.create_publisher(MarkerArray, 'force_markers', RESULTS)

@@ -32,12 +32,12 @@ from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.view import Kind
 
-Colour = tuple[float, float, float, float]
+_Colour = tuple[float, float, float, float]
 """Red, green, blue, and how opaque, 0 to 1 each."""
 
-STEEL: Colour = (0.55, 0.60, 0.66, 1.0)
+STEEL: _Colour = (0.55, 0.60, 0.66, 1.0)
 
-NAMESPACES: dict[Kind, str] = {
+_NAMESPACES: dict[Kind, str] = {
     'frame': 'frames',
     'belt': 'belts',
     'wheel': 'wheels',
@@ -57,11 +57,11 @@ NAMESPACES: dict[Kind, str] = {
 
 _LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
 _EDGE = 0.12  # width of lines, likewise
-FORCE: Colour = (0.80, 0.10, 0.10, 1.0)
-TOUCHING: Colour = (0.90, 0.45, 0.05, 1.0)
-FLYING: Colour = (0.20, 0.55, 0.85, 1.0)
-GLASS: Colour = (0.93, 0.93, 0.88, 0.9)
-STRUCK: Colour = (1.00, 0.80, 0.10, 0.9)
+FORCE: _Colour = (0.80, 0.10, 0.10, 1.0)
+TOUCHING: _Colour = (0.90, 0.45, 0.05, 1.0)
+_FLYING: _Colour = (0.20, 0.55, 0.85, 1.0)
+_GLASS: _Colour = (0.93, 0.93, 0.88, 0.9)
+_STRUCK: _Colour = (1.00, 0.80, 0.10, 0.9)
 
 SHORTEST = 1e-3
 """Arrows shorter than this part of the machine's size are left out."""
@@ -77,7 +77,7 @@ def marker(
     number: int,
     frame: str,
     kind: int,
-    colour: Colour,
+    colour: _Colour,
     scale: tuple[float, float, float],
     points: Iterable[Vector2] | Array = (),
     height: float = 0.0,
@@ -118,13 +118,13 @@ def sways(skeleton: Skeleton, shape: Shape) -> bool:
 def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
     """Markers of the shapes, locked to the frames of links: shape, marker, its points (k, 2) [m].
 
-    A namespace is a kind of shapes, see `NAMESPACES`: what is filled as triangles, then edges.
+    A namespace is a kind of shapes, see `_NAMESPACES`: what is filled as triangles, then edges.
     """
     made: list[tuple[Shape, Any, Array]] = []
     count: Counter[str] = Counter()
     kinds, s = get_args(Kind), skeleton.symbol
     for shape in skeleton.shapes:
-        name, frame = NAMESPACES[shape.kind], frame_of(shape.link, prefix)
+        name, frame = _NAMESPACES[shape.kind], frame_of(shape.link, prefix)
         for path in shape.paths:
             # links lie on each other
             height = _LAYER * s * (kinds.index(shape.kind) + 0.02 * count[name])
@@ -153,7 +153,7 @@ def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
     return made
 
 
-def _colours(style: Style, number: int) -> tuple[Colour | None, Colour | None]:
+def _colours(style: Style, number: int) -> tuple[_Colour | None, _Colour | None]:
     """Of what is filled, and of its edge."""
     own, ink = (*rgb(colour(number)), 1.0), (*rgb(INK), 1.0)
     if style in OPEN:
@@ -269,7 +269,7 @@ class ForceMarkers:
         share = impact.normal_impulse / self._hardest if self._hardest else 1.0
         size = 4.0 * self._symbol * max(share, 1e-3) ** (1.0 / 3.0)
         frame, number = frame_of(joint.second, self._prefix), int(impact.index % 2**31)
-        flash = marker('impacts', number, frame, Marker.SPHERE, STRUCK, (size, size, size))
+        flash = marker('impacts', number, frame, Marker.SPHERE, _STRUCK, (size, size, size))
         flash.header.stamp = impact.header.stamp
         flash.frame_locked = True
         flash.pose.position.x, flash.pose.position.y = joint.on_second
@@ -308,7 +308,7 @@ class ForceMarkers:
             film = not gaps_of(self._machine.mechanism, lens.joint.name, physics.clearances)
             closed = (frames.modes[:, k] > Mode.FREE_FLIGHT) | film
             size = 2.0 * lens.radius
-            yield self._moving(self._lying(2 * k, Marker.CYLINDER, GLASS, (size, size)), middle)
+            yield self._moving(self._lying(2 * k, Marker.CYLINDER, _GLASS, (size, size)), middle)
             size = 2.0 * lens.inner
             pin = self._lying(2 * k + 1, Marker.CYLINDER, STEEL, (size, size), 0.5)
             yield self._moving(pin, middle + lens.magnification * out, closed)
@@ -330,7 +330,7 @@ class ForceMarkers:
             thick = 0.25 * lens.radius
             for side, gap in ((-1.0, left), (1.0, right)):
                 if not np.isnan(gap).all():
-                    wall = self._lying(number, Marker.CUBE, GLASS, (thick, 2.0 * lens.radius))
+                    wall = self._lying(number, Marker.CUBE, _GLASS, (thick, 2.0 * lens.radius))
                     aside = side * (lens.radius + 0.5 * thick)
                     yield self._moving(wall, middle + np.array([[aside], [0.0]]))
                     number += 1
@@ -348,7 +348,7 @@ class ForceMarkers:
         return at, at + lens.away[:, None]
 
     def _lying(
-        self, number: int, kind: int, shade: Colour, size: tuple[float, float], above: float = 0.0
+        self, number: int, kind: int, shade: _Colour, size: tuple[float, float], above: float = 0.0
     ) -> Any:
         """A flat part of a lens, so many symbols above its walls."""
         s = self._symbol
@@ -385,7 +385,7 @@ class ForceMarkers:
             position = made.pose.position
             position.x, position.y = place[:, i].tolist()
             if touching is not None:
-                shade = TOUCHING if touching[i] else FLYING
+                shade = TOUCHING if touching[i] else _FLYING
                 made.color.r, made.color.g, made.color.b, made.color.a = shade
             if shown is not None:
                 made.action = Marker.ADD if shown[i] else Marker.DELETE

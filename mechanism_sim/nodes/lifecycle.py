@@ -20,10 +20,10 @@ from mechanism_sim.nodes.simulation_node import SimulationNode
 from mechanism_sim.results.run import prepare
 
 PACKAGE = 'lifecycle_msgs'
-UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 1, 2, 3, 4
+_UNCONFIGURED, _INACTIVE, ACTIVE, _FINALIZED = 1, 2, 3, 4
 STATES = {
-    0: 'unknown', UNCONFIGURED: 'unconfigured', INACTIVE: 'inactive', ACTIVE: 'active',
-    FINALIZED: 'finalized',
+    0: 'unknown', _UNCONFIGURED: 'unconfigured', _INACTIVE: 'inactive', ACTIVE: 'active',
+    _FINALIZED: 'finalized',
 }  # fmt: skip
 """Labels of the primary states by their numbers in lifecycle_msgs/State."""
 
@@ -37,14 +37,14 @@ class Transition(NamedTuple):
     goal: int
 
 
-TRANSITIONS = (
-    Transition(1, 'configure', UNCONFIGURED, INACTIVE),
-    Transition(2, 'cleanup', INACTIVE, UNCONFIGURED),
-    Transition(3, 'activate', INACTIVE, ACTIVE),
-    Transition(4, 'deactivate', ACTIVE, INACTIVE),
-    Transition(5, 'shutdown', UNCONFIGURED, FINALIZED),
-    Transition(6, 'shutdown', INACTIVE, FINALIZED),
-    Transition(7, 'shutdown', ACTIVE, FINALIZED),
+_TRANSITIONS = (
+    Transition(1, 'configure', _UNCONFIGURED, _INACTIVE),
+    Transition(2, 'cleanup', _INACTIVE, _UNCONFIGURED),
+    Transition(3, 'activate', _INACTIVE, ACTIVE),
+    Transition(4, 'deactivate', ACTIVE, _INACTIVE),
+    Transition(5, 'shutdown', _UNCONFIGURED, _FINALIZED),
+    Transition(6, 'shutdown', _INACTIVE, _FINALIZED),
+    Transition(7, 'shutdown', ACTIVE, _FINALIZED),
 )
 
 
@@ -112,7 +112,7 @@ class Lifecycle:
     """The services and the topic of a managed node."""
 
     def __init__(self, node: IntegratingNode) -> None:
-        self._node, self._now = node, UNCONFIGURED
+        self._node, self._now = node, _UNCONFIGURED
         self._do: dict[str, Callable[[], str]] = {
             'configure': node.configure,
             'cleanup': node.cleanup,
@@ -139,11 +139,13 @@ class Lifecycle:
         asked = request.transition
         found = [
             t
-            for t in TRANSITIONS
+            for t in _TRANSITIONS
             if t.start == self._now and (t.label == asked.label or t.number == asked.id)
         ]
         if not found:
-            possible = ', '.join(t.label for t in TRANSITIONS if t.start == self._now) or 'nothing'
+            possible = (
+                ', '.join(t.label for t in _TRANSITIONS if t.start == self._now) or 'nothing'
+            )
             reason = f'{STATES[self._now]}: possible are {possible}'
         else:
             reason = self._do[found[0].label]()
@@ -176,10 +178,10 @@ class Lifecycle:
         return response
 
     def _list_possible(self, _request: Any, response: Any) -> Any:
-        return self._list(response, [t for t in TRANSITIONS if t.start == self._now])
+        return self._list(response, [t for t in _TRANSITIONS if t.start == self._now])
 
     def _list_all(self, _request: Any, response: Any) -> Any:
-        return self._list(response, TRANSITIONS)
+        return self._list(response, _TRANSITIONS)
 
     def _list(self, response: Any, transitions: Sequence[Transition]) -> Any:
         response.available_transitions = [

@@ -22,7 +22,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.scene.load import without_clearance
 from ros_interfaces.stamps import nanoseconds
 
-DRIVERS = 'driver_states'
+_DRIVERS = 'driver_states'
 """Topic on which the driving joints are told (sensor_msgs/JointState)."""
 
 
@@ -69,21 +69,21 @@ class LoopRelay(DescribedNode):
             ('driver_description', drivers_urdf(machine, self._driven, self._limits)),
         ):
             self.create_publisher(String, topic, LATCHED).publish(String(data=text))
-        self.create_subscription(JointState, DRIVERS, self._take, RESULTS)
+        self.create_subscription(JointState, _DRIVERS, self._take, RESULTS)
         self.publish_diagnostics()
 
     def _take(self, message: Any) -> None:
         """Answer the states of the driving joints with those of all."""
         places = dict(zip(message.name, message.position, strict=False))
         if missing := [name for name in self._driven if name not in places]:
-            self.ignore(DRIVERS, f'it has no position of {", ".join(missing)}')
+            self.ignore(_DRIVERS, f'it has no position of {", ".join(missing)}')
             return
         told = [places[name] for name in self._driven]
         try:
             q = self._followed(told)
         except RunError as error:
             self._refused = str(error)
-            self.ignore(DRIVERS, self._refused)
+            self.ignore(_DRIVERS, self._refused)
             return
         rates = dict(zip(message.name, message.velocity, strict=False))
         known = [rates[name] for name in self._driven if name in rates]
@@ -115,5 +115,5 @@ class LoopRelay(DescribedNode):
     def diagnose(self) -> Diagnosis:
         """How many states were answered, and why the last one was not."""
         level = DiagnosticStatus.WARN if self._refused else DiagnosticStatus.OK
-        message = self._refused or ('running' if self._answered else f'waiting for {DRIVERS}')
+        message = self._refused or ('running' if self._answered else f'waiting for {_DRIVERS}')
         return Diagnosis(level, message, {'states answered': self._answered})

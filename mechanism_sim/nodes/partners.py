@@ -48,6 +48,7 @@ class Partners:
         self.run = 0
         self.reports: dict[str, Any] = {}
         self._seen: set[str] = set()
+        self._ids: dict[str, tuple[int, ...]] = {}  # of those that this run began with
         self._different = ''
         self.alone = False
         self._mark: Any = None
@@ -112,7 +113,9 @@ class Partners:
 
     def gathered(self) -> bool:
         """True when all are there; RunError if one never comes, or is of another version."""
-        name, now, present = self._node.get_name(), time.monotonic(), self._present()
+        name, now, ids = self._node.get_name(), time.monotonic(), self._present()
+        self._ids.update(ids)
+        present = [node for node, _ in ids]
         # who has come first is not held up by those who will find that they have not
         known = self.names if self._mark else [name, *self.names]
         self._refuse(present, dict.fromkeys(known, 1))
@@ -152,7 +155,8 @@ class Partners:
 
         Of nodes that begin at the same time, the first waits until the others have left.
         """
-        name, present, now = self._node.get_name(), self._present(), time.monotonic()
+        name, now = self._node.get_name(), time.monotonic()
+        present = [node for node, _ in self._present()]
         others = present.count(name) > 1
         waits = others and self._is_first() and now <= self._deadline
         self._refuse(present, dict.fromkeys(self.names, 0) | {name: len(present) if waits else 1})
@@ -175,16 +179,21 @@ class Partners:
                 )
 
     def check_presence(self) -> None:
-        """Raise RunError if one has left before it had finished."""
+        """Raise RunError if one has left before it had finished.
+
+        Another of its name, as where it was killed and started anew, knows nothing of the run.
+        """
         now, present = time.monotonic(), self._present()
+        self._ids = dict(present) | self._ids
         for partner in self.names:
-            known = self.reports.get(partner)
-            if partner in present or (known and known.finished) or self._node.done:
+            known, there = self.reports.get(partner), (partner, self._ids.get(partner)) in present
+            if there or (known and known.finished) or self._node.done:
                 self._missing_since.pop(partner, None)
             elif now - self._missing_since.setdefault(partner, now) > GONE_AFTER:
+                anew = ', and another of its name has begun' if partner in dict(present) else ''
                 raise RunError(
-                    f"{self._node.get_name()}: '{partner}' left before the run was finished; "
-                    'what was received until then is kept'
+                    f"{self._node.get_name()}: '{partner}' left before the run was finished"
+                    f'{anew}; what was received until then is kept'
                 )
 
     def name_silent_topics(self) -> None:
@@ -207,13 +216,13 @@ class Partners:
             self._said[kind] = now
             self._node.get_logger().info(f'waiting for {for_whom}')
 
-    def _present(self) -> list[str]:
-        """Names of the nodes in the graph that are whole, this one among them."""
+    def _present(self) -> list[tuple[str, tuple[int, ...]]]:
+        """Names and ids of the nodes in the graph that are whole, this one among them."""
         # The last subscription of a node and its last publisher: who sees both sees all before.
         node = self._node
         hearing = {s.node_name for s in node.get_subscriptions_info_by_topic('progress')}
-        speaking = [p.node_name for p in node.get_publishers_info_by_topic('progress')]
-        return [name for name in speaking if name in hearing]
+        speaking = node.get_publishers_info_by_topic('progress')
+        return [(p.node_name, tuple(p.endpoint_gid)) for p in speaking if p.node_name in hearing]
 
     def _difference(self) -> str:
         """Describe a partner with other message types, which would receive nothing."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.nodes.arguments import Parser, split_ros_args
 from mechanism_sim.nodes.described_node import DescribedNode
@@ -31,7 +31,7 @@ from mechanism_sim.nodes.middleware import (
 from mechanism_sim.terminal import print_error
 from ros_interfaces.names import InvalidNameError
 
-PATIENCE, PATIENCE_AFTER_INTERRUPT, PATIENCE_AFTER_FAILURE = 60.0, 0.5, 1.0
+PATIENCE, _PATIENCE_AFTER_INTERRUPT, _PATIENCE_AFTER_FAILURE = 60.0, 0.5, 1.0
 """[s] that others get to take in what was published: at the end of a run, after a signal, and
 those in this process after another has failed.
 """
@@ -68,11 +68,11 @@ def run_nodes(
         first = not asked_to_end
         asked_to_end.append(number)
         if not leaving and not (nodes and first):
-            return ending.interrupt(number, frame)
+            return process_exit.interrupt(number, frame)
         # An exception here could be raised, and be lost, in the middle of the middleware.
-        ending.notice()
+        process_exit.notice()
         if leaving and first:
-            ending.later(PATIENCE_AFTER_INTERRUPT, ending.quit_now)
+            process_exit.later(_PATIENCE_AFTER_INTERRUPT, process_exit.quit_now)
         for executor in executors:
             # It may wait for messages: it is to look at once.
             executor.wake()
@@ -89,7 +89,7 @@ def run_nodes(
                 executor.add_node(node)
                 node.name_strangers()
             if any(node.keeps for node in nodes):
-                ending.allow(PATIENCE)
+                process_exit.allow(PATIENCE)
             gc.freeze()  # what is there now stays: the collector need not look through it
             _keep_memory()
             while not asked_to_end and ok():
@@ -111,15 +111,15 @@ def run_nodes(
                 _keep(executor, nodes)
         finally:
             leaving.append(True)
-            code = code or (ending.INTERRUPTED if asked_to_end else 0)
+            code = code or (process_exit.INTERRUPTED if asked_to_end else 0)
             if code and stop:
                 stop(code)
             try:
-                leave(nodes, PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
+                leave(nodes, _PATIENCE_AFTER_INTERRUPT if asked_to_end else PATIENCE)
             except MiddlewareError as error:
                 code = code or print_error(error, 1)
-            ending.allow()
-    return code or (ending.INTERRUPTED if asked_to_end else 0)
+            process_exit.allow()
+    return code or (process_exit.INTERRUPTED if asked_to_end else 0)
 
 
 def _keep_memory() -> None:
@@ -140,11 +140,11 @@ def _tell(nodes: Sequence[DescribedNode], error: Exception, code: int) -> int:
 @contextmanager
 def _signals_to(handler: Callable[[int, Any], None]) -> Iterator[None]:
     """Handle signals, also where a shell started us in the background and had SIGINT ignored."""
-    before = [signal.signal(number, handler) for number in ending.SIGNALS]
+    before = [signal.signal(number, handler) for number in process_exit.SIGNALS]
     try:
         yield
     finally:
-        for number, usual in zip(ending.SIGNALS, before, strict=True):
+        for number, usual in zip(process_exit.SIGNALS, before, strict=True):
             signal.signal(number, usual or signal.SIG_DFL)
 
 
@@ -152,14 +152,14 @@ def report_end(name: str, code: int) -> int:
     """Print why another process ended if it did not; returns the exit code of this one."""
     if code < 0:
         return print_error(RunError(f"'{name}' was killed by signal {-code}; the run ends"), 1)
-    if code == ending.INTERRUPTED:
-        return ending.report_signal(f"'{name}' was interrupted; the run ends")
+    if code == process_exit.INTERRUPTED:
+        return process_exit.report_signal(f"'{name}' was interrupted; the run ends")
     return code
 
 
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
     """After a failure let nodes that record take in what was published until then."""
-    until = time.monotonic() + PATIENCE_AFTER_FAILURE
+    until = time.monotonic() + _PATIENCE_AFTER_FAILURE
     for node in nodes:
         if not node.keeps:
             executor.remove_node(node)
@@ -175,7 +175,7 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
     of ROS.
     """
     parser = Parser(description=(node.__doc__ or '').strip().splitlines()[0])
-    add_node_options(parser)
+    _add_node_options(parser)
     own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
     try:
         options, rest = parser.parse_known_args(own)
@@ -197,10 +197,10 @@ def main_of(node: Callable[[list[Parameter]], Any], args: Sequence[str] | None =
         return [made]
 
     code = run_nodes(make, ros_args=ros_args)
-    sys.exit(ending.report_signal() if code == ending.INTERRUPTED else code)
+    sys.exit(process_exit.report_signal() if code == process_exit.INTERRUPTED else code)
 
 
-def add_node_options(parser: argparse.ArgumentParser) -> None:
+def _add_node_options(parser: argparse.ArgumentParser) -> None:
     """Options that every node has."""
     parser.add_argument('--scene', help='scene of the package, or path to a YAML file')
     parser.add_argument(

@@ -47,7 +47,7 @@ from mechanism_sim.results.quantity import View
 from mechanism_sim.scene import Machine
 from ros_interfaces.layout import Layout
 
-ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
+_ENERGIES = 'kinetic_energy', 'potential_energy', 'drive_work', 'dissipated'
 
 
 def joint_states(physics: Physics) -> Callable[[View], list[bytes]]:
@@ -106,7 +106,7 @@ def linkage_states(machine: Machine, world: str) -> Callable[[View], list[bytes]
             columns['deflections'] = _rows(view, [f'deflection.{link}' for link in elastic]).T
             columns['stresses'] = _rows(view, [f'stress.{link}' for link in elastic]).T
         if not o.drive_torque.size:  # nor are energies known
-            columns |= dict.fromkeys(ENERGIES, np.zeros(len(view.t)))
+            columns |= dict.fromkeys(_ENERGIES, np.zeros(len(view.t)))
         return layout.write(view.t, columns)
 
     return write
@@ -187,7 +187,7 @@ def _torques(o: Observation) -> Array:
 def wrenches(
     machine: Machine, frame_of: Callable[[str], str], joints: Sequence[str]
 ) -> dict[str, Callable[[View], list[bytes]]]:
-    """WrenchStamped messages by joint: of the first link on the second, in `joint_frame`."""
+    """WrenchStamped messages by joint: of the first link on the second, in `_joint_frame`."""
     return {joint: _wrench(machine, joint, frame_of) for joint in joints}
 
 
@@ -196,7 +196,7 @@ def _wrench(
 ) -> Callable[[View], list[bytes]]:
     physics, mechanism = machine.physics, machine.mechanism
     i, message = physics.joints.index(joint), WrenchStamped()
-    message.header.frame_id = joint_frame(joint, frame_of)
+    message.header.frame_id = _joint_frame(joint, frame_of)
     layout, second = Layout(message), mechanism.joint(joint).second
 
     def write(view: View) -> list[bytes]:
@@ -221,7 +221,7 @@ def _wrench(
     return write
 
 
-def joint_frame(joint: str, frame_of: Callable[[str], str]) -> str:
+def _joint_frame(joint: str, frame_of: Callable[[str], str]) -> str:
     """The frame of a joint: at its point on its second link, and turning with that."""
     return frame_of(f'joint/{joint}')
 
@@ -234,7 +234,7 @@ def joint_transforms(
     for name in joints:
         joint = mechanism.joint(name)
         parent = WORLD if joint.second == GROUND else joint.second
-        frame = TransformStamped(child_frame_id=joint_frame(name, frame_of))
+        frame = TransformStamped(child_frame_id=_joint_frame(name, frame_of))
         frame.header.frame_id = frame_of(parent)
         frame.transform.translation.x, frame.transform.translation.y = map(float, joint.on_second)
         frames.append(frame)

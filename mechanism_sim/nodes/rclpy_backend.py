@@ -70,7 +70,7 @@ from rclpy.time import Time
 from rclpy.timer import Rate, Timer
 from rclpy.utilities import remove_ros_args
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.messages import MessageError, objection
 from mechanism_sim.nodes.blocked_writes import BlockedWrites
 from ros_interfaces.refusals import Refusals, check_message
@@ -149,7 +149,7 @@ ROUND, TURN = 64, 0.02
 more: for each turn the executor of rclpy makes a set of all entities anew, which costs more than
 most callbacks; where callbacks take long, services must not wait for all of them."""
 
-LEASES = {
+_LEASES = {
     'CYCLONEDDS_URI': 'file://{}/cyclonedds.xml',
     'FASTRTPS_DEFAULT_PROFILES_FILE': '{}/fastdds.xml',
 }
@@ -280,7 +280,7 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
         option for number, (usual, option) in _USUAL.items() if signal.getsignal(number) is usual
     ]
     folder = f'{get_package_share_directory("mechanism_sim")}/launch/dds'
-    for variable, file in LEASES.items():
+    for variable, file in _LEASES.items():
         os.environ.setdefault(variable, file.format(folder))
     options = free[0] if len(free) == 1 else SignalHandlerOptions.ALL if free else None
     try:
@@ -291,8 +291,8 @@ def init(args: list[str] | None = None, *, domain_id: int | None = None) -> None
         )
     except RuntimeError as error:
         raise MiddlewareError(str(error)) from error
-    if ending.signals() >= 0 and _writes is None:
-        _writes = BlockedWrites(ending.signals())
+    if process_exit.signals() >= 0 and _writes is None:
+        _writes = BlockedWrites(process_exit.signals())
 
 
 def publish_all(publisher: Any, messages: Sequence[Any]) -> None:

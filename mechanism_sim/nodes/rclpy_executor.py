@@ -30,8 +30,8 @@ if not {*rclpy.executors.Executor.__init__.__code__.co_names} >= _PARTS:
 if not {'_make_handler', '_take_service', '_take_client'} <= {*dir(rclpy.executors.Executor)}:
     raise ImportError('this rclpy has an executor of another kind')
 
-ABANDONED = rclpy_implementation.InvalidHandle
-POLL, LOOK = 0.005, 0.5
+_ABANDONED = rclpy_implementation.InvalidHandle
+_POLL, LOOK = 0.005, 0.5
 """[s] between two looks at coroutines that wait; at events, such as an unfit quality of service,
 of which rclpy has two for each endpoint."""
 
@@ -66,7 +66,7 @@ class SingleThreadedExecutor(rclpy.executors.SingleThreadedExecutor):  # type: i
         if not self._due and not self._is_shutdown:
             waiting = any(not task.done() for task, *_ in self._tasks)
             left = LOOK if timeout_sec is None or timeout_sec < 0.0 else timeout_sec
-            others = self._wait(min(left, POLL if waiting else LOOK))
+            others = self._wait(min(left, _POLL if waiting else LOOK))
             if waiting or others or time.monotonic() > self._next_look:
                 self._next_look = time.monotonic() + LOOK
                 super().spin_once(0.0)
@@ -164,7 +164,7 @@ def _call_timer(timer: Any) -> None:
             if not timer.handle.is_timer_ready():
                 return
             timer.handle.call_timer()
-    except ABANDONED:
+    except _ABANDONED:
         return
     timer.callback()
 
@@ -173,7 +173,7 @@ def _call_subscription(subscription: Any) -> None:
     try:
         with subscription.handle:
             taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-    except ABANDONED:
+    except _ABANDONED:
         return
     if taken is not None:
         subscription.callback(taken[0])

@@ -53,7 +53,7 @@ class Recorder(SimulationNode):
         self._due: dict[str, int] = {}  # counts by topic at which to look again
         self._loss_deadline: float | None = None
         self._loss_timer: Timer | None = None
-        self._ended = False
+        self._ended, self._late = False, ''
         self._topics: dict[str, tuple[Any, QoSProfile]] = {}
         self._ahead: list[tuple[str, bytes, int]] = []  # for the next run's bag, with their times
         for topic, kind, delivery in topics_of(self.machine, 'display' in self.partners.names):
@@ -80,7 +80,7 @@ class Recorder(SimulationNode):
         self._reports.clear()
         self._complete.clear()
         self._due.clear()
-        self._ended, self._loss_deadline = False, None
+        self._ended, self._late, self._loss_deadline = False, '', None
         if self._loss_timer:
             self.destroy_timer(self._loss_timer)
             self._loss_timer = None
@@ -143,7 +143,11 @@ class Recorder(SimulationNode):
         if message.run > self.run:
             self.begin_run(message.run)
         self._now = nanoseconds(message.header.stamp)
-        self.writer.write(self.resolve_topic_name('progress'), serialize(message), self._now)
+        progress = self.resolve_topic_name('progress')
+        reports = dict(zip(message.topics, message.counts, strict=True)).get(progress, 1)
+        if self.writer.write(progress, serialize(message), self._now) == 1 and reports > 1:
+            self._late = '; it came when the run had begun'
+            self.get_logger().warning('the run has begun already: the bag lacks its start')
         self._reports.setdefault(message.node, message)
         self._review()
         if self.partners.finished and self._loss_deadline is None:
@@ -198,7 +202,8 @@ class Recorder(SimulationNode):
             self._ended, self.done = True, not again
         elif missing and late:
             topic, count = next(iter(missing.items()))
-            raise RunError(f'recorder: {count} messages of {topic} were announced, not received')
+            said = f'recorder: {count} messages of {topic} were announced, not received'
+            raise RunError(said + self._late)
 
     @property
     def _announced(self) -> int:

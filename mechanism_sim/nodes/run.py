@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.messages.part_states import integrator_of, kinds_of
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.classes import node_class
@@ -32,10 +32,10 @@ Show = Callable[[float, float, int], None]
 MONITOR = 'monitor'
 """The node of a run that shows how far it is."""
 
-START_PATIENCE = 120.0
+_START_PATIENCE = 120.0
 """[s] nodes wait for each other if this process has started them: it notices failures."""
 
-END_PATIENCE = 15.0
+_END_PATIENCE = 15.0
 """[s] other processes get to end by themselves once one has failed or the run is interrupted."""
 
 LOOK = 0.02
@@ -89,7 +89,7 @@ class NodePlan:
             'scene': self.scene,
             'duration': self.duration,
             'partners': [n for n in self.nodes if n != node],
-            'partner_timeout': START_PATIENCE,
+            'partner_timeout': _START_PATIENCE,
         }
         asked: dict[str, Any] = {
             'overrides': list(self.overrides),
@@ -249,7 +249,7 @@ class _Children:
     def interrupt(self, code: int) -> None:
         """Ask all to end, for a reason that has this exit code."""
         self.code = self.code or code
-        self._deadline = self._deadline or time.monotonic() + END_PATIENCE
+        self._deadline = self._deadline or time.monotonic() + _END_PATIENCE
         for process in self._processes.values():
             if process.poll() is None:
                 process.terminate()
@@ -272,7 +272,7 @@ def _spawn(plan: NodePlan, node: str) -> subprocess.Popen[bytes]:
             command.append(option)
         elif value is not False:
             command += [option, ','.join(value) if isinstance(value, list) else str(value)]
-    return ending.start([*command, *plan.ros_args])
+    return process_exit.start([*command, *plan.ros_args])
 
 
 def _in_processes(plan: NodePlan, watch: Callable[[], Monitor]) -> int:

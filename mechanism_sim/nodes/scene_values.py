@@ -9,7 +9,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.nodes.described_node import DescribedNode
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.scene import Machine, load_scene
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.validation import validate
 
 SCENE, OVERRIDES = 'scene', 'overrides'
 """Names of the parameters that say which machine it is."""
@@ -51,7 +51,7 @@ class Content(NamedTuple):
 
     def load(self) -> Machine:
         """The machine; raises InputError if the scene is not good."""
-        return admit(load_scene(self.scene, self.lines))
+        return validate(load_scene(self.scene, self.lines))
 
 
 def lines_of(value: object) -> str:

@@ -23,8 +23,8 @@ from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.scene_values import Content, next_machine
 from mechanism_sim.scene import Machine, run_length
 
-LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
-REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
+_LOOK_PERIOD = 0.02  # [s] between looks at the graph until everybody is there
+_REPORT_PERIOD = 0.01  # [s] between reports that are not urgent
 
 
 class SimulationNode(DescribedNode):
@@ -113,10 +113,10 @@ class SimulationNode(DescribedNode):
         self.create_subscription(Progress, 'progress', take, RESULTS)
         # The last endpoint to be declared: who sees it in the graph can rely on all others.
         self._progress = self.create_publisher(Progress, 'progress', RESULTS)
-        self.create_timer(REPORT_PERIOD, self._report_if_due)
+        self.create_timer(_REPORT_PERIOD, self._report_if_due)
         self.publish_diagnostics()
         self.partners.expect()
-        self._watch = self.create_timer(LOOK_PERIOD, self._look)
+        self._watch = self.create_timer(_LOOK_PERIOD, self._look)
 
     def once_ready(self, handle: Callable[[Any], None]) -> Callable[[Any], None]:
         """Callback that keeps messages for `handle` until all partners are there.
@@ -204,7 +204,7 @@ class SimulationNode(DescribedNode):
         self.counts[publisher.topic_name] += count
 
     def report_soon(self, t: float) -> None:
-        """Report within `REPORT_PERIOD`; calls within that time make one report."""
+        """Report within `_REPORT_PERIOD`; calls within that time make one report."""
         self._soon = t
 
     def _report_if_due(self) -> None:

@@ -16,7 +16,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.catalogue import scene_names
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.export.ideal import WORLD
@@ -261,7 +261,7 @@ class Spawning:
             '--duration', repr(drive.duration),
             '--ros-args', '-p', f'leader:={drive.get_fully_qualified_name()}',
         ]  # fmt: skip
-        process = ending.start(command, stdout=subprocess.DEVNULL)
+        process = process_exit.start(command, stdout=subprocess.DEVNULL)
 
         def take(message: Any) -> None:
             if name in self.machines:

@@ -15,7 +15,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, shift_powers
 from mechanism_sim.numerics.sampled import spline_through
 
 Interpolation = Literal['linear', 'cubic', 'quintic']
-Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
+_Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
 
 _WIDEST = 0.25 * TWO_PI
 """Of the intervals of a curve that repeats every turn."""
@@ -70,7 +70,7 @@ class Curve:
 
 def through(
     points: Sequence[tuple[float, float]],
-    ramp: Ramp = 'linear',
+    ramp: _Ramp = 'linear',
     cyclic: bool = False,
     period: float = TWO_PI,
 ) -> Curve:
@@ -161,7 +161,9 @@ def spline(
     return breaks, rows
 
 
-def _polynomials(x: Array, y: Array, ramp: Ramp, closes: bool) -> list[tuple[float, float, Array]]:
+def _polynomials(
+    x: Array, y: Array, ramp: _Ramp, closes: bool
+) -> list[tuple[float, float, Array]]:
     """From where to where, and coefficients of powers, rising, of the place from there.
 
     Of what closes, those of the turns before and behind it may be among them.

@@ -41,7 +41,7 @@ LARGEST = 1e30
 """Of the numbers in a text: beyond, products leave the range of floating-point numbers."""
 LONGEST = 1000
 """Characters of a text."""
-STEEPEST = 20
+_STEEPEST = 20
 """Power to which something is raised."""
 DEEPEST = 200
 """Operations in each other: a sum of so many terms is as deep."""
@@ -351,8 +351,10 @@ def parse(
     for node in tree.walk():
         if node.kind == 'number' and not node.value <= LARGEST:  # 1e400 is infinite
             raise InputError(f'a number in {quoted(text)} is larger than {LARGEST:g}')
-        if node.kind == '**' and not abs(node.args[1].value) <= STEEPEST:
-            raise InputError(f'the power in {quoted(text)} must be from -{STEEPEST} to {STEEPEST}')
+        if node.kind == '**' and not abs(node.args[1].value) <= _STEEPEST:
+            raise InputError(
+                f'the power in {quoted(text)} must be from -{_STEEPEST} to {_STEEPEST}'
+            )
         if node.kind == 'call' and functions is not None:
             _check_call(node, functions, figures or {}, text)
     return tree

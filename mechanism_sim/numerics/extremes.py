@@ -29,7 +29,7 @@ _EXTREMES = TOLERANCES.extremes
 _ROUNDING = TOLERANCES.rounding
 
 Functions = Callable[[Array], Array]
-Glance = Callable[[slice], Array]
+_Glance = Callable[[slice], Array]
 Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 
 
@@ -173,7 +173,7 @@ class ExtremeSearch:
         functions: Functions,
         start: Array,
         end: Array,
-        glance: Glance | None = None,
+        glance: _Glance | None = None,
         alike: NDArray[np.intp] | None = None,
     ) -> None:
         """Look through intervals (m,) [s], ends included, on each of which all is smooth.

@@ -36,7 +36,7 @@ _BINARY: dict[str, Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 
 
-def flag_of(guard: hy.expression) -> hy.expression:
+def _flag_of(guard: hy.expression) -> hy.expression:
     """1 where an expression is positive, 0 elsewhere: for formulas that are only evaluated."""
     return hy.select(hy.gt(guard, hy.expression(0.0)), hy.expression(1.0), hy.expression(0.0))
 
@@ -88,7 +88,7 @@ class Words:
 
     variables: Mapping[str, hy.expression]
     number: Callable[[float], hy.expression] = hy.expression
-    flag: Callable[[hy.expression], hy.expression] = flag_of
+    flag: Callable[[hy.expression], hy.expression] = _flag_of
     tables: Mapping[str, Callable[[hy.expression], hy.expression]] = field(default_factory=dict)
     angles: Mapping[str, tuple[hy.expression, Callable[[], hy.expression]]] = field(
         default_factory=dict

@@ -72,12 +72,12 @@ _LAYOUT = {
     },
 }  # fmt: skip
 # else what bends gently gets corners
-TEMPLATE = {'layout': _LAYOUT, 'data': {'scatter': [{'line': {'simplify': False}}]}}
+_TEMPLATE = {'layout': _LAYOUT, 'data': {'scatter': [{'line': {'simplify': False}}]}}
 
-Json = dict[str, Any]
+_Json = dict[str, Any]
 
 
-def figure(chart: Chart) -> Json:
+def figure(chart: Chart) -> _Json:
     """``data``, ``layout`` and ``columns``, the headings of what a chart is as a table.
 
     Traces have the place of their panel and curve as ``meta``.
@@ -91,9 +91,9 @@ class _PlotlyFigure:
 
     def __init__(self, chart: Chart) -> None:
         self.chart = chart = chart.readable()
-        self.data: list[Json] = []
-        self.columns: list[Json] = []
-        self.layout: Json = {'template': TEMPLATE}
+        self.data: list[_Json] = []
+        self.columns: list[_Json] = []
+        self.layout: _Json = {'template': _TEMPLATE}
         self._scales: dict[str, str] = {}
         rows = chart.rows
         heads, feet = [], []
@@ -142,7 +142,7 @@ class _PlotlyFigure:
                     'range': [panel.y.low, panel.y.high], 'title': {'text': ''},
                 },
             }  # fmt: skip
-            where: Json = {'subplot': 'polar' + n}
+            where: _Json = {'subplot': 'polar' + n}
         else:
             # panels above each other have one axis along x
             column = k % self.chart.columns
@@ -205,7 +205,7 @@ class _PlotlyFigure:
                 'bgcolor': _NOTHING, 'font': {'size': 11}, 'itemwidth': 30,
             }  # fmt: skip
 
-    def _mark(self, mark: Any, panel: Panel, where: Json) -> None:
+    def _mark(self, mark: Any, panel: Panel, where: _Json) -> None:
         """A dotted line, and its text at the end."""
         along, across = ('y', 'x') if mark.level else ('x', 'y')
         axis = panel.y if mark.level else panel.x
@@ -223,7 +223,7 @@ class _PlotlyFigure:
                 'font': {'size': 10, 'color': GROUND}, **refs,
             })  # fmt: skip
 
-    def _struck(self, panel: Panel, k: int, n: str, where: Json) -> None:
+    def _struck(self, panel: Panel, k: int, n: str, where: _Json) -> None:
         """Impacts at the upper edge, on an axis of their own that lies over that of the panel."""
         own = f'{100 + k}'
         self.layout['yaxis' + own] = {
@@ -239,11 +239,11 @@ class _PlotlyFigure:
         })  # fmt: skip
 
 
-def _axis(axis: Axis, panel: Panel, side: str) -> Json:
+def _axis(axis: Axis, panel: Panel, side: str) -> _Json:
     title = axis.title
     if side == 'y':
         title = '<br>'.join(textwrap.wrap(title, int(_INCH * panel.height / _LETTER))) or title
-    found: Json = {'title': {'text': title}}
+    found: _Json = {'title': {'text': title}}
     ends = [axis.low, axis.high]
     if axis.log:
         ends = [None if end is None else float(np.log10(end)) for end in ends]
@@ -265,14 +265,14 @@ def pale(shade: str, opacity: float) -> str:
     return f'rgba({r},{g},{b},{opacity:g})'
 
 
-def _traces(panel: Panel, curve: ChartCurve) -> Iterator[Json]:
+def _traces(panel: Panel, curve: ChartCurve) -> Iterator[_Json]:
     """Traces of a curve; the last one has its data."""
     round_ = panel.form == 'polar'
     look = LOOKS[curve.look]
     width = round(_PIXEL * look.width, 2)
     pattern = DASHES[curve.dash % len(DASHES)]
     dash = ','.join(f'{width * part:.2g}px' for part in pattern) if pattern else 'solid'
-    same: Json = {
+    same: _Json = {
         'type': 'scatterpolar' if round_ else 'scatter', 'name': curve.label or curve.of,
         **({'legendgroup': curve.group or curve.of} if curve.group or curve.of else {}),
     }  # fmt: skip
@@ -332,7 +332,7 @@ def _hover(panel: Panel, curve: ChartCurve) -> str:
     return '<br>'.join(said) + '<extra></extra>'
 
 
-def _data(x: Array, y: Array, round_: bool) -> Json:
+def _data(x: Array, y: Array, round_: bool) -> _Json:
     if not len(x):
         return {'x': [None], 'y': [None]}
     if round_:

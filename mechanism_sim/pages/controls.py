@@ -70,12 +70,12 @@ class Control:
         return replace(self, value=si * self.scale)
 
 
-def visible_pace(machine: Machine) -> float:
+def visible_pace(machine: Machine, duration: float = math.inf) -> float:
     """Seconds of the machine in one of ours in which its motion can be followed, 1 at most.
 
-    At it a turn of the drive takes about four seconds.
+    At it a turn of the drive, or a run that is shorter, takes about four seconds.
     """
-    pace = min(max(machine.drive.period / TURN, SLOWEST), 1.0)
+    pace = min(max(min(machine.drive.period, duration) / TURN, SLOWEST), 1.0)
     ten = 10.0 ** math.floor(math.log10(pace))
     return max(x for x in (ten, 2.0 * ten, 5.0 * ten, 10.0 * ten) if x <= pace * (1.0 + 1e-9))
 

@@ -25,7 +25,7 @@ from mechanism_sim.scene import Machine, load_scene
 from mechanism_sim.scene.files import check_scene
 from mechanism_sim.units import alike, for_people, to_si_text, typeset
 
-GUIDES = 'rail', 'slot'
+_GUIDES = 'rail', 'slot'
 """Kinds of shapes on which something slides."""
 
 _STEP = 0.01  # of a value, or of the machine's size, by which it is changed
@@ -88,7 +88,7 @@ def curves_of(
     lines : both ends (2, 2) [m] of guides by the names of their shapes, if not as they are drawn
     """
     s, drawn = shape.symbol, shapes_of(skeleton)
-    lines = {n: x.outline for n, x in drawn.items() if x.kind in GUIDES} | dict(lines or {})
+    lines = {n: x.outline for n, x in drawn.items() if x.kind in _GUIDES} | dict(lines or {})
     line = next((lines[name] for name, x in drawn.items() if x is shape and name in lines), None)
     if shape.kind == 'slot' and line is not None:
         inner, outer = s * SLOT, s * (SLOT + 0.35)
@@ -165,7 +165,7 @@ class SliderReader:
         self.machine, self._q = machine, q
         self.skeleton = skeleton_of(machine, q, size=size)
         drawn = shapes_of(self.skeleton)
-        self._guides = {name: x.outline for name, x in drawn.items() if x.kind in GUIDES}
+        self._guides = {name: x.outline for name, x in drawn.items() if x.kind in _GUIDES}
         self.base, self.equations = self._dimensions(machine)
         self.found: list[Slider] = []
         self.refused: list[str] = []

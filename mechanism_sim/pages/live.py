@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
 
 
-Sway = Callable[[Array], Array]
+_Sway = Callable[[Array], Array]
 """Of frames on springs on a piece of motion, see `Swaying.take`."""
 
 
@@ -54,8 +54,9 @@ class Live:
     def _forget(self) -> None:
         self.time, self.impacts, self.missed = 0.0, 0, 0.0
         self._sent: float | None = None
+        self._at_start = False  # to be shown, before there is any motion
         self.swaying: Swaying | None = Swaying(self.machine)
-        self._pieces: deque[tuple[Motion, Sway | None]] = deque(maxlen=_KEPT)
+        self._pieces: deque[tuple[Motion, _Sway | None]] = deque(maxlen=_KEPT)
         self._struck: list[dict[str, Any]] = []
 
     def take(self, message: Any) -> None:
@@ -66,6 +67,8 @@ class Live:
             self.epoch, self.run = self.epoch + 1, message.run
             self._forget()
         if not message.segments:
+            if not message.known_until:
+                self.show_start()
             return
         motion = motion_of(message)
         if motion.curve.end <= self.time:  # the graph has been started anew
@@ -74,6 +77,9 @@ class Live:
         begin = float(motion.curve.start[0])
         if begin - self.time > _ROUNDING * max(begin, 1.0):
             self.swaying = None
+            if self._sent == 0.0:  # its start was shown
+                self.epoch += 1
+                self._sent = None
             if self._pieces:
                 self.missed += begin - self.time  # what came before has no motion to go on with
                 self._pieces.clear()
@@ -98,12 +104,26 @@ class Live:
                 }
             )
 
+    @property
+    def unknown(self) -> bool:
+        """True if nothing can be shown of the run."""
+        return self._sent is None and not self._pieces
+
+    def show_start(self) -> None:
+        """The run stands at its start."""
+        self._at_start = self.unknown
+
     def batch(self) -> dict[str, Any] | None:
         """Motion since the last call; None if nothing has come.
 
         The first instant is the last of the batch before, unless what followed it is missing. The
         faster the run, the farther apart the instants are.
         """
+        if not self._pieces and self._at_start:
+            self._at_start, self._sent = False, 0.0
+            start = self.stage.found.solution.motion, None
+            frames = self._packed([start], np.zeros(1))
+            return {'type': 'frames', 'epoch': self.epoch, 'frames': frames, 'impacts': []}
         if not self._pieces or (self._sent is not None and self._sent >= self.time):
             return None
         first = max(
@@ -120,13 +140,16 @@ class Live:
 
     def frames(self, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
         """Frames at times `t` (N,) [s], which are known here, packed."""
+        return self._packed(self._pieces, t)
+
+    def _packed(self, pieces: Sequence[tuple[Motion, _Sway | None]], t: Array) -> dict[str, Any]:
         physics, parts = self.machine.physics, []
         speed, torque = [], []
-        starts = [motion.curve.start[0] for motion, _ in self._pieces]
+        starts = [motion.curve.start[0] for motion, _ in pieces]
         of = np.maximum(np.searchsorted(starts, t, side='right') - 1, 0)
         main, row = physics.coordinates.index(self.machine.plan.main), self.machine.drive.row
         for number in np.unique(of).tolist():
-            (motion, sway), now = self._pieces[number], t[of == number]
+            (motion, sway), now = pieces[number], t[of == number]
             k, dt = motion.curve.find(now)
             seen = physics.observe(motion, k, dt)
             moved = sway(now) if sway else None

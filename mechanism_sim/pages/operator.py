@@ -31,6 +31,12 @@ class Operator:
         answer = await self._call(f'{SIMULATION}/srv/GetSimulationState', 'get_simulation_state')
         return None if isinstance(answer, str) else int(answer.state.state)
 
+    async def begun(self) -> bool:
+        """False if it is known that there is no motion of the run yet."""
+        kind = f'{SIMULATION}/srv/GetEntitiesStates'
+        answer = await self._call(kind, 'get_entities_states')
+        return isinstance(answer, str) or answer.result.result == _DONE
+
     async def go(self, state: int) -> str:
         """Play or pause."""
         try:

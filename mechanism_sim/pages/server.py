@@ -28,7 +28,7 @@ from mechanism_sim.terminal import print_notice
 
 PORT = 8080
 HOST = '127.0.0.1'
-SOCKET = '/live'
+_SOCKET = '/live'
 SLOW = 2_000_000
 """Bytes that wait for a page from which on it gets no more frames until it has taken them."""
 STUCK = 4 * SLOW
@@ -37,9 +37,9 @@ PAGES = 50
 """That may be open."""
 LARGEST = 10_000
 """Bytes of a command."""
-BURST, RATE = 300.0, 100.0
+_BURST, RATE = 300.0, 100.0
 """Commands a page may send at once, and [1/s] from then on: all sliders move at once at 20 Hz."""
-LARGEST_VALUE = 1e30
+_LARGEST_VALUE = 1e30
 KINDS = 'play', 'pause', 'step', 'reset', 'set'
 
 _POLICY = "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
@@ -71,7 +71,7 @@ class Mailbox:
         with self._lock:
             self._waiting.pop(subject, None)
             self._waiting[subject] = command
-            if len(self._waiting) > BURST:
+            if len(self._waiting) > _BURST:
                 del self._waiting[next(iter(self._waiting))]
 
     def take(self) -> Command | None:
@@ -113,7 +113,7 @@ class Server:
         name: str = 'view',
     ) -> None:
         self._contents, self._greet, self._hear = contents, greet, hear
-        self._read, self._key, self._largest = read or command_of, key, largest
+        self._read, self._key, self._largest = read or _command_of, key, largest
         self._socket = _listening(port, name)
         self.port: int = self._socket.getsockname()[1]
         self._pages: set[ServerConnection] = set()
@@ -167,11 +167,11 @@ class Server:
     def _answer(self, _connection: ServerConnection, request: Request) -> Response | None:
         path, _, query = request.path.partition('?')
         known = not self._key or compare_digest(query.encode(), f'key={self._key}'.encode())
-        if path == SOCKET and known and len(self._pages) < PAGES:
+        if path == _SOCKET and known and len(self._pages) < PAGES:
             return None
         kind, text = self._contents.get(path, ('text/plain', ''))
         status = HTTPStatus.OK if path in self._contents else HTTPStatus.NOT_FOUND
-        if path == SOCKET:
+        if path == _SOCKET:
             status, text = HTTPStatus.SERVICE_UNAVAILABLE, f'{PAGES} pages are open already.\n'
             if not known:
                 status, text = HTTPStatus.FORBIDDEN, 'Open the address that was printed.\n'
@@ -202,10 +202,10 @@ class Server:
 
     async def _listen(self, page: ServerConnection) -> None:
         """Hear a page, until it goes or is sent away."""
-        left, last = BURST, self._loop.time()
+        left, last = _BURST, self._loop.time()
         async for text in page:
             now = self._loop.time()
-            left, last = min(BURST, left + (now - last) * RATE) - 1.0, now
+            left, last = min(_BURST, left + (now - last) * RATE) - 1.0, now
             if left < 0.0:
                 await page.close(CloseCode.POLICY_VIOLATION, 'too many commands')
                 return
@@ -233,7 +233,7 @@ class Server:
         broadcast([page for page, size in waiting.items() if not may_drop or size < SLOW], text)
 
 
-def command_of(message: Any) -> Command | None:
+def _command_of(message: Any) -> Command | None:
     """The command that a message of a page is, if any."""
     if not isinstance(message, dict) or message.get('type') not in KINDS:
         return None
@@ -243,7 +243,7 @@ def command_of(message: Any) -> Command | None:
     path, value = message.get('path'), message.get('value')
     if not isinstance(path, str) or isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    if abs(value) > LARGEST_VALUE:
+    if abs(value) > _LARGEST_VALUE:
         return None
     return Command(kind, path, float(value))
 

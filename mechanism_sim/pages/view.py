@@ -74,7 +74,7 @@ class ViewNode(DescribedNode):
         self._asked = Mailbox()
         self._busy_since: float | None = None
         self._state: int | None = None
-        self._paused_here = self._rests = False
+        self._paused_here = self._rests = self._said_paused = False
         self._seen: list[tuple[float, float]] = []
         self._operator = Operator(self)
         self.create_subscription(String, 'scene', self._meet, LATCHED)
@@ -170,6 +170,12 @@ class ViewNode(DescribedNode):
             )
         self._rests = rests
         self._state = await self._operator.state()
+        if live.unknown and self._state not in (None, PLAYING):
+            if not await self._operator.begun():
+                live.show_start()
+            elif not self._said_paused:
+                self._said_paused = True
+                self._send_message('the run is paused: it is shown from its next step on')
         for owner in {control.owner for control in self._controls.values() if control.parameter}:
             await self._update(owner)
         self._seen = [s for s in self._seen if s[0] > now - _PACE and s[1] <= live.time]

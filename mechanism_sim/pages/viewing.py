@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.nodes.middleware import Parameter
 from mechanism_sim.nodes.process import report_end, run_nodes
 from mechanism_sim.pages.view import ViewNode, print_address
@@ -37,7 +37,7 @@ def view(
         node = ViewNode(parameters, opened or print_address, bool(run))
         if run:  # now that there is a network to join
             command = [sys.executable, '-m', 'mechanism_sim', 'run', *run, '--json']
-            runs.append(ending.start(command, stdout=subprocess.DEVNULL))
+            runs.append(process_exit.start(command, stdout=subprocess.DEVNULL))
         return [node]
 
     def stop(_code: int) -> None:
@@ -46,6 +46,6 @@ def view(
 
     code = run_nodes(make, lambda: all(r.poll() is None for r in runs), ros_args, stop)
     ended = [r.wait() for r in runs]
-    if code == ending.INTERRUPTED:
+    if code == process_exit.INTERRUPTED:
         return 0
     return code or (report_end('run', ended[0]) if ended else 0)

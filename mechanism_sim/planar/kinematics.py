@@ -152,7 +152,7 @@ class Kinematics:
             off = off - goal
             if not (np.isfinite(off).all() and np.isfinite(J).all()):
                 break
-            step = _solve(J[:, :, self.sought], -off)
+            step = self._solve(J[:, :, self.sought], -off)
             if not np.isfinite(step).all():
                 break
             # no step turns a link by more than half a radian: it would leave its branch
@@ -260,15 +260,16 @@ class Kinematics:
             singular = np.linalg.det(A) == 0.0
             A = np.where(singular[:, None, None], np.eye(A.shape[1]), A)
             right = np.where(singular[:, None], np.nan, right)
-        found[self.sought] = _solve(A, right).T
+        found[self.sought] = self._solve(A, right).T
         return found
 
-
-def _solve(A: Array, b: Array) -> Array:
-    """``A x = b`` (N, u) for N matrices (r, u); the shortest of many, the nearest of none."""
-    if A.shape[1] == A.shape[2]:
-        try:
-            return np.asarray(np.linalg.solve(A, b[:, :, None])[:, :, 0])
-        except np.linalg.LinAlgError:
-            pass
-    return np.asarray((np.linalg.pinv(A, rcond=1e-12) @ b[:, :, None])[:, :, 0])
+    def _solve(self, A: Array, b: Array) -> Array:
+        """``A x = b`` (N, u) for N matrices (r, u); the shortest of many, the nearest of none."""
+        if A.shape[1] == A.shape[2]:
+            try:
+                return np.asarray(np.linalg.solve(A, b[:, :, None])[:, :, 0])
+            except np.linalg.LinAlgError:
+                pass
+        scale = self.scale[self.sought]
+        shortest = np.linalg.pinv(A * scale, rcond=1e-12) @ b[:, :, None]
+        return np.asarray(scale * shortest[:, :, 0])

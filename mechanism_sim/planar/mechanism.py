@@ -152,6 +152,11 @@ class HigherPair(Connection, ABC):
         return ()
 
     @property
+    def pitches(self) -> Mapping[str, float]:
+        """Displacements of its links [m] after which it is as before."""
+        return {}
+
+    @property
     def elastic(self) -> bool:
         """True if it has forces of its own, `elements`, instead of a closure and walls."""
         return False

@@ -13,9 +13,9 @@ from mechanism_sim.arrays import Array
 GROUND = 'ground'
 
 Vector2 = tuple[float, float]
-Slide: TypeAlias = str | tuple[str, ...] | None
+_Slide: TypeAlias = str | tuple[str, ...] | None
 """The displacement that scales a vector, or several whose product does."""
-Arm: TypeAlias = tuple[str, Slide]
+Arm: TypeAlias = tuple[str, _Slide]
 """The angle with which a vector turns (or the ground), and the displacement that scales it."""
 Point: TypeAlias = dict[Arm, Vector2]
 """A point of the mechanism as a sum over its arms: R(theta) (x, y), or s R(theta) (x, y)."""
@@ -36,7 +36,7 @@ def rotate(v: Vector2, angle: float) -> Vector2:
     return c * v[0] - s * v[1], s * v[0] + c * v[1]
 
 
-def factors(slide: Slide) -> tuple[str, ...]:
+def factors(slide: _Slide) -> tuple[str, ...]:
     """The displacements whose product scales an arm."""
     return () if slide is None else (slide,) if isinstance(slide, str) else slide
 

@@ -23,7 +23,7 @@ Side: TypeAlias = Literal['left', 'right']
 """Of a higher pair that opens: on which side of its closure there is a wall."""
 
 
-class Course(NamedTuple):
+class Trajectory(NamedTuple):
     """An angle or a displacement at N instants, with its rates."""
 
     position: Array  #: (N,) [rad] without `turned`, or [m]
@@ -86,13 +86,13 @@ TOOTH_PARTS = 'tangential', 'radial', 'axial'
 class PairView(Protocol):
     """A joint at N instants of a machine."""
 
-    def course(self, link: str, at: Vector2 | None = None) -> Course:
+    def course(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """How a link moves: its displacement if a guide carries it, else its angle."""
 
-    def turning(self, link: str, at: Vector2 | None = None) -> Course:
+    def turning(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
 
-    def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
+    def chord(self, link: str, a: Vector2, b: Vector2) -> Trajectory:
         """Turning of a link by the line from one point of it to another."""
 
     def place(self, link: str, at: Vector2) -> Array:

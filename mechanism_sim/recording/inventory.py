@@ -173,8 +173,13 @@ def _state(bag: BagInfo) -> str:
     if bag.complete:
         if bag.damaged:
             return "yes, without what was damaged when 'bag recover' closed it"
-        by_index = "yes, by its index; 'bag recover' checks what stands before it"
-        return 'yes, but its recorder was killed' if bag.recovered else by_index
+        if bag.recovered:
+            return 'yes, but its recorder was killed'
+        path = Path(bag.path)
+        if path.is_dir():
+            return 'yes, by the indexes of its files'
+        checked = "; 'bag recover' checks what stands before it" if path.suffix == '.mcap' else ''
+        return f'yes, by its index{checked}'
     if Path(bag.path).is_dir():
         return 'NO: a file of it is cut short; what could be read is listed'
     with Path(bag.path).open('rb') as stream:

@@ -19,7 +19,7 @@ _ZERO: dict[int, Any] = {_BOOL: False, _TEXT: '', _BYTES: b''}
 _SIZES = {1: '<Q', 5: '<I'}  # by wire type
 _REPEATED = 3
 
-Wire = Iterator[tuple[int, int, Any]]
+_Wire = Iterator[tuple[int, int, Any]]
 
 
 class _Field(NamedTuple):
@@ -96,7 +96,7 @@ def _first(parts: list[tuple[int, int, Any]], number: int, default: Any) -> Any:
     return next((raw for found, _, raw in parts if found == number), default)
 
 
-def _wire(data: bytes) -> Wire:
+def _wire(data: bytes) -> _Wire:
     """Fields on the wire: number, wire type, and the bytes or the varint that is there."""
     place = 0
     while place < len(data):

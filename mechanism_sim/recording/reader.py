@@ -41,7 +41,7 @@ _WRONG = (
     RecursionError, struct.error,
 )  # fmt: skip
 """Errors that messages and definitions raise that are not what they are said to be."""
-READABLE = frozenset(map(str, range(VERSION + 1)))
+_READABLE = frozenset(map(str, range(VERSION + 1)))
 """Versions of bags, 0 for bags without one: read as far as their types are known."""
 
 
@@ -201,7 +201,7 @@ class Bag:
         """Return what decodes a channel, once sure that it means here what it meant then."""
         schema = part.layout.schemas.get(channel.schema_id)
         own = schema is not None and schema.name.startswith('mechanism_sim/')
-        if own and self.version not in READABLE:
+        if own and self.version not in _READABLE:
             raise InputError(
                 f'{self.path} is a bag of version {self.version}; this version of mechanism_sim '
                 f'reads those up to {VERSION}; {self.writer} reads it.'

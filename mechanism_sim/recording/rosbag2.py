@@ -16,12 +16,12 @@ import yaml
 
 from mechanism_sim.errors import InputError
 
-METADATA_VERSION = 9
+_METADATA_VERSION = 9
 METADATA_NAME = 'rosbag2'
 ENDLESS = {'sec': 9_223_372_036, 'nsec': 854_775_807}
-NO_TIME = 2**63 - 1  # starting time of a bag without messages
+_NO_TIME = 2**63 - 1  # starting time of a bag without messages
 
-POLICIES = {
+_POLICIES = {
     'reliability': ('reliable', 'best_effort'),
     'durability': ('volatile', 'transient_local'),
     'history': ('keep_last', 'keep_all'),
@@ -71,12 +71,11 @@ class TopicRecord:
 
 def qos_profile(qos: QosLike) -> dict[str, Any]:
     """Return the profile of `qos` as rosbag2 writes it. InputError: a policy it does not know."""
-    named = {policy: str(getattr(qos, policy)) for policy in POLICIES}
+    named = {policy: str(getattr(qos, policy)) for policy in _POLICIES}
     for policy, value in named.items():
-        if value not in POLICIES[policy]:
-            raise InputError(
-                f'quality of service: {policy} {value!r} is none of {", ".join(POLICIES[policy])}.'
-            )
+        if value not in _POLICIES[policy]:
+            known = ', '.join(_POLICIES[policy])
+            raise InputError(f'quality of service: {policy} {value!r} is none of {known}.')
     return {
         'history': named['history'],
         'depth': int(qos.depth),
@@ -103,12 +102,12 @@ def bag_metadata(file: str, start: int, end: int, topics: Iterable[TopicRecord])
     topics = tuple(topics)
     count = sum(topic.count for topic in topics)
     extent = {
-        'starting_time': {'nanoseconds_since_epoch': start if count else NO_TIME},
+        'starting_time': {'nanoseconds_since_epoch': start if count else _NO_TIME},
         'duration': {'nanoseconds': end - start if count else 0},
         'message_count': count,
     }
     document = {
-        'version': METADATA_VERSION,
+        'version': _METADATA_VERSION,
         'storage_identifier': 'mcap',
         'relative_file_paths': [file],
         **extent,

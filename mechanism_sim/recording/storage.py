@@ -104,7 +104,7 @@ class FileLayout:
     rest: bytes = b''
 
 
-def survey(path: Path) -> FileLayout:
+def _survey(path: Path) -> FileLayout:
     """Return the layout of a file: from its index, or by reading all of it where that is missing.
 
     Raises:
@@ -449,7 +449,7 @@ def _part(path: Path) -> BagFile:
     if path.suffix == '.db3':
         return BagFile(path, _survey_rows(path), holder)
     with _cure_named(path, holder):
-        return BagFile(path, survey(path), holder)
+        return BagFile(path, _survey(path), holder)
 
 
 @contextmanager

@@ -56,7 +56,7 @@ from mechanism_sim.recording.rosbag2 import (
     qos_profile,
 )
 
-CHUNK_SIZE = 1 << 20  # [bytes] before compression
+_CHUNK_SIZE = 1 << 20  # [bytes] before compression
 _LEVEL = -3  # of zstd; 1 takes twice the time and makes bags of motion 1 % smaller, 3 five times
 _MESSAGE = struct.Struct('<BQHIQQ')
 _BEFORE_DATA = _MESSAGE.size - 9  # bytes that count as the record's
@@ -383,7 +383,7 @@ class McapFile:
             data,
         )
         self._size += _MESSAGE.size + length
-        if self._size > CHUNK_SIZE:
+        if self._size > _CHUNK_SIZE:
             self._end_chunk()
 
     def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:

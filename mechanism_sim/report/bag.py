@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from mechanism_sim.analysis.collectors import FieldRange, JointModes, Ledger, SensorSummary
+from mechanism_sim.analysis.collectors import (
+    FieldRange,
+    JointModes,
+    MessageAccounts,
+    SensorSummary,
+)
 from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
 from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
+from mechanism_sim.errors import InputError
 from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.sensing.indicators import indicators
+from mechanism_sim.sensing.spectra import power, severity
 from mechanism_sim.signal_files import ChannelSamples, rate_text
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
@@ -27,6 +35,7 @@ _ROWS = 12  # of a table of revolutions, before its middle is left out
 _LINES = 10
 _ORDERS = 12
 _SECTORS = 6
+_SHORTEST = 0.2  # [s]: a severity is of whole periods of 10 Hz
 
 
 def render(summary: Summary) -> str:
@@ -46,14 +55,30 @@ def _figures_of(c: ChannelSamples) -> dict[str, Any]:
         'start': float(c.times[0]), 'end': float(c.times[-1]),
         'smallest': float(c.values.min()), 'largest': float(c.values.max()), 'mean': found.mean,
         'rms': found.rms, 'peak': found.peak, 'crest': found.crest, 'kurtosis': found.kurtosis,
+        'velocity_rms': _severity(c),
     }  # fmt: skip
+
+
+def _severity(c: ChannelSamples) -> float | None:
+    """Severity [m/s] of an acceleration; None of another signal, or one too short for 10 Hz."""
+    try:
+        runs = replace(c, values=c.in_unit('m/s^2')).runs if c.unit and c.rate else []
+    except InputError:
+        return None
+    longest = max(map(len, runs), default=0)
+    if not c.rate or longest < _SHORTEST * c.rate:
+        return None
+    return severity(power(runs, c.rate, longest))
 
 
 def render_channels(figures: Mapping[str, Mapping[str, Any]]) -> str:
     """Table of the figures of channels."""
     head = [key for key in next(iter(figures.values())) if key != 'rate_error']
+    if all(own['velocity_rms'] is None for own in figures.values()):
+        head.remove('velocity_rms')
     rows = [[name, *(_cell(own, key) for key in head)] for name, own in figures.items()]
-    units = {'rate': 'rate [Hz]', 'start': 'start [s]', 'end': 'end [s]'}
+    units = {'rate': 'rate [Hz]', 'start': 'start [s]', 'end': 'end [s]',
+             'velocity_rms': 'velocity rms [mm/s]'}  # fmt: skip
     return '\n'.join(lines([['channel', *(units.get(key, key) for key in head)], *rows], 2))
 
 
@@ -61,12 +86,14 @@ def _cell(own: Mapping[str, Any], key: str) -> Cell:
     """A figure of a channel; empty if it has none."""
     if key == 'rate':
         return rate_text(own['rate'], own['rate_error'])
+    if key == 'velocity_rms' and own[key] is not None:
+        return 1e3 * float(own[key])
     return '' if own[key] is None else own[key]
 
 
 def render_details(details: Details) -> str:
     """Return the text that the command line shows of what was asked."""
-    return text(detail_sections(details))
+    return text(_detail_sections(details))
 
 
 def sections(s: Summary) -> Iterator[Section]:
@@ -235,7 +262,7 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
     return Section('vibration', table=[head, *rows], notes=notes)
 
 
-def _ledger(ledger: Ledger) -> Section:
+def _ledger(ledger: MessageAccounts) -> Section:
     total = sum(account.sent for account in ledger.topics)
     table: list[Sequence[Cell]] = []
     title = f'messages: all {total} that were sent are recorded'
@@ -253,7 +280,7 @@ def _at_angle(drive: str, angle: float | None) -> str:
     return '' if angle is None else f', {drive} at {math.degrees(angle):.4g} deg'
 
 
-def detail_sections(details: Details) -> Iterator[Section]:
+def _detail_sections(details: Details) -> Iterator[Section]:
     """All that was asked for."""
     drive = details.drive
     yield from (_spectrum(name, line) for name, line in details.spectra.items())

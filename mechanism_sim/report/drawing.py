@@ -36,7 +36,7 @@ _AWAY = np.radians([0.0, 40.0, -40.0, 80.0, -80.0, 120.0, -120.0, 160.0, -160.0]
 
 Move = Callable[[Array], None]
 """Takes a name to where the outline (k, 2) [m] of its shape is now."""
-GHOST = '0.72'
+_GHOST = '0.72'
 
 
 class Brush:
@@ -105,7 +105,7 @@ class Brush:
                     curve = subdivided(curve, shape.symbol)
                 path = self._deformed(shape.link, ShapePath('line', (curve,)), pose)
                 frame = Affine2D().rotate(angle).translate(x, y)
-                self._patch(path, frame, zorder=1.2, fc='none', ec=GHOST, lw=0.8)
+                self._patch(path, frame, zorder=1.2, fc='none', ec=_GHOST, lw=0.8)
 
     def _patch(self, path: ShapePath, frame: Affine2D, **how: Any) -> Any:
         patch = PathPatch(_outline(path), joinstyle='round', capstyle='round', **how)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from mechanism_sim import strict_json
 from mechanism_sim.report.sections import Section, SummaryRow
-from mechanism_sim.results.measure_tally import EXACT
+from mechanism_sim.results.measure_accumulators import EXACT
 from mechanism_sim.results.measures import Measured
 from mechanism_sim.units import for_people, number
 

@@ -128,7 +128,7 @@ class Screen:
             self._shows.append(self._arrows(axes, frames))
         if lens:
             under = self.figure.add_axes(layout.lens)
-            glass = lens_of(under, record, self._stage, lens, frames, pace)
+            glass = _lens_of(under, record, self._stage, lens, frames, pace)
             self._shows.append(self._callout(axes, under, lens, frames))
             times = glass.metre * layout.lens[2] * self.size[0] / (2.0 * EDGE) / metre
             glass.title(f'{lens.replace("_", " ")}\n{times:.3g} times larger')
@@ -282,7 +282,7 @@ def _layout(shape: Array, size: int | tuple[int, int], lens: bool) -> _Layout:
 
 
 class Lens:
-    """A play at the instants of a film; `lens_of` makes the one for a joint.
+    """A play at the instants of a film; `_lens_of` makes the one for a joint.
 
     Parameters
     ----------
@@ -312,7 +312,7 @@ class Lens:
         self._text.set_text(self._words[i])
 
 
-def lens_of(
+def _lens_of(
     axes: Any, record: Record, stage: Stage, joint: str, frames: StageFrames, pace: float
 ) -> Lens:
     """The lens over a joint with play.

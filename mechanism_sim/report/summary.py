@@ -21,7 +21,7 @@ from mechanism_sim.results.quantities.motion import RATES
 from mechanism_sim.results.quantity import Shown
 from mechanism_sim.results.run import Solution, Stats
 from mechanism_sim.results.simulate import Stream
-from mechanism_sim.results.turns import ImpactTally, Mean
+from mechanism_sim.results.turns import ImpactAccumulator, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import counted, for_people, instant, number, written
@@ -59,7 +59,7 @@ _ENERGY_KEYS = 'initial', 'final', 'drive_work', 'dissipated', 'residual', 'erro
 def to_json(
     run: Stream,
     digest: str,
-    turns: ImpactTally,
+    turns: ImpactAccumulator,
     impacts: list[Impact] | None,
     modes: list[ModeChange] | None,
 ) -> dict[str, object]:
@@ -97,7 +97,7 @@ def to_json(
     }
 
 
-def _per_revolution(turns: ImpactTally) -> dict[str, object] | None:
+def _per_revolution(turns: ImpactAccumulator) -> dict[str, object] | None:
     if not turns.means:
         return None
     return {'revolutions': turns.means[0].revolutions} | {
@@ -321,7 +321,7 @@ def facts(record: Record) -> list[SummaryRow]:
     ]
 
 
-def sections(run: Stream, turns: ImpactTally) -> Iterator[Section]:
+def sections(run: Stream, turns: ImpactAccumulator) -> Iterator[Section]:
     """A run that was streamed, and the machine at its end."""
     machine, stats = run.machine, run.stats
     rows = [
@@ -330,8 +330,8 @@ def sections(run: Stream, turns: ImpactTally) -> Iterator[Section]:
         *_costs(stats),
     ]
     notes = []
-    if run.energy and run.energy.doubt:
-        notes.append(f'warning: {run.energy.doubt}')
+    if run.energy and run.energy.caveat:
+        notes.append(f'warning: {run.energy.caveat}')
     count, made = run.totals.gains
     if count:
         notes.append(

@@ -44,7 +44,7 @@ _MOST_LABELS, _LEVELS = 12, 9  # of best runs, of lines of a surface
 _LOW, _HIGH = LINKS[0], LINKS[1]
 _UNIT = re.compile(r'[\d.]\s*([A-Za-z°µ%][\w^*/ ]*?)\s*(?=,|]|\+-|$)')
 
-Finished = list[tuple[Run, Row]]
+_Finished = list[tuple[Run, Row]]
 _MOST_ROWS = 40
 
 
@@ -248,7 +248,7 @@ def check_charts(plan: SweepPlan, file: str | None, over: str | None, option: st
     swept = [c for c in plan.columns if c != REPEAT]
     if over is not None:
         check_known(over, swept, f'--over {over}: this is not swept', 'swept are:')
-    numeric = [c for c in swept if is_numeric(plan, c)]
+    numeric = [c for c in swept if _is_numeric(plan, c)]
     if (over or option == '--plot') and (over or next(iter(numeric), None)) not in numeric:
         raise InputError(
             f'{option} {file}: this needs a swept value that is a number in every run'
@@ -263,12 +263,12 @@ class SweepCharts:
     ) -> None:
         self.plan = plan
         pairs = zip(plan.runs, rows, strict=True)
-        self._done: Finished = [(run, row) for run, row in pairs if not has_failed(row)]
+        self._done: _Finished = [(run, row) for run, row in pairs if not has_failed(row)]
         if not self._done:
             raise RunError('no run of the sweep was finished: there is nothing to draw')
         self._units = {c.name: c.unit for c in plan.own} | {'impulse': 'N s', 'I_n': 'N s'}
         self._swept = [c for c in plan.columns if c != REPEAT]
-        self._numeric = [c for c in self._swept if is_numeric(plan, c)]
+        self._numeric = [c for c in self._swept if _is_numeric(plan, c)]
         self._effects = effects(plan, rows) if known is None else known
 
     def charts(self, over: str | None, pareto: Sequence[str] = ()) -> Iterator[Chart]:
@@ -478,7 +478,7 @@ class SweepCharts:
         return Axis(words, unit), by
 
 
-def is_numeric(plan: SweepPlan, path: str) -> bool:
+def _is_numeric(plan: SweepPlan, path: str) -> bool:
     """True if a swept value is a number in every run."""
     return all(isinstance(run.values[path], float | int) for run in plan.runs)
 

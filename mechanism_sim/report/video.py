@@ -34,7 +34,7 @@ _USUAL = {'.mp4': (30.0, 960), '.gif': (20.0, 560), '': (25.0, 960)}
 
 _SHADES = 32  # of grey, and of the accent lighter and darker
 
-Grab = Callable[[], None]
+_Grab = Callable[[], None]
 
 # the same frames are the same file; the index goes first, so that browsers begin at once
 _EXACT = ['-crf', '18', '-fflags', '+bitexact', '-flags:v', '+bitexact', '-movflags', '+faststart']
@@ -81,7 +81,7 @@ class Target:
             )
 
     @contextmanager
-    def writing(self, figure: Any, fps: float, count: int) -> Iterator[Grab]:
+    def writing(self, figure: Any, fps: float, count: int) -> Iterator[_Grab]:
         """Gives what adds the figure as it is now as the next of so many frames."""
         try:
             if self.kind:
@@ -95,7 +95,7 @@ class Target:
             raise RunError(f"ffmpeg failed to write '{self.path}'") from error
 
     @contextmanager
-    def _film(self, figure: Any, fps: float) -> Iterator[Grab]:
+    def _film(self, figure: Any, fps: float) -> Iterator[_Grab]:
         """The file gets its name when it is complete."""
         movie, rate = self.kind == '.mp4', cast('int', fps)  # so its stubs; any number will do
         writer = FFMpegWriter(rate, 'h264', extra_args=_EXACT) if movie else _GifWriter(rate)
@@ -108,7 +108,7 @@ class Target:
             yield writer.grab_frame
         self.files.append(self.path)
 
-    def _numbered(self, figure: Any, digits: int) -> Grab:
+    def _numbered(self, figure: Any, digits: int) -> _Grab:
         def grab() -> None:
             number = f'{len(self.files):0{max(4, digits)}d}'
             file = self._stem.with_name(f'{self._stem.name}_{number}.svg')

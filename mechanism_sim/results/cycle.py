@@ -35,9 +35,9 @@ from mechanism_sim.results.run import Solution, seconds_of
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.results.strokes import Swing, find_swings
 from mechanism_sim.scene import Level, Machine, Source, load_scene, over_range, placed, span
-from mechanism_sim.scene.gate import between_limits
 from mechanism_sim.scene.load import without_clearance
 from mechanism_sim.scene.plan import keeps_speed
+from mechanism_sim.scene.validation import between_limits
 from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 

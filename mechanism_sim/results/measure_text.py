@@ -2,7 +2,7 @@
 
 A measure is an expression (`mechanism_sim.numerics.expressions`) of figures, and a figure is a
 function of an expression: of what is known at every instant (`OVER_TIME`), or of every event or
-sample (`OF_EVENTS`). After the expression there may stand ``from TIME``, ``to TIME`` and
+sample (`_OF_EVENTS`). After the expression there may stand ``from TIME``, ``to TIME`` and
 ``per revolution``, where a time is in seconds or in revolutions.
 """
 
@@ -29,12 +29,12 @@ OVER_TIME = (
     *EXTREMES, 'mean', 'rms', 'percentile', 'integral', 'share', 'change', 'initial', 'final',
     'work', 'distance', 'largest_distance',
 )  # fmt: skip
-DISTANCES = 'distance', 'largest_distance'
+_DISTANCES = 'distance', 'largest_distance'
 """Of a path from points of a file: root mean square, and largest."""
 INDICATORS = 'crest', 'kurtosis', 'skewness'
 """As `sensing.indicators` has them."""
-OF_EVENTS = 'count', 'sum', *INDICATORS
-FUNCTIONS = *OVER_TIME, *OF_EVENTS
+_OF_EVENTS = 'count', 'sum', *INDICATORS
+FUNCTIONS = *OVER_TIME, *_OF_EVENTS
 """Functions that make a figure."""
 
 ALIASES = {
@@ -44,7 +44,7 @@ ALIASES = {
 }  # fmt: skip
 """Other names of them that are understood; max and min of one expression only."""
 
-_EVENTS_TOO = {*EXTREMES, 'mean', 'rms', 'percentile', *OF_EVENTS}
+_EVENTS_TOO = {*EXTREMES, 'mean', 'rms', 'percentile', *_OF_EVENTS}
 SERIES = 'impacts', 'losses', 'modes', 'sensors'
 """First words of names of events and samples."""
 
@@ -190,7 +190,7 @@ def _named(text: str) -> tuple[str, str]:
 
 
 def _figure(node: ExpressionNode, text: str) -> Figure:
-    function, places = node.name, 2 if node.name in ('percentile', *DISTANCES) else 1
+    function, places = node.name, 2 if node.name in ('percentile', *_DISTANCES) else 1
     if len(node.args) != places:
         second = '' if places == 1 else ', PERCENT' if node.name == 'percentile' else ', FILE.csv'
         form = f'{function}(EXPRESSION{second})'
@@ -208,7 +208,7 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
                 f'percentile in {quoted(text)} needs a number from 0 to 100 as its second'
             )
     names = tuple(argument.names)
-    if function in DISTANCES:
+    if function in _DISTANCES:
         path = read_path(node.args[1].text)
         names = names_of(argument.text, path)
         argument = replace(argument, kind='name', args=(), name=names[0])
@@ -228,7 +228,7 @@ def _figure(node: ExpressionNode, text: str) -> Figure:
             f'{function} in {quoted(text)} must be of one kind of events or samples, and events '
             f'have {", ".join(sorted(_EVENTS_TOO))}'
         )
-    if not of_events and function in OF_EVENTS:
+    if not of_events and function in _OF_EVENTS:
         raise InputError(
             f'{function} in {quoted(text)} must be of events or samples, as in '
             "'count(impacts.JOINT)' or 'kurtosis(sensors.NAME)'"

@@ -18,7 +18,7 @@ from mechanism_sim.sensing.chain import QUANTITIES
 from mechanism_sim.sensing.channel import Analogue
 from mechanism_sim.sensing.indicators import FEWEST, features
 
-STRETCHES = 6
+_STRETCHES = 6
 """Parts of a signal that are looked at apart, where the speed changes."""
 
 
@@ -91,9 +91,9 @@ class SensorRecord:
         """True if the main drive has one speed."""
         return self.machine.drive.steady and not self.machine.torque_driven
 
-    def admit_features(self) -> None:
+    def check_features(self) -> None:
         """Refuse signals that have none: too short, or not sampled evenly."""
-        needed = FEWEST * (1 if self.steady else STRETCHES)
+        needed = FEWEST * (1 if self.steady else _STRETCHES)
         if len(self.samples) < needed or self.instants is not None:
             count = f'{len(self.samples)} samples of {self.sensor}'
             why = f'are too few: {needed} are needed'
@@ -109,7 +109,7 @@ class SensorRecord:
 
     def features_of(self, samples: Array) -> Array:
         """Of other samples of the same experiment."""
-        return features(samples, self.rate, 1 if self.steady else STRETCHES)
+        return features(samples, self.rate, 1 if self.steady else _STRETCHES)
 
     def repeat(self, overrides: dict[str, float], seed: int) -> Array:
         """Samples (N,) of the same experiment on a machine with other values and other noise."""

@@ -17,16 +17,17 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
-from mechanism_sim.engine.events import Impact
+from mechanism_sim.engine.events import Impact, ModeChange
 from mechanism_sim.errors import InputError, check_known, nearest, quoted
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import ratio
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.measure_tally import EXACT, FigureTally, speed_of
+from mechanism_sim.results.measure_accumulators import EXACT, FigureAccumulator, speed_of
 from mechanism_sim.results.measure_text import (
     INDICATORS,
     Bound,
@@ -122,7 +123,9 @@ class Measurement:
             window.figures.append(f)
             self._figures[f] = window
         for window in self._windows.values():
-            window.open(partial(FigureTally, machine, self._quantities, static), self._series)
+            window.open(
+                partial(FigureAccumulator, machine, self._quantities, static), self._series
+            )
         self.units()  # what cannot be added fails before anything runs
 
     def units(self) -> dict[str, str]:
@@ -299,23 +302,25 @@ class Window:
         self.figures: list[Figure] = []
         self._turns, self._since, self._until = turns, since, until
         self.per_revolution = each_turn
-        self._tallies: list[FigureTally] = []
+        self._accumulators: list[FigureAccumulator] = []
         self._ends: list[float] = []
         self._turn = 0
 
-    def open(self, new: Callable[[Sequence[Figure]], FigureTally], series: EventSeries) -> None:
-        """Make ready for these figures, with what makes a tally of some."""
+    def open(
+        self, new: Callable[[Sequence[Figure]], FigureAccumulator], series: EventSeries
+    ) -> None:
+        """Make ready for these figures, with what makes an accumulator of some."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
         self._new = partial(new, timed)
-        self._tally = self._new()
+        self._accumulator = self._new()
 
     def add(self, piece: Piece) -> None:
         """Enter a piece."""
         since, until = self._turns.time(self._since), self._turns.time(self._until)
         edges = self._turns.edges
         if not self.per_revolution:
-            self._tally.add(piece, max(since, self._turns.begin), until)
+            self._accumulator.add(piece, max(since, self._turns.begin), until)
             return
         while True:
             begin = edges[self._turn]
@@ -325,13 +330,13 @@ class Window:
             counts = begin >= max(since, self._turns.begin) - slack
             counts = counts and (end <= until + slack or not over)
             if counts:
-                self._tally.add(piece, begin, end)
+                self._accumulator.add(piece, begin, end)
             if not over:
                 return
             if counts:
-                self._tallies.append(self._tally)
+                self._accumulators.append(self._accumulator)
                 self._ends += [begin, end]
-                self._tally = self._new()
+                self._accumulator = self._new()
             self._turn += 1
 
     def finish(self, end: float) -> None:
@@ -346,7 +351,7 @@ class Window:
                 begin = max(since, self._turns.begin)
                 value, note = self._of_events(f, begin, until, last=True)
             else:
-                value, note = self._tally.result(f)
+                value, note = self._accumulator.result(f)
             lost = self._outside(since, until)
             return value, lost if lost and note == EXACT else ', '.join(filter(None, (note, lost)))
         parts = self.each_turn(f)
@@ -358,8 +363,8 @@ class Window:
         """Size of the errors of a figure by rounding; numbers of events have none."""
         if f.of_events:
             return 0.0
-        tallies = self._tallies if self.per_revolution else [self._tally]
-        return max((tally.rounding(f) for tally in tallies), default=0.0)
+        accumulators = self._accumulators if self.per_revolution else [self._accumulator]
+        return max((accumulator.rounding(f) for accumulator in accumulators), default=0.0)
 
     def _outside(self, since: float, until: float) -> str:
         """How much of the window [s] the run does not reach, in words."""
@@ -377,7 +382,7 @@ class Window:
         if f.of_events:
             spans = list(zip(self._ends[::2], self._ends[1::2], strict=True))
             return [self._of_events(f, a, b, last=b == spans[-1][1]) for a, b in spans]
-        return [tally.result(f) for tally in self._tallies]
+        return [accumulator.result(f) for accumulator in self._accumulators]
 
     def _of_events(self, f: Figure, since: float, until: float, last: bool) -> tuple[float, str]:
         x, cut = self._series.values(f, since, until, last)
@@ -403,20 +408,23 @@ class Window:
 
 
 class EventSeries:
-    """Events and samples: their instants, and what is known of each."""
+    """Events and samples: their instants, and what is asked of each."""
 
     def __init__(self, machine: Machine, figures: Sequence[Figure]) -> None:
         self._machine = machine
         names = list(dict.fromkeys(n for f in figures for n in f.names))
         self._parts = {name: self._resolve(name) for name in names}
-        self._impacts: list[Impact] = []
-        self._changes: list[tuple[float, str, bool]] = []
         self._channels: dict[str, Channel] = {
             joint: machine.channel(joint)
             for kind, joint, _ in self._parts.values()
             if kind == 'sensors' and joint
         }
-        self._samples: dict[str, list[tuple[Array, ...]]] = {n: [] for n in self._channels}
+        self._columns: dict[tuple[str, str | None], dict[str, list[NDArray[Any]]]] = {}
+        """Of each kind and joint or sensor, by key: piece by piece, in the order of time."""
+        for kind, joint, key in self._parts.values():
+            always = ('t', '', OVERLOADS) if kind == 'sensors' else ('t',)
+            columns = self._columns.setdefault((kind, joint), {k: [] for k in always})
+            columns.setdefault(key, [])
 
     def _resolve(self, name: str) -> tuple[str, str | None, str]:
         """Kind, joint or sensor (None for all joints), and key of a name."""
@@ -451,50 +459,45 @@ class EventSeries:
 
     def add(self, piece: Piece, history: Motion | None = None) -> None:
         """Enter what happened in the piece that follows, and what sensors went by."""
-        if not self._parts:
-            return
-        self._impacts += piece.impacts
-        self._changes += [(c.t, c.joint, is_loss(c)) for c in piece.modes]
-        for name, channel in self._channels.items():
-            channel.take(piece.motion if history is None else history)
-            self._take(name)
+        for (kind, joint), columns in self._columns.items():
+            if kind == 'sensors':
+                channel = self._channels[str(joint)]
+                channel.take(piece.motion if history is None else history)
+                self._take(channel)
+                continue
+            happened: Sequence[Impact | ModeChange] = piece.impacts
+            if kind != 'impacts':
+                happened = [c for c in piece.modes if kind == 'modes' or is_loss(c)]
+            own = [e for e in happened if joint in (None, e.joint)]
+            for key, parts in columns.items():
+                parts.append(np.array([getattr(e, key) if key else 1.0 for e in own], float))
 
     def finish(self, silent: bool = False) -> None:
         """Let the channels give what they have left, and warn of what they cut."""
-        for name, channel in self._channels.items():
-            self._take(name, final=True)
+        for channel in self._channels.values():
+            self._take(channel, final=True)
             if not silent:
                 channel.warn()
+        for columns in self._columns.values():
+            for key, parts in columns.items():
+                columns[key] = [np.concatenate([np.zeros(0), *parts])]
 
-    def _take(self, name: str, final: bool = False) -> None:
-        self._samples[name] += self._channels[name].samples(final)
+    def _take(self, channel: Channel, final: bool = False) -> None:
+        columns = self._columns['sensors', channel.name]
+        for found in channel.samples(final):
+            for key, values in zip(('t', '', OVERLOADS), found, strict=True):
+                columns[key].append(values)
 
     def values(self, f: Figure, since: float, until: float, last: bool) -> tuple[Array, int]:
         """Values (n,) of a figure's expression in a window [s], and how many samples were cut."""
         kind, joint, _ = self._parts[f.names[0]]
-        cut = np.zeros(0)
+        known = {key: parts[0] for key, parts in self._columns[kind, joint].items()}
+        first = np.searchsorted(known['t'], since)
+        end = max(first, np.searchsorted(known['t'], until, side='right' if last else 'left'))
         keys = {name: self._parts[name][2] for name in f.names}
-        if kind == 'sensors':
-            parts = self._samples[str(joint)]
-            t, read, cut = (np.concatenate([np.zeros(0), *(x[i] for x in parts)])
-                            for i in range(3))  # fmt: skip
-            known = {name: cut if key else read for name, key in keys.items()}
-        elif kind == 'impacts':
-            impacts = [i for i in self._impacts if joint in (None, i.joint)]
-            t = np.array([i.t for i in impacts], float)
-            known = {
-                name: np.array([getattr(i, key) if key else 1.0 for i in impacts], float)
-                for name, key in keys.items()
-            }
-        else:
-            t = np.array([
-                at for at, of, lost in self._changes
-                if joint in (None, of) and (lost or kind == 'modes')
-            ], float)  # fmt: skip
-            known = {name: t if key else np.ones(len(t)) for name, key in keys.items()}
-        x = as_row(numbers(f.tree, known), len(t))
-        inside = (t >= since) & ((t <= until) if last else (t < until))
-        return x[inside], int(cut[inside[: len(cut)]].sum())
+        x = numbers(f.tree, {n: np.asarray(known[k][first:end], float) for n, k in keys.items()})
+        cut = known[OVERLOADS][first:end].sum() if kind == 'sensors' else 0
+        return as_row(x, int(end - first)), int(cut)
 
     def note(self, f: Figure, count: int, cut: int) -> str:
         """Of how many samples a figure is, or events if it weighs each of them alike."""

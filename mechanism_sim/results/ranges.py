@@ -77,7 +77,7 @@ class Extremes:
         return np.full_like(values, value if abs(value) > self.rounding else 0.0)
 
 
-def search_of(
+def _search_of(
     wanted: Sequence[Quantity], size: float, magnitudes: Collection[str] = ()
 ) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].
@@ -121,10 +121,10 @@ def search(
         columns = at(t.ravel())
         return np.array([columns[quantity.name] for quantity in wanted])
 
-    found = search_of(wanted, size)
+    found = _search_of(wanted, size)
     if wanted:
         start, end = motion.curve.spans(*window)
-        alike = motion.alike[motion.curve.locate(0.5 * (start + end))]
+        alike = motion.alike(motion.curve.locate(0.5 * (start + end)))
         # those that the window cuts are like no other
         alike[[0, -1]] = alike.max() + 1 + np.arange(2)
         found.add(values, start, end, alike=alike)
@@ -152,7 +152,7 @@ class QuantityRanges:
     ) -> None:
         self._machine, self._since, self.names = machine, since, [*names]
         self._wanted = [catalogue(machine)[name] for name in names]
-        self._search = search_of(self._wanted, machine.mechanism.size, magnitudes)
+        self._search = _search_of(self._wanted, machine.mechanism.size, magnitudes)
         self._shaped = shapes
         self._outlines = PeakOutlines(self._values, len(self.names)) if shapes else None
 

@@ -397,7 +397,7 @@ class Runner:
         self._check_end(until)
         self.more = True
         while self.more:
-            self._look_at_films(until, final)
+            self._look_ahead(until, final)
             whole = final and held is None
             with self._bent():
                 more = self._integrate(until, whole, batch or BATCH)
@@ -424,8 +424,8 @@ class Runner:
                 f'{longest:.3g} s at most: give a shorter duration, or a faster drive'
             )
 
-    def _look_at_films(self, until: float, final: bool) -> None:
-        """Warn of an oil film that makes the run long, and end one that comes to no end."""
+    def _look_ahead(self, until: float, final: bool) -> None:
+        """Warn of a run that is long, as by an oil film, and end one that comes to no end."""
         engine = self.engine
         if isinstance(engine, EventLoop) and math.isfinite(until):
             # nodes ask for parts of a run, as far as laws are known

@@ -24,7 +24,7 @@ from mechanism_sim.results.derivatives import AskedDerivatives
 from mechanism_sim.results.quantity import View
 from mechanism_sim.results.run import Observer, Piece, Runner, Solution, Stats
 from mechanism_sim.scene import Machine, Source, load_scene, span
-from mechanism_sim.scene.gate import admit_turning
+from mechanism_sim.scene.validation import validate_turning
 
 Progress = Callable[[float, int], None]
 """Called now and then with the simulated time [s] and the number of impacts so far."""
@@ -185,7 +185,7 @@ def stream(
     """
     machine = load_scene(scene)
     end = span(machine, revolutions, duration)
-    admit_turning(machine, end)
+    validate_turning(machine, end)
     progress = progress or plotting.progress(f'simulate {machine.name}', end)
     return Stream(machine, end, progress, resume, observers)
 

@@ -177,7 +177,7 @@ def impact_means(count: Array, impulse: Array) -> tuple[Mean, Mean, Mean]:
     )
 
 
-class ImpactTally:
+class ImpactAccumulator:
     """Impacts of all loose joints in each revolution of a run that comes in pieces."""
 
     def __init__(self, machine: Machine) -> None:

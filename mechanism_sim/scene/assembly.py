@@ -312,7 +312,8 @@ def nearest_rates(
     if J.shape[1]:
         rest = [i for i in kinematics.sought if coordinates[i] not in given]
         right = -(J[0] @ v)
-        v[rest] += np.linalg.lstsq(J[0][:, rest], right, rcond=None)[0]
+        scale = kinematics.scale[rest]
+        v[rest] += scale * np.linalg.lstsq(J[0][:, rest] * scale, right, rcond=None)[0]
     return v
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, check_known
-from mechanism_sim.joints.contact_keys import Clearance, Contact, Play
+from mechanism_sim.joints.contact_keys import Clearance, ClearanceSpec, Contact
 from mechanism_sim.keys.names import scene_errors
 from mechanism_sim.linkages.nominal import NominalPhysics
 from mechanism_sim.planar.configuration import converted
@@ -21,7 +21,6 @@ from mechanism_sim.planar.massless import inertial_motion, moving, without_mass
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.files import check_scene
-from mechanism_sim.scene.gate import check_scenes_way
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import PositionPart
@@ -29,6 +28,7 @@ from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.scene.sensor_keys import check_impulses
 from mechanism_sim.scene.singular_start import neighbours
+from mechanism_sim.scene.validation import check_scenes_way
 from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import QuantityValue, counted
 
@@ -40,7 +40,7 @@ _MECHANISM = TOLERANCES.mechanism
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
     """The machine of a scene; `questions` are doubts about what its file says."""
     with scene_errors(name):
-        machine = Machine(name, with_swing(scene), questions)
+        machine = Machine(name, _with_swing(scene), questions)
         _check_freedom(machine)
         _check_mass(machine)
         check_scenes_way(machine)
@@ -251,7 +251,7 @@ def _check_joints(machine: Machine) -> None:
         _check_play(f'joints.{joint}{key}', law, contact, soft)
 
 
-def _check_play(where: str, law: str, play: Play, soft: bool) -> None:
+def _check_play(where: str, law: str, play: ClearanceSpec, soft: bool) -> None:
     """Refuse contacts of a joint that do not go together, or not with those of others.
 
     Parameters
@@ -290,7 +290,7 @@ _OF_FILMS = (
 )  # fmt: skip
 
 
-def _check_contact(law: str, where: str, clearance: Play) -> None:
+def _check_contact(law: str, where: str, clearance: ClearanceSpec) -> None:
     """Refuse contacts without a key that their law needs, or with one that it does not know."""
     contact = clearance.contact
     if contact is None:
@@ -393,7 +393,7 @@ def _check_sensors(machine: Machine) -> None:
             )
 
 
-def with_swing(scene: Scene) -> Scene:
+def _with_swing(scene: Scene) -> Scene:
     """The scene, with a formula of its position instead of `drive.swing`."""
     drive = scene.drive
     if any(x.swing for x in scene.drives.values()) or (scene.drives and drive and drive.swing):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import polynomial
 
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec
 from mechanism_sim.numerics.sampled import (
     SampledPeak,
     acceleration_peaks,
@@ -21,15 +22,15 @@ from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolut
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drives import drive_key, drive_of
 from mechanism_sim.scene.elastic_links import elastic_notes
-from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
-from mechanism_sim.scene.remarks import doubts, unused
+from mechanism_sim.scene.remarks import plausibility_warnings, unused
 from mechanism_sim.scene.schema import SensorPart
 from mechanism_sim.scene.start import Start
 from mechanism_sim.scene.tilted_links import tilt_notes
+from mechanism_sim.scene.validation import TURN, between_limits, limits_text, validate
 from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, counted, for_people
 
@@ -118,7 +119,7 @@ class Report:
 
 def check(machine: Machine) -> Report:
     """Look at a scene without running it."""
-    admit(machine)
+    validate(machine)
     plan, mechanism, level = machine.plan, machine.mechanism, machine.level
     rest = 'free (integrated)' if machine.level.dynamic else 'follows from the closed loops'
     straight = mechanism.displacements
@@ -151,7 +152,7 @@ def check(machine: Machine) -> Report:
         [note for note in notes if isinstance(note, Limit)],
         _left_out(machine, loose),
         notes,
-        [*doubts(machine), *undetermined_accelerations(machine)],
+        [*plausibility_warnings(machine), *_undetermined_accelerations(machine)],
         coordinate_starts(machine),
         _range(machine),
     )
@@ -205,7 +206,7 @@ def _contacts(machine: Machine) -> str:
     return ', '.join([*said, *(['links meet stops or each other'] if machine.touching else [])])
 
 
-def _gap(joint: Joint, c: Play, machine: Machine) -> str:
+def _gap(joint: Joint, c: ClearanceSpec, machine: Machine) -> str:
     """The clearance of a joint, in words."""
     contact = _surfaces(c)
     if isinstance(joint, HigherPair):
@@ -225,7 +226,7 @@ def _gap(joint: Joint, c: Play, machine: Machine) -> str:
     return f'{kind} {c.radial:g} m{side}, {contact}, start {start}'
 
 
-def _surfaces(c: Play) -> str:
+def _surfaces(c: ClearanceSpec) -> str:
     """Laws of impact of contacts, in words."""
     friction = f', friction {c.friction:g}' if c.friction else ''
     contact = f'{c.hypothesis.capitalize()} restitution {c.restitution:g}{friction}'
@@ -234,7 +235,7 @@ def _surfaces(c: Play) -> str:
     return contact
 
 
-def _left_out(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
+def _left_out(machine: Machine, loose: Mapping[str, ClearanceSpec]) -> list[str]:
     """Physics that the level leaves out, with reasons."""
     plan, level = machine.plan, machine.level
     found = []
@@ -312,13 +313,13 @@ def _drive(machine: Machine, coordinate: str) -> str:
         again = ', again and again' if given.moves.repeat else ''
         return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
     speed = machine.plan.held[coordinate][1]
-    changing = ''
+    changing = f' ({speed * 30.0 / math.pi:.6g} rpm)' if speed and not straight else ''
     if law.degree > 1:
-        changing = f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
+        changing += f' at the start and {2.0 * law.coefficients[2]:g} {pace[:-2]}/s^2'
     return f'prescribed, {speed:g} {pace}{changing}{with_effort}'
 
 
-def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
+def _notes(machine: Machine, loose: Mapping[str, ClearanceSpec]) -> list[str]:
     """Remarks on a machine at rest."""
     plan, mechanism = machine.plan, machine.plan.ideal
     notes = [
@@ -334,7 +335,7 @@ def _notes(machine: Machine, loose: Mapping[str, Play]) -> list[str]:
         within = "a run that is to stay between them needs a 'duration'"
         notes.append(Limit(f'{limits_text(machine)}{free}: {goes}{within}'))
     notes += motion_notes(mechanism, start, plan.laws)
-    notes += acceleration_notes(machine)
+    notes += _acceleration_notes(machine)
     if machine.physics.undetermined:
         notes.append(machine.nominal.undetermined_text)
     for joint in plan.joints:
@@ -439,7 +440,7 @@ def render(report: Report) -> str:
     return '\n'.join(lines)
 
 
-def acceleration_notes(machine: Machine) -> Iterator[str]:
+def _acceleration_notes(machine: Machine) -> Iterator[str]:
     """The largest acceleration of each drive that is given over time."""
     for c, key, course in _courses(machine):
         size, at = _largest(machine, c)
@@ -448,7 +449,7 @@ def acceleration_notes(machine: Machine) -> Iterator[str]:
             yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
 
 
-def undetermined_accelerations(machine: Machine) -> Iterator[str]:
+def _undetermined_accelerations(machine: Machine) -> Iterator[str]:
     """A question for each drive whose acceleration its points do not determine."""
     for c, key, course in _courses(machine):
         if isinstance(course, SpeedPart) and course.ramp == 'smooth':

@@ -147,12 +147,12 @@ def read_laws(
                     f'{where}.position gives every position, that at the start, too: leave '
                     f"out '{key}'"
                 )
-        laws, source = course_laws(names, f'{where}.position', drive.position, first, straight)
+        laws, source = _course_laws(names, f'{where}.position', drive.position, first, straight)
     elif drive.moves:
         laws, source = moves(names, f'{where}.moves', drive.moves, first, straight)
     elif isinstance(course := drive.profile or drive.speed, SpeedPart):
         key = 'profile' if drive.profile else 'speed'
-        laws, source = course_laws(names, f'{where}.{key}', course, first, straight)
+        laws, source = _course_laws(names, f'{where}.{key}', course, first, straight)
     else:
         laws, source = (_steady(names, where, drive, first),), None
     turns, (value, *rates) = laws[0].about(Fraction(0))
@@ -269,7 +269,7 @@ def _motor_law(where: str, coordinate: str, motor: MotorPart) -> TorqueLaw:
     return TorqueLaw(coordinate, (torque * ratio, 0.0, -torque / motor.no_load_speed * ratio**2))
 
 
-def course_laws(
+def _course_laws(
     names: Names, where: str, course: CoursePart, start: DriveLaw, straight: bool
 ) -> Motion:
     """The laws of a coordinate by its position or its speed over time.
@@ -372,7 +372,7 @@ def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight:
         place = names.measure(f'{where}.steps.{i}.{key}', getattr(step, key), straight, _UNITS[0])
         goal = place if key == 'to' else goal + place
         steps.append((goal, limits(step)))
-    laws = move_laws(start, steps)
+    laws = _move_laws(start, steps)
     if not given.repeat:
         return tuple(laws), None
     gone = goal - first
@@ -431,7 +431,7 @@ def phases(distance: float, limits: MoveLimits) -> list[tuple[float, float, floa
     return [phase for phase in found if phase[0] > 0.0]
 
 
-def move_laws(
+def _move_laws(
     start: DriveLaw, steps: Sequence[tuple[float, float | MoveLimits]]
 ) -> list[DriveLaw]:
     """The laws of moves one after the other, the first from rest at time zero.

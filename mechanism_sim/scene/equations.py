@@ -69,7 +69,7 @@ class EquationsOfMotion:
                     f'{self.name}: joints.{gap.joint} has a clearance that never opens nor '
                     'closes: its links move along it only; leave the joint out'
                 )
-        # the gate has seen to what drives alone move
+        # `validation` has seen to what drives alone move
         bounds = bounds_of(plan.scene.joints, mechanism, plan.touching)
         gaps += [gap for gap in bounds if not moving(gap, frames) <= {*plan.prescribed}]
         closing = self._independent(plan.loop_closures, plan.loops(plan.prescribed))
@@ -132,10 +132,10 @@ class EquationsOfMotion:
                 [replace(m, characteristic=m.characteristic.on(mechanism)) for m in plan.motors],
                 plan.frictions(mechanism),
             ),
-            self._lent(mechanism) if closing else 0.0,
+            self._constraint_mass(mechanism) if closing else 0.0,
         )
 
-    def _lent(self, mechanism: Mechanism) -> float:
+    def _constraint_mass(self, mechanism: Mechanism) -> float:
         """Mass [kg] added along closures if free coordinates have no inertia by themselves."""
         prescribed, at = self.plan.prescribed, self.assembly
         q, _ = converted(self.plan.ideal, mechanism, at.q, at.v)
@@ -155,7 +155,7 @@ class EquationsOfMotion:
         tabulated = any(isinstance(s, SwitchTable) for s in system.switches)
         many = len(system.free) + rows >= _COMPACT_FROM
         flexible = any(x.flexible for x in self.plan.loose.extensions.values())
-        more = system.elements or system.lent or system.dynamics.rubs or flexible
+        more = system.elements or system.constraint_mass or system.dynamics.rubs or flexible
         worn = any(getattr(c, 'profile', None) for c in self.plan.clearances.values())
         # few of them may be long, as of a loose Geneva wheel with friction: 40 s of compilation
         return bool(more) or tabulated or many or worn or system.taylor(True).terms.long

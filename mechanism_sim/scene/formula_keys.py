@@ -33,13 +33,13 @@ from mechanism_sim.units import (
     to_si_of,
 )
 
-OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
+_OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
 """Names in formulas of loads for the point at which they act, with units."""
 TIME = 't'
 """Its name in formulas."""
 _TO_DEGREES = 12.0
 """Of an angle in the argument of a table: ratios of gears are below, 57.3 for degrees is not."""
-OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
+_OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
 """Names in formulas of springs for themselves: these are no names of states."""
 
 
@@ -78,7 +78,7 @@ TorqueOrFormula = Annotated[float | str, or_formula('N m')]
 EffortOrFormula = Annotated[QuantityValue | str, or_formula('N m', 'N')]
 
 
-def state_units(names: Names) -> dict[str, str]:
+def _state_units(names: Names) -> dict[str, str]:
     """The states of first order of a scene in the order of their numbers, with their units."""
     return {
         state: unit
@@ -90,11 +90,11 @@ def state_units(names: Names) -> dict[str, str]:
 
 def check_state_name(names: Names, name: str) -> None:
     """Refuse names of states that formulas know otherwise."""
-    taken = {*RESERVED, *OF_SPRING, *names.links, *(f'{x}_rate' for x in names.links)}
+    taken = {*RESERVED, *_OF_SPRING, *names.links, *(f'{x}_rate' for x in names.links)}
     if not name.isidentifier() or name in taken:
         raise InputError(
             f"states.{name}: the name '{name}' cannot be used; names are letters, digits and _, "
-            f'but not {", ".join([*RESERVED, *OF_SPRING])}, a link, or LINK_rate, which formulas '
+            f'but not {", ".join([*RESERVED, *_OF_SPRING])}, a link, or LINK_rate, which formulas '
             'name'
         )
 
@@ -103,7 +103,7 @@ def scope_of(names: Names, tree: Mechanism) -> Callable[[Mechanism], FormulaScop
     """Meanings of names in formulas, for any tree of a mechanism."""
     guided = {c: tree.tree_joints[c].name for c in tree.sliding}
     tables = {n: table.curve for n, table in names.scene.tables.items()}
-    states = [*state_units(names)]
+    states = [*_state_units(names)]
     parts = names.scene.springs | names.scene.servos
     springs = {n: part.placed(names, n, tree) for n, part in parts.items()}
     return lambda mechanism: FormulaScope(mechanism, guided, tables, states, springs)
@@ -115,7 +115,7 @@ def check_formula(
     text: str,
     unit: str | None,
     tree: Mechanism,
-    own: Mapping[str, str] = OF_POINT,
+    own: Mapping[str, str] = _OF_POINT,
 ) -> None:
     """Refuse a formula that names or calls what is not known, or that is not in `unit`.
 
@@ -126,7 +126,7 @@ def check_formula(
     unit : wanted; None for any
     own : names of the place at which it stands, with their units
     """
-    states = state_units(places)
+    states = _state_units(places)
     units: dict[str, str | None] = {x: of or None for x, of in states.items()}
     units |= {TIME: 's', **own}
     for spring, part in (places.scene.springs | places.scene.servos).items():

@@ -16,12 +16,12 @@ from mechanism_sim.scene.build import build
 from mechanism_sim.scene.drives import drive_key, drive_of
 from mechanism_sim.scene.files import check_scene, content_of, overridden
 from mechanism_sim.scene.four_bar import FourBarScene
-from mechanism_sim.scene.gate import TURN, admit, between_limits, limits_text
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.motion_keys import SpeedPart
 from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 from mechanism_sim.scene.remarks import angle_questions, length_questions
 from mechanism_sim.scene.schema import InitialPart, Scene
+from mechanism_sim.scene.validation import TURN, between_limits, limits_text, validate
 from mechanism_sim.units import QuantityValue, argument
 
 _PLAYS = 'clearance', 'lift_off', 'backlash'
@@ -98,7 +98,7 @@ def span(machine: Machine, revolutions: float | None, duration: float | str | No
 def run_length(machine: Machine, revolutions: float | None, duration: float | str | None) -> float:
     """`span` for commands and nodes, which refuse what cannot be run for so long."""
     end = span(machine, revolutions, duration)
-    admit(machine, end)
+    validate(machine, end)
     return end
 
 

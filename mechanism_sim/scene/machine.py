@@ -30,7 +30,7 @@ from mechanism_sim.engine.physics import DynamicPhysics, Physics
 from mechanism_sim.engine.plotting import Rich
 from mechanism_sim.engine.snapshot import Snapshot, State
 from mechanism_sim.errors import InputError, nearest
-from mechanism_sim.joints.contact_keys import Play, in_plane
+from mechanism_sim.joints.contact_keys import ClearanceSpec, in_plane
 from mechanism_sim.joints.joint_keys import bounds_of, contacts_of
 from mechanism_sim.keys.names import SceneError, scene_errors
 from mechanism_sim.linkages.nominal import NominalPhysics, NominalRun
@@ -133,7 +133,7 @@ class Machine(Rich):
         return bool(self.plan.powered) or self.assembly.freedom > 0
 
     @cached_property
-    def touching(self) -> dict[str, Play]:
+    def touching(self) -> dict[str, ClearanceSpec]:
         """Contacts of joints beside constraints and clearances, where they can act.
 
         None where drives and closed loops say all of the motion.
@@ -171,7 +171,7 @@ class Machine(Rich):
     def rigid(self) -> Machine:
         """Copy with rigid links and shafts, or itself if nothing gives way."""
         stiff = not self.plan.ideal.deformations
-        return self if stiff else replace(self, scene=rigid_scene(self.plan, self.assembly))
+        return self if stiff else replace(self, scene=_rigid_scene(self.plan, self.assembly))
 
     # --- its mechanics --------------------------------------------------------------------------
 
@@ -297,7 +297,7 @@ def _ways_tried(_scene: bytes) -> dict[object, str]:
     return {}
 
 
-def rigid_scene(plan: ScenePlan, assembly: Assembly) -> Scene:
+def _rigid_scene(plan: ScenePlan, assembly: Assembly) -> Scene:
     """A scene with elastic links made rigid, and shafts that do not give way.
 
     It starts where that of `plan` does, assembled so, although guides carry some links now.

@@ -39,7 +39,7 @@ from mechanism_sim.units import QuantityValue, alike, power_hint, to_si_of
 
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 AnyAcceleration = Annotated[QuantityValue, si_of('rad/s^2', 'm/s^2')]
-AnyJerk = Annotated[QuantityValue, si_of('rad/s^3', 'm/s^3')]
+_AnyJerk = Annotated[QuantityValue, si_of('rad/s^3', 'm/s^3')]
 
 
 def _positive(value: QuantityValue) -> QuantityValue:
@@ -48,7 +48,7 @@ def _positive(value: QuantityValue) -> QuantityValue:
     return value
 
 
-POSITIVE_VALUE = AfterValidator(_positive)
+_POSITIVE_VALUE = AfterValidator(_positive)
 
 
 class CoursePart(Part):
@@ -308,11 +308,11 @@ class MovePart(Part):
     """Displacement, with its sign."""
     dwell: Duration | None = None
     """Duration of a dwell instead."""
-    speed: Annotated[Pace, POSITIVE_VALUE] | None = None
+    speed: Annotated[Pace, _POSITIVE_VALUE] | None = None
     """Largest speed."""
-    acceleration: Annotated[AnyAcceleration, POSITIVE_VALUE] | None = None
+    acceleration: Annotated[AnyAcceleration, _POSITIVE_VALUE] | None = None
     """Largest acceleration."""
-    jerk: Annotated[AnyJerk, POSITIVE_VALUE] | None = None
+    jerk: Annotated[_AnyJerk, _POSITIVE_VALUE] | None = None
     """Largest rate of the acceleration."""
 
     @model_validator(mode='after')
@@ -329,11 +329,11 @@ class MovesPart(Part):
 
     steps: list[MovePart] = Field(min_length=1)
     """Moves and dwells, as [{to: 90 deg}, {dwell: 0.5 s}, {by: -30 deg}]."""
-    speed: Annotated[Pace, POSITIVE_VALUE]
+    speed: Annotated[Pace, _POSITIVE_VALUE]
     """Largest speed."""
-    acceleration: Annotated[AnyAcceleration, POSITIVE_VALUE]
+    acceleration: Annotated[AnyAcceleration, _POSITIVE_VALUE]
     """Largest acceleration."""
-    jerk: Annotated[AnyJerk, POSITIVE_VALUE] | None = None
+    jerk: Annotated[_AnyJerk, _POSITIVE_VALUE] | None = None
     """Largest rate of the acceleration; without it the acceleration steps."""
     repeat: bool = False
     """Repeat the moves; then the last one must end where the first begins, or whole turns on."""
@@ -344,5 +344,5 @@ class SwingPart(Part):
 
     period: Duration
     """Period of the oscillation."""
-    margin: Annotated[AnyPosition, POSITIVE_VALUE] | None = None
+    margin: Annotated[AnyPosition, _POSITIVE_VALUE] | None = None
     """Distance that it keeps from each limit; without it a hundredth of the way between them."""

@@ -22,7 +22,7 @@ from mechanism_sim.planar.configuration import Constraints, poses
 from mechanism_sim.planar.mechanism import Mechanism
 
 #: transmission angles [deg] below this are usually avoided
-LEAST_TRANSMISSION = 30.0
+_LEAST_TRANSMISSION = 30.0
 
 
 class Limit(str):
@@ -46,9 +46,9 @@ def motion_notes(
         if crank in swung:
             lines = _notes_of_swung(linkage, crank, *swung[crank])
         elif isinstance(linkage, FourBar):
-            lines = four_bar_notes(linkage, crank, last)
+            lines = _four_bar_notes(linkage, crank, last)
         else:
-            lines = slider_crank_notes(linkage, crank)
+            lines = _slider_crank_notes(linkage, crank)
         whose = f'{", ".join(links)}: ' if len(found) > 1 else ''
         # what turns only as far as others turn it stops nothing
         notes += [(type(line) if crank in driven else str)(whose + line) for line in lines]
@@ -106,7 +106,7 @@ def mobility_notes(mechanism: Mechanism, q: Mapping[str, float]) -> Iterator[str
         )
 
 
-def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
+def _four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
     """How the links of a four-bar move, and how well the coupler moves the rocker."""
     spare = float(excess(linkage.lengths))
     compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
@@ -144,7 +144,7 @@ def four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
     return [*notes, _transmission(*transmission_range(linkage), limited)]
 
 
-def slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
+def _slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
     """How the links of a slider-crank move, and how well the rod moves the slider."""
     if linkage.turns == 'crank':
         first = f'slider-crank: the {crank} can turn fully, stroke {linkage.stroke:.6g} m'
@@ -174,9 +174,9 @@ def _transmission(least: float, greatest: float, limited: str) -> str:
     note = f'transmission angle: {low:.4g} to {high:.4g} deg'
     if limited:
         note += f' over all that the {limited} can do'
-    if min(low, 180.0 - high) < LEAST_TRANSMISSION:
+    if min(low, 180.0 - high) < _LEAST_TRANSMISSION:
         note += (
-            f'; within {LEAST_TRANSMISSION:g} deg of 0 or 180 the driven end moves little: it is '
+            f'; within {_LEAST_TRANSMISSION:g} deg of 0 or 180 the driven end moves little: it is '
             'hard to move, or presses hard, as in a toggle'
         )
     return note

@@ -19,7 +19,7 @@ from mechanism_sim.engine.clock import take_off_turns
 from mechanism_sim.engine.event_loop import EventLoop
 from mechanism_sim.engine.snapshot import State
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.names import Names, kind_of
 from mechanism_sim.linkages.forces import DriveEffort, UnknownForce
@@ -115,13 +115,13 @@ class ScenePlan(Names):
             for keys in [scene.joints[joint.name]]
         )
         self.begins |= {c: (positions.get(c, 0.0), 0.0) for c in tree.deformations}
-        self.clearances: dict[str, Play] = {
+        self.clearances: dict[str, ClearanceSpec] = {
             joint.name: play
             for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
             for keys in [scene.joints[joint.name]]
             if (play := keys.kind_keys.play(keys, joint)) is not None
         }
-        self.touching: dict[str, Play] = {
+        self.touching: dict[str, ClearanceSpec] = {
             name: play
             for name, keys in scene.joints.items()
             if (play := keys.kind_keys.touches(keys, name)) is not None
@@ -224,7 +224,7 @@ class ScenePlan(Names):
         return [j.name for j in self.joints if isinstance(j, HigherPair) and j.elastic]
 
     @property
-    def rigid(self) -> dict[str, Play]:
+    def rigid(self) -> dict[str, ClearanceSpec]:
         """The clearances of joints whose contacts the engine opens and closes."""
         return {name: c for name, c in self.clearances.items() if name not in self.elastic}
 

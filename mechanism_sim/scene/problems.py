@@ -129,9 +129,15 @@ def _of_file(models: Iterable[type[BaseModel]], value: Any) -> str:
 
 
 def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
-    """How to write a value that stands alone: under the first key that takes it."""
+    """How to write a value that stands alone: under the first key that takes it or its entries."""
     listed = isinstance(value, list | tuple)
     alone = ', not of values alone' if listed else ''
+    if listed and value and isinstance(value[0], dict):
+        names = {str(key) for key in value[0]}
+        for key, field in ((k, f) for model in models for k, f in model.model_fields.items()):
+            if any(names <= {*_keys([part], {})} for part in _models(field.annotation)):
+                return f': write {{{field.alias or key}: [...]}}'
+        return ', not a list of them'
     if isinstance(value, str) and not re.match(r'[-+.]?\d', value):
         return alone  # some keys take any word
     for key, field in ((k, x) for model in models for k, x in model.model_fields.items()):

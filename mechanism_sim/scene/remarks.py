@@ -20,13 +20,13 @@ from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.drives import drive_of
-from mechanism_sim.scene.gate import TURN, way_of
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.plan import keeps_speed
 from mechanism_sim.scene.repetition import WHOLE, calls_of_angles, is_whole
 from mechanism_sim.scene.table_keys import TablePart
+from mechanism_sim.scene.validation import TURN, way_of
 from mechanism_sim.sensing.point import PointOnLink
 from mechanism_sim.units import to_si, written
 
@@ -57,12 +57,16 @@ _IN_LAW = 33
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 
-def doubts(machine: Machine) -> list[str]:
+def plausibility_warnings(machine: Machine) -> list[str]:
     """A question for every value that is about a thousand times off, and warnings of joints."""
     every = [(machine.scene.joints[joint.name], joint) for joint in machine.plan.joints]
     return [
         *machine.questions,
-        *(text for keys, joint in every for text in keys.kind_keys.doubts(keys, machine, joint)),
+        *(
+            text
+            for keys, joint in every
+            for text in keys.kind_keys.plausibility_warnings(keys, machine, joint)
+        ),
         *_inertias(machine),
         *_masses(machine),
         *_plays(machine),

@@ -37,7 +37,7 @@ SCHEMA = 'mechanism_sim.schema.json'
 WIDTH, COLUMN = 99, 40
 """Of the file, and where comments begin."""
 
-UNBROKEN = '\N{NO-BREAK SPACE}'
+_UNBROKEN = '\N{NO-BREAK SPACE}'
 
 HEAD = """\
 # A key behind a # shows its default; remove the # to change it. A key without a value
@@ -201,7 +201,7 @@ def _note(meaning: str, facts: Facts, needed: bool = False) -> str:
     """A meaning, its unit or choices in brackets, and whether the key must be there."""
     about = '; '.join(filter(None, [facts.render(), 'needed' if needed else '']))
     if len(about) < WIDTH - COLUMN - 4:
-        about = about.replace(' ', UNBROKEN)
+        about = about.replace(' ', _UNBROKEN)
     return f'{meaning.rstrip(".")} [{about}]' if about else meaning.rstrip('.')
 
 
@@ -236,7 +236,7 @@ def _rows(line: Entry) -> Iterator[str]:
         yield line.text
         return
     rows = textwrap.wrap(line.note, WIDTH - COLUMN - 2)
-    notes = [f'# {row.replace(UNBROKEN, " ")}' for row in rows]
+    notes = [f'# {row.replace(_UNBROKEN, " ")}' for row in rows]
     if len(line.text) + 2 > COLUMN:
         yield line.text
     else:

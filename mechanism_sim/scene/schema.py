@@ -61,8 +61,8 @@ from mechanism_sim.sensing.presets import PRESETS
 from mechanism_sim.units import QuantityValue, plain
 from mechanism_sim.vibration.frame import Frame
 
-PerSpeed = Annotated[float, si('N s/m')]
-PerPosition = Annotated[float, si('N/m')]
+_PerSpeed = Annotated[float, si('N s/m')]
+_PerPosition = Annotated[float, si('N/m')]
 Vector = Annotated[tuple[Position, Position], BeforeValidator(plain)]
 
 
@@ -391,9 +391,9 @@ class AffineForce(_Affine):
 
     constant: Annotated[float, si('N')] = 0.0
     """Constant part."""
-    per_position: PerPosition = 0.0
+    per_position: _PerPosition = 0.0
     """Times the displacement of the link."""
-    per_speed: PerSpeed = 0.0
+    per_speed: _PerSpeed = 0.0
     """Times its speed; negative brakes."""
     formula: ForceOrFormula | None = None
     """More force by a formula, as "area*p": of t, links, LINK_rate, states, springs."""
@@ -449,16 +449,16 @@ class DrivePart(Part, metaclass=PartMaker):
 
 StartValue = QuantityValue | tuple[float, float]
 """Of a coordinate, or of a point."""
-StartPlace = Annotated[StartValue, si_or_point('m', 'rad', 'm')]
-StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
+_StartPlace = Annotated[StartValue, si_or_point('m', 'rad', 'm')]
+_StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
 
 
 class InitialPart(Part):
     """Initial positions and velocities that differ from those of drive and guess."""
 
-    position: dict[str, StartPlace] = {}
+    position: dict[str, _StartPlace] = {}
     """Angles and displacements by link; places [x, y] of points by LINK.POINT."""
-    velocity: dict[str, StartPace] = {}
+    velocity: dict[str, _StartPace] = {}
     """Their rates, by link and by LINK.POINT."""
     elastic: Literal['straight', 'smooth'] = 'straight'
     """How elastic links start: straight, or bent by the forces, nearly without vibration."""
@@ -528,7 +528,7 @@ class Linkage(AnyScene):
     """Main drive; revolutions are turns of this link."""
     drives: dict[str, DrivePart] = {}
     """Further drives, by link."""
-    guess: dict[str, StartPlace] = {}
+    guess: dict[str, _StartPlace] = {}
     """Rough angles and displacements by link, places [x, y] of points by LINK.POINT, which choose
     how loops are closed."""
     initial: InitialPart = InitialPart()

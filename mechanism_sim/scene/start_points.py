@@ -239,7 +239,9 @@ def rates(
     matrix, goal = np.concatenate(rows), np.concatenate(right)
     v = np.array([known.get(c, 0.0) for c in names])
     rest = [i for i, c in enumerate(names) if c not in known]
-    v[rest] = np.linalg.lstsq(matrix[:, rest], goal - matrix @ v, rcond=1e-12)[0]
+    scale = kinematics.scale[rest]
+    left = goal - matrix @ v
+    v[rest] = scale * np.linalg.lstsq(matrix[:, rest] * scale, left, rcond=1e-12)[0]
     for target in targets:
         rate = target.of(tree, q)[1] @ v
         off = float(np.abs(rate - np.array(target.value)).max())

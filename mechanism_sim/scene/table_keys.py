@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.catalogue import TABLE_FOLDERS
-from mechanism_sim.csv_tables import assume, is_like_unit, named_unit, read_csv
+from mechanism_sim.csv_tables import assume, fits, is_like_unit, named_unit, read_csv
 from mechanism_sim.errors import InputError
 from mechanism_sim.keys.quantities import FROM_FILE, Part, UnitValue, si_of
 from mechanism_sim.numerics.curves import Curve, Interpolation, through
@@ -186,6 +186,11 @@ def _points_of(
                 f"'{asked}': keep one"
             )
         unit = asked or said or named_unit(name, fitting)
+        if fitting == ('s',) and (fits(unit, 'rad') if unit else named_unit(name, ('rad',))):
+            raise InputError(
+                f"{table.where}: column '{name}' is an angle, but a drive follows points over "
+                "time: give the times of these angles, or take a joint 'cam' with law: {file: ...}"
+            )
         try:
             to_si_of(f'1 {unit}', tuple(fitting)) if '' not in fitting else _value(f'1 {unit}')
         except ValueError as error:

@@ -46,12 +46,12 @@ class TiltPart(Part):
 def without_mass(names: Names, link: str, rotor: LinkExtension | None) -> Body:
     """A link as it moves, whatever it weighs."""
     none, given = (0.0, 0.0), names.scene.links[link].tilt
-    axial = stiffness_along(names, link)
+    axial = _stiffness_along(names, link)
     tilt = Tilt(0.0, none, (0.0, 0.0, 0.0), none, axial=axial) if given else None
     return Body(link, 0.0, 0.0, none, tilt or rotor)
 
 
-def stiffness_along(names: Names, link: str) -> float | None:
+def _stiffness_along(names: Names, link: str) -> float | None:
     """Of what holds a link along the axes [N/m]; None if no bearing lets it move there."""
     given = names.scene.links[link].tilt
     stopped = any(
@@ -71,7 +71,7 @@ def tilted(body: Body, names: Names, spin: float = 0.0) -> Body:
     given, where = names.scene.links[body.name].tilt, f'links.{body.name}'
     if given is None:
         return body
-    axial = stiffness_along(names, body.name)
+    axial = _stiffness_along(names, body.name)
     if given.axial_stiffness and axial is None:
         raise InputError(
             f'{where}.tilt.axial_stiffness has no meaning where no bearing of the link has '

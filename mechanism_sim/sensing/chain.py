@@ -62,8 +62,8 @@ class Amplifier(Part):
 
     def transfer(self) -> Rational:
         """Of both filters; at the corner frequencies 3 dB are lost."""
-        low = butterworth(self.low_pass, self.low_pass_order, 'lowpass')
-        return butterworth(self.high_pass, self.high_pass_order, 'highpass') * low
+        low = _butterworth(self.low_pass, self.low_pass_order, 'lowpass')
+        return _butterworth(self.high_pass, self.high_pass_order, 'highpass') * low
 
 
 class Integrator(Part):
@@ -87,7 +87,7 @@ class AntiAlias(Part):
 
     def transfer(self) -> Rational:
         """Of the filter."""
-        return butterworth(self.frequency, self.order, 'lowpass')
+        return _butterworth(self.frequency, self.order, 'lowpass')
 
 
 class Trigger(Part):
@@ -186,7 +186,7 @@ class Instrument:
         return product
 
 
-def butterworth(frequency: float | None, order: int, kind: str) -> Rational:
+def _butterworth(frequency: float | None, order: int, kind: str) -> Rational:
     """A Butterworth filter, ``kind`` 'lowpass' or 'highpass', with its corner [Hz]; or nothing."""
     if frequency is None:
         return Rational()

@@ -203,11 +203,11 @@ class Channel:
         blocks, self._blocks = self._blocks, []
         return blocks
 
-    def samples(self, final: bool = False) -> Iterator[tuple[Array, Array, Array]]:
-        """When the samples of `blocks` are due [s], they, and 1 where one was cut: (N,) each."""
+    def samples(self, final: bool = False) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+        """When the samples of `blocks` are due [s], they, and which were cut: (N,) each."""
         for block in self.blocks(final):
             since = np.arange(len(block.samples)) / self.instrument.sample_rate
-            yield block.time + since, block.samples, block.cut.astype(float)
+            yield block.time + since, block.samples, block.cut
 
     def warn(self) -> None:
         """Warn if samples so far were cut: figures of a signal are those of what is left."""

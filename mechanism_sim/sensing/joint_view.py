@@ -18,7 +18,7 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
 from mechanism_sim.planar.play import wall_name
 from mechanism_sim.planar.points import GROUND, Point, Vector2, trace
-from mechanism_sim.planar.view import Course, Side
+from mechanism_sim.planar.view import Side, Trajectory
 
 
 @dataclass(frozen=True)
@@ -41,22 +41,24 @@ class JointView:
         """Number N of instants."""
         return int(self.observed.position.shape[1])
 
-    def course(self, link: str, at: Vector2 | None = None) -> Course:
+    def course(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """How a link moves: its displacement if a guide carries it, else its angle."""
         if link in self.mechanism.sliding:
             return self._coordinate(link)
         return self.turning(link, at)
 
-    def turning(self, link: str, at: Vector2 | None = None) -> Course:
+    def turning(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
         frame, offset = self.mechanism.frame(link)
         turn = self._coordinate(frame)
         if at and link in self.mechanism.having(Beam):
             turns = self.mechanism.turns(link, at).items()
-            turn = Course(*np.sum([x * np.array(self._coordinate(c)) for c, x in turns], axis=0))
+            turn = Trajectory(
+                *np.sum([x * np.array(self._coordinate(c)) for c, x in turns], axis=0)
+            )
         return turn._replace(position=turn.position + offset)
 
-    def chord(self, link: str, a: Vector2, b: Vector2) -> Course:
+    def chord(self, link: str, a: Vector2, b: Vector2) -> Trajectory:
         """Turning of a link by the line from one point of it to another."""
         turn = self.turning(link)
         if link not in self.mechanism.having(Beam):
@@ -68,7 +70,7 @@ class JointView:
         angle = np.arctan2(z[1], z[0]) - math.atan2(b[1] - a[1], b[0] - a[0])
         off = np.remainder(angle - turn.position + math.pi, 2.0 * math.pi) - math.pi
         second = (z[0] * w[1] - z[1] * w[0] - slowed) / square
-        return Course(turn.position + off, rate, second, turn.turned)
+        return Trajectory(turn.position + off, rate, second, turn.turned)
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""
@@ -124,13 +126,13 @@ class JointView:
         k = self.physics.clearances.index(name)
         return self.observed.gap[k], self.modes[k] > Mode.FREE_FLIGHT
 
-    def _coordinate(self, name: str) -> Course:
+    def _coordinate(self, name: str) -> Trajectory:
         o = self.observed
         if name == GROUND:
-            return Course(*np.zeros((4, o.position.shape[1])))
+            return Trajectory(*np.zeros((4, o.position.shape[1])))
         i = self.physics.coordinates.index(name)
         place = o.local[i]
-        return Course(place, o.velocity[i], o.acceleration[i], o.position[i] - place)
+        return Trajectory(place, o.velocity[i], o.acceleration[i], o.position[i] - place)
 
     def _of_forces(self, rows: Array, shape: Sequence[int]) -> Array:
         if not self.physics.has_forces or self.joint.name in self.physics.undetermined:

@@ -27,7 +27,7 @@ from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
 from mechanism_sim.planar.play import is_stop, joint_of_gap
 from mechanism_sim.planar.points import GROUND
 
-HEARING = 20e-6  #: [Pa] to which sound pressure levels refer
+_HEARING = 20e-6  #: [Pa] to which sound pressure levels refer
 _FAINT = 1e-7  # of its start, to which a click is followed
 _STILL = 1e-9  # of a change of velocity: what is less is rounding
 
@@ -262,4 +262,4 @@ def pressure(
 
 def level(p: float) -> float:
     """Sound pressure level [dB] of a pressure [Pa]."""
-    return 20.0 * math.log10(p / HEARING)
+    return 20.0 * math.log10(p / _HEARING)

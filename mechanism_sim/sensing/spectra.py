@@ -29,6 +29,7 @@ _MOST = 4096  # samples a turn, unless told
 _SHORTEST = 256  # samples of a segment, unless told or fewer
 _FAINT = 1e-3  # of the mean density of power: what rounding may have, and no resonance
 _FEWEST = 16  # segments of which a kurtosis is worth looking at
+_AT_ONCE = 2**18  # samples of segments, which fit into a cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,17 @@ def power(
     return LineSpectrum(_lines(length, rate), sums / weight)
 
 
+def severity(acceleration: LineSpectrum) -> float:
+    """Severity of vibration: rms [m/s] of the velocity from 10 Hz to 1 kHz.
+
+    By the power spectral density of an acceleration [(m/s^2)^2/Hz]; ISO 20816-1:2016, 4.3.
+    """
+    f = acceleration.frequency
+    inside = (f >= 10.0) & (f <= 1000.0)
+    speed = acceleration.values[inside] * acceleration.step / (2.0 * np.pi * f[inside]) ** 2
+    return math.sqrt(speed.sum())
+
+
 def autocorrelation(x: Array) -> Array:
     """Sums (N,) of products of samples (N,) so many places apart, those beyond the end being 0."""
     lines = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
@@ -139,10 +151,12 @@ def envelope(x: Array, rate: float, band: tuple[float, float] | None = None) -> 
     Hilbert's transform in one (Randall and Antoni, 2011, sect. 5.1).
     """
     low, high = band or (0.0, 0.5 * rate)
-    lines = np.fft.fft(x)
-    frequency = np.fft.fftfreq(len(x), 1.0 / rate)
-    inside = (frequency > 0.0) & (frequency >= low) & (frequency <= high)
-    return np.asarray(np.abs(np.fft.ifft(np.where(inside, 2.0 * lines, 0.0))))
+    lines = 2.0 * np.fft.rfft(x)
+    frequency = _lines(len(x), rate)
+    # the lines at 0 and at half the rate are real: they have no envelope
+    inside = (frequency > 0.0) & (np.arange(len(lines)) < 0.5 * len(x))
+    lines[~(inside & (frequency >= low) & (frequency <= high))] = 0.0
+    return np.asarray(np.abs(np.fft.ifft(lines, len(x))))
 
 
 def envelope_spectrum(
@@ -169,26 +183,36 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum
     """
     window = scipy.signal.get_window('hann', segment)
     cut = np.lib.stride_tricks.sliding_window_view(x, segment)[:: max(1, segment // 4)]
-    square = np.abs(np.fft.rfft(window * cut, axis=1)) ** 2
-    mean = (square**2).mean(axis=0), square.mean(axis=0) ** 2
-    values = np.divide(*mean, out=np.full(len(mean[0]), 2.0), where=mean[1] > 0.0) - 2.0
+    sums = np.zeros((2, segment // 2 + 1))
+    rows = max(1, _AT_ONCE // segment)
+    for first in range(0, len(cut), rows):
+        square = np.abs(np.fft.rfft(window * cut[first : first + rows], axis=1)) ** 2
+        sums += (square**2).sum(axis=0), square.sum(axis=0)
+    fourth, second = sums / len(cut)
+    values = np.full(len(second), 2.0)
+    values = np.divide(fourth, second**2, out=values, where=second > 0.0) - 2.0
     values[[0, -1]] = 0.0
     return LineSpectrum(_lines(segment, rate), values)
 
 
-def shock_band(x: Array, rate: float) -> tuple[float, float]:
+def shock_band(x: Array, rate: float, turn: float = math.inf) -> tuple[float, float]:
     """The band [Hz] in which a signal (N,) consists of shocks most: the top of its kurtogram.
 
     Of all frequencies and segments of 16, 32, ... samples, at least 16 of them in the signal, the
     pair of the largest spectral kurtosis; the band is as wide as the main lobe of the Hann window
     (Antoni, 2006, sect. 4). Frequencies of hardly any power are left out: that may be rounding.
+
+    Parameters
+    ----------
+    turn : [s] of a shaft whose orders the envelope is to have: segments are at most a quarter of
+        it, since those that are longer than the time between shocks see single events alone
     """
     best, band = -np.inf, (0.0, 0.5 * rate)
     if not len(x) or not np.ptp(x):
         return band
     held = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
     segment = 16
-    while segment * _FEWEST <= len(x):
+    while segment * _FEWEST <= len(x) and segment <= max(16.0, 0.25 * turn * rate):
         found = spectral_kurtosis(x, rate, segment)
         half = 2.0 * rate / segment
         ends = np.add.outer([-0.25 * half, 0.25 * half], found.frequency) * (len(x) / rate)

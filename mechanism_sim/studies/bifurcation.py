@@ -35,7 +35,7 @@ from mechanism_sim.studies.runs import OF_WORKERS, Call, Row, Show, Workers
 from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import unrounded
 
-OF_IMPACTS = {
+_OF_IMPACTS = {
     'approach_speed': ('m/s', 'approach speed'),
     'normal_impulse': ('N s', 'normal impulse'),
     'loss': ('J', 'energy lost'),
@@ -204,7 +204,7 @@ def bifurcation(
     Parameters
     ----------
     vary : lowest and highest value, and their number, by dotted path
-    of : quantities of the section: of the catalogue, or of `OF_IMPACTS` with `at_impacts`
+    of : quantities of the section: of the catalogue, or of `_OF_IMPACTS` with `at_impacts`
     at_impacts : the joint at whose impacts the section is taken, instead of once a turn
     starts : whether each value is begun from the scene's own start, too
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
@@ -265,8 +265,8 @@ def section(
         check_known(joint, machine.physics.clearances, wrong, 'loose:')
         names = tuple(of) or ('approach_speed',)
         for name in names:
-            check_known(name, OF_IMPACTS, f"'{name}' is not of impacts", 'known are')
-        found = [OF_IMPACTS[name] for name in names]
+            check_known(name, _OF_IMPACTS, f"'{name}' is not of impacts", 'known are')
+        found = [_OF_IMPACTS[name] for name in names]
     else:
         names = tuple(of) or (f'velocity.{machine.equations.system.free[-1]}',)
         known_ones = catalogue(machine)
@@ -454,36 +454,36 @@ def _settled(
         raise RunError(str(error)) from error
     if not isinstance(engine, EventLoop):
         raise RunError(f'{machine.name}: a motion in closed form has no sections')
-    tally, runner = _SectionTally(machine, own, plan), Runner(machine, engine)
+    accumulator, runner = _SectionAccumulator(machine, own, plan), Runner(machine, engine)
     turns, most = max(_FEWEST, plan.transient // 4), plan.transient + plan.keep
     if seen < _SEEN:
         turns = max(3 * seen, plan.transient // 4)
 
     def go_on(final: bool = False) -> None:
-        for _ in runner.to(turns * machine.drive.period, [tally.add], final):
+        for _ in runner.to(turns * machine.drive.period, [accumulator.add], final):
             pass
 
     keep = 0
     while turns < most and not keep:
         go_on()
-        keep = tally.settled(seen)
+        keep = accumulator.settled(seen)
         turns += 0 if keep else turns // 2 if seen == _SEEN else 1
     if seen < _SEEN and not keep:
         return None
     turns, converges = min(turns, most), False
     while not keep:
         go_on()
-        keep = tally.settled(seen)
-        more = 0 if keep else tally.due()
+        keep = accumulator.settled(seen)
+        more = 0 if keep else accumulator.due()
         converges = turns + more > _PATIENT * most
         if converges or not more:
             break
         turns += more
     go_on(final=True)
-    found = tally.found(turns, keep)
+    found = accumulator.found(turns, keep)
     if converges:
         found |= {'period': 0, 'settled': False}
-    return found, replace(engine.state, time=Fraction(0)), tally.ends(found['period'])
+    return found, replace(engine.state, time=Fraction(0)), accumulator.ends(found['period'])
 
 
 def measure(machine: Machine) -> tuple[list[str], Array, Array]:
@@ -509,7 +509,7 @@ class _Fall(NamedTuple):
     even: bool  #: whether it does so turn for turn, or as a geometric series
 
 
-class _SectionTally:
+class _SectionAccumulator:
     """Sections of a run that comes in pieces."""
 
     def __init__(self, machine: Machine, own: Array, plan: SectionPlan) -> None:

@@ -31,7 +31,7 @@ MEANS = (
     ResultColumn('dissipated', 'J', 'energy dissipated, less work of loads, per revolution'),
     ResultColumn('I_n', 'N s', 'normal impulse per impact'),
 )
-"""Figures with a confidence interval: those of `Tally.table`, and the ratio of two of them."""
+"""Figures with a confidence interval: of `StatisticsAccumulator.table`, and the ratio of two."""
 
 FIGURES = (
     *(

@@ -26,10 +26,10 @@ from mechanism_sim.units import (
     to_si_text,
 )
 
-LATIN_HYPERCUBE, SOBOL, RANDOM, INDICES = 'latin_hypercube', 'sobol', 'random', 'sobol_indices'
+_LATIN_HYPERCUBE, _SOBOL, RANDOM, INDICES = 'latin_hypercube', 'sobol', 'random', 'sobol_indices'
 KINDS = {
-    LATIN_HYPERCUBE: 'every factor evenly in as many classes as there are samples',
-    SOBOL: "Sobol's sequence, scrambled",
+    _LATIN_HYPERCUBE: 'every factor evenly in as many classes as there are samples',
+    _SOBOL: "Sobol's sequence, scrambled",
     RANDOM: 'independent draws, as of machines in production',
     INDICES: 'samples times (factors + 2) runs, for indices of Sobol, first and total',
 }
@@ -193,7 +193,7 @@ def points(factors: list[Factor], kind: str, samples: int, seed: int) -> Array:
         raise InputError(f'design: samples = {samples} must be a power of 2 for {INDICES}')
     width = 2 * d if kind == INDICES else d
     rng = np.random.default_rng(seed)
-    if kind == LATIN_HYPERCUBE:
+    if kind == _LATIN_HYPERCUBE:
         cube = qmc.LatinHypercube(width, rng=rng).random(samples)
     elif kind == RANDOM:
         cube = rng.random((samples, width))

@@ -18,7 +18,7 @@ from mechanism_sim.studies.design import INDICES, SIGMAS
 from mechanism_sim.studies.plan import REPEAT, SweepPlan
 from mechanism_sim.studies.runs import Row
 
-CLASSES = 8
+_CLASSES = 8
 """Into which the values of a factor are put, at most."""
 _LEAST = 5  # runs of a class
 
@@ -165,12 +165,12 @@ def _levels(x: NDArray[Any], y: Array) -> list[FactorLevel]:
     x, y = x[known], y[known]
     values = list(dict.fromkeys(x.tolist()))
     numbers = all(isinstance(v, int | float) for v in values)
-    if len(values) <= CLASSES or not numbers:
+    if len(values) <= _CLASSES or not numbers:
         groups = [(v, np.flatnonzero([w == v for w in x])) for v in values]
         if numbers:
             groups.sort(key=lambda group: float(group[0]))
     else:
-        count = max(2, min(CLASSES, len(y) // _LEAST))
+        count = max(2, min(_CLASSES, len(y) // _LEAST))
         order = np.argsort(x.astype(float), kind='stable')
         groups = [
             (float(x[part].astype(float).mean()), part) for part in np.array_split(order, count)

@@ -26,9 +26,9 @@ _ROUNDING = 1e-12
 _BESIDE = 1e-3  # of the way between samples: there a count is still what it is at one of them
 _JUMP = 1e-6  # of the range of the figure: what is left there beside a solution is a step
 
-LOCAL, GLOBAL = SEARCHES = 'local', 'global'
+_LOCAL, _GLOBAL = _SEARCHES = 'local', 'global'
 _HOW = {
-    'maximise': None, 'samples': 17, 'search': LOCAL, 'evaluations': 400, 'file': None,
+    'maximise': None, 'samples': 17, 'search': _LOCAL, 'evaluations': 400, 'file': None,
     'restart': False, 'gradients': DIFFERENCES,
 }  # fmt: skip
 """Options of a search and their defaults.
@@ -146,8 +146,8 @@ def find(
         raise InputError('a search needs at least 2 values to begin with')
     if not vary:
         raise InputError('a search varies at least one key: there is none')
-    if asked['search'] not in SEARCHES:
-        raise InputError(f"search '{asked['search']}': it must be one of {', '.join(SEARCHES)}")
+    if asked['search'] not in _SEARCHES:
+        raise InputError(f"search '{asked['search']}': it must be one of {', '.join(_SEARCHES)}")
     if asked['gradients'] not in (EXACT, DIFFERENCES):
         raise InputError(
             f"gradients '{asked['gradients']}': it must be one of {EXACT}, {DIFFERENCES}"
@@ -155,7 +155,7 @@ def find(
     limits = read_limits('vary', vary, lists=True)
     varied = parameters(machine, [*limits], '', limits=limits)
     if how.get('duration') is None:
-        _admit_speeds(varied, machine.plan.main)
+        _check_speeds(varied, machine.plan.main)
     trial, file = CycleTrial.of(machine, goals, how), asked['file']
     with ExitStack() as stack:
         rows = FinishedRows()
@@ -166,7 +166,7 @@ def find(
         pool = stack.enter_context(workers or Workers(1))
         trials = Trials(trial, varied, goals, pool, rows, show)
         trials.never = asked['gradients'] == DIFFERENCES
-        local = asked['search'] == LOCAL
+        local = asked['search'] == _LOCAL
         found: Finding | Optimum
         if len(varied) == len(goals) == 1 and not varied[0].choices and local:
             found = _along(trials, samples)
@@ -177,7 +177,7 @@ def find(
     return found
 
 
-def _admit_speeds(varied: Sequence[Parameter], main: str) -> None:
+def _check_speeds(varied: Sequence[Parameter], main: str) -> None:
     """Refuse speeds of the main drive about zero: its turns, over which cycles go, never end."""
     for p in varied:
         of_main = p.path in ('drive.speed', f'drives.{main}.speed')

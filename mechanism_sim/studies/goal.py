@@ -13,7 +13,7 @@ from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.expressions import sides
 from mechanism_sim.results.cycle import cycle, cycle_window, measures_of
-from mechanism_sim.results.measure_tally import EXACT
+from mechanism_sim.results.measure_accumulators import EXACT
 from mechanism_sim.results.measure_text import Measure, read
 from mechanism_sim.results.measures import Measured, Measurement, measure
 from mechanism_sim.results.simulate import simulate
@@ -21,9 +21,9 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import rebuilt
 from mechanism_sim.units import to_si_like
 
-LEAST, GREATEST, EQUAL, BELOW, ABOVE = 'least', 'greatest', '=', '<', '>'
-_SIGNS = {'=': EQUAL, '<': BELOW, '<=': BELOW, '>': ABOVE, '>=': ABOVE}
-_TURNED = {EQUAL: EQUAL, BELOW: ABOVE, ABOVE: BELOW}
+LEAST, GREATEST, EQUAL, _BELOW, _ABOVE = 'least', 'greatest', '=', '<', '>'
+_SIGNS = {'=': EQUAL, '<': _BELOW, '<=': _BELOW, '>': _ABOVE, '>=': _ABOVE}
+_TURNED = {EQUAL: EQUAL, _BELOW: _ABOVE, _ABOVE: _BELOW}
 _BOUND = "MEASURE < VALUE, as in 'largest(reaction.pin) < 12 kN', with <, <=, >, >= or ="
 
 
@@ -49,7 +49,7 @@ class Goal(NamedTuple):
     @property
     def sign(self) -> float:
         """Factor of what is to be small: the measure, or how far it is beyond its limit."""
-        return -1.0 if self.kind in (GREATEST, ABOVE) else 1.0
+        return -1.0 if self.kind in (GREATEST, _ABOVE) else 1.0
 
     @property
     def text(self) -> str:

@@ -41,7 +41,7 @@ from mechanism_sim.studies.runs import Call, FinishedRows, Row, Show, Workers, h
 
 ROUNDS = (128, 48, 48, 48)
 """Simulations of each round; those of earlier rounds that lie in the box serve again."""
-METHODS = GAUSS_NEWTON, REGRESSION = 'gauss-newton', 'regression'
+METHODS = _GAUSS_NEWTON, _REGRESSION = 'gauss-newton', 'regression'
 _UNLIKE = 0.01  # of the simulations
 _KEPT = 0.99  # of the probability, when the box is drawn closer
 _MARGIN = 1.6  # by which it is wider than that
@@ -127,7 +127,7 @@ class Result:
     failed: int
     misfit: float
     likeness: float
-    method: str = REGRESSION
+    method: str = _REGRESSION
     reason: str = ''
     window: float = math.inf
     residuals: tuple[Residual, ...] = ()
@@ -179,10 +179,10 @@ def identify(
     rounds, workers : of the regression
     """
     sensors = [m for m in measurements if isinstance(m, SensorRecord)]
-    if method == REGRESSION and len(sensors) < len(measurements):
-        raise InputError(f'--method {REGRESSION} reads sensors of the scene, no quantities')
+    if method == _REGRESSION and len(sensors) < len(measurements):
+        raise InputError(f'--method {_REGRESSION} reads sensors of the scene, no quantities')
     reason = ''
-    if method != REGRESSION:
+    if method != _REGRESSION:
         try:
             found = _by_least_squares(measurements, parameters, seed)
         except (InputError, RunError) as error:
@@ -194,11 +194,11 @@ def identify(
                 return found
             reason = f'no run follows the signal far enough, but {found.window:.3g} s'
             try:
-                _admit_features(sensors)
+                _check_features(sensors)
             except InputError as error:  # what is found is all that can be
                 return replace(found, reason=f'{found.reason}; no regression: {error}')
     try:
-        _admit_features(sensors)
+        _check_features(sensors)
     except InputError as error:
         raise InputError(f'{reason}; {error}' if reason else str(error)) from None
     return replace(
@@ -206,9 +206,9 @@ def identify(
     )
 
 
-def _admit_features(sensors: Sequence[SensorRecord]) -> None:
+def _check_features(sensors: Sequence[SensorRecord]) -> None:
     for m in sensors:
-        m.admit_features()
+        m.check_features()
 
 
 def _by_least_squares(
@@ -266,7 +266,7 @@ def _by_least_squares(
     sure = search.explains(fit) and (fit.part >= 1.0 or all(e.identified for e in estimates))
     return Result(
         tuple(estimates), correlation, search.runs, search.failed,
-        math.sqrt(sum(known) / len(known)) if known else math.nan, float(sure), GAUSS_NEWTON,
+        math.sqrt(sum(known) / len(known)) if known else math.nan, float(sure), _GAUSS_NEWTON,
         _reason(fit.part, window, whole, sure), window, residuals,
     )  # fmt: skip
 

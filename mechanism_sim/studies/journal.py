@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
 
-from mechanism_sim import ending, output, strict_json
+from mechanism_sim import output, process_exit, strict_json
 from mechanism_sim.errors import InputError
 from mechanism_sim.studies.runs import FinishedRows, RunResult, has_failed
 from mechanism_sim.units import counted
@@ -115,11 +115,11 @@ class Journal(FinishedRows):
             os.fsync(self._file.fileno())
 
     def __enter__(self) -> Self:
-        ending.say_when_interrupted(self._kept)
+        process_exit.say_when_interrupted(self._kept)
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> None:
-        ending.say_when_interrupted(None)
+        process_exit.say_when_interrupted(None)
         with output.errors_as_sentences(self.path):
             self._file.close()
         if isinstance(error, KeyboardInterrupt):

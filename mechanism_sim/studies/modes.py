@@ -250,7 +250,7 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[Roots, ComplexArra
             w = np.where(w <= np.sqrt(ROUNDING) * w.max(initial=0.0), 0.0, w)
             drifts = (w == 0.0) & (a > ROUNDING * np.maximum(w, a).max(initial=0.0))
             if not drifts.any():
-                shapes = along_axes(a + 1j * w, found.shapes.astype(complex), M)
+                shapes = _along_axes(a + 1j * w, found.shapes.astype(complex), M)
                 pairs = map(_pair, w.tolist(), a.tolist())
                 return list(zip(pairs, (scale[:, None] * shapes).T, strict=True))
     roots, vectors = scipy.linalg.eig(state_matrix(M, C, tidy))
@@ -260,7 +260,7 @@ def natural_modes(M: Array, C: Array, K: Array) -> list[tuple[Roots, ComplexArra
     kept[zeros[len(zeros) // 2 + len(zeros) % 2 :]] = False  # two for each rigid-body mode
     order = sorted(np.flatnonzero(kept), key=lambda i: (abs(roots[i]), roots[i].real))
     roots = roots[order]
-    shapes = along_axes(roots, vectors[: len(M), order], M)
+    shapes = _along_axes(roots, vectors[: len(M), order], M)
     modes = _paired([Roots.of(x) for x in roots.tolist()], shapes)
     return [(found, scale * shape) for found, shape in modes]
 
@@ -292,7 +292,7 @@ def _paired(roots: list[Roots], shapes: ComplexArray) -> list[tuple[Roots, Compl
     return [(roots[i], shapes[:, i]) for i in kept]
 
 
-def along_axes(roots: ComplexArray, shapes: ComplexArray, M: Array) -> ComplexArray:
+def _along_axes(roots: ComplexArray, shapes: ComplexArray, M: Array) -> ComplexArray:
     """Shapes (f, m) whose modes of equal roots (m,) are told apart by their coordinates.
 
     Any combination of them is a mode. The first is the one in which a coordinate moves most for
@@ -545,10 +545,14 @@ def campbell(machine: Machine, speeds: Array) -> list[Station]:
     turning(machine, '--speeds')
     found = derivatives(machine, held=kept(machine))
     stations, told = list[Station](), False
+    turns = [abs(speed) for speed in speeds.tolist() if speed]
+    ends = {min(turns, default=0.0), max(turns, default=0.0)}
     for speed in map(float, speeds):
         one = linearised(machine, speed=speed, known=found)
         stations.append(_station(one, speed))
-        told = told or warn_over_turn(one, speed)
+        # gravity weighs most at the slowest, what grows with the speed at the fastest
+        if abs(speed) in ends and not told:
+            told = warn_over_turn(one, speed)
     return stations
 
 

@@ -38,9 +38,9 @@ from mechanism_sim.scene.files import (
     find_file,
     read_yaml,
 )
-from mechanism_sim.scene.gate import admit_turning
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.validation import validate_turning
 from mechanism_sim.studies import windows
 from mechanism_sim.studies.columns import (
     FIGURES,
@@ -330,7 +330,7 @@ def _machine(name: str, scene: Scene, nudge: float, extent: Extent) -> Machine:
     machine = build(name, scene)
     if nudge:
         machine = started_at(machine, machine.drive.start[0] + nudge)
-    admit_turning(machine, span(machine, extent.revolutions, extent.duration))
+    validate_turning(machine, span(machine, extent.revolutions, extent.duration))
     return machine
 
 

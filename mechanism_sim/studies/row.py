@@ -22,7 +22,7 @@ from mechanism_sim.studies.columns import FIGURES, MEANS
 from mechanism_sim.studies.plan import Extent
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Row
-from mechanism_sim.studies.statistics import StatisticsTally
+from mechanism_sim.studies.statistics import StatisticsAccumulator
 
 if TYPE_CHECKING:
     from mechanism_sim.studies.shards import Channels, Shard
@@ -105,7 +105,7 @@ class _Figures:
         self._main = machine.physics.coordinates.index(machine.plan.main)
         self._slides = machine.plan.main in machine.mechanism.displacements
         self._crank = np.full(len(self.edges), math.nan)  # its angle at the edges [rad]
-        self._tally = StatisticsTally(self.edges) if task.wants(*_BY_TURNS) else None
+        self._accumulator = StatisticsAccumulator(self.edges) if task.wants(*_BY_TURNS) else None
         self._digest = MotionDigest() if task.wants('digest') else None
         loads = task.wants('largest_force', 'largest_torque')
         self._peaks = LoadPeaks(machine, self.since) if loads else None
@@ -119,8 +119,8 @@ class _Figures:
             self._taken.add(piece)
         if self._peaks:
             self._peaks.add(motion)
-        if self._tally:
-            self._tally.add(piece)
+        if self._accumulator:
+            self._accumulator.add(piece)
         if self._digest:
             self._digest.add(motion, piece.impacts)
         if len(curve):
@@ -135,7 +135,7 @@ class _Figures:
     def row(self, run: Stream) -> Row:
         """The figures of the whole run."""
         figures: dict[str, float] = {}
-        if self._tally:
+        if self._accumulator:
             steps = np.diff(self._crank)[self._skip :]
             turned = np.abs(steps) / (2.0 * np.pi)
             if self._whole:
@@ -143,7 +143,7 @@ class _Figures:
             turns = float(turned.sum())
             if self._slides or steps.min() < 0.0 < steps.max():  # it makes no turns
                 turned, turns = np.full(len(steps), 1.0 / len(steps)), math.nan
-            means = self._tally.means(self._skip, turned)
+            means = self._accumulator.means(self._skip, turned)
             found = [x for m in means for x in (m.mean, m.half_width)]
             figures |= zip((f.name for f in FIGURES), [*found, turns], strict=False)
         largest = {j: max(x, default=0.0) for j, x in self._struck.items()}

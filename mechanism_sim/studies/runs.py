@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.packages import needed
 
@@ -213,9 +213,9 @@ class Workers:
                 "must stand in it below if __name__ == '__main__':"
             )
         try:
-            with ending.signals_held():  # Ctrl-C is for this process, which ends the others
+            with process_exit.signals_held():  # Ctrl-C is for this process, which ends the others
                 if not self._submit:
-                    pool = self._started.enter_context(ending.workers(self._count))
+                    pool = self._started.enter_context(process_exit.workers(self._count))
                     self._submit = lambda task: pool.submit(compute, task)
                 futures = [*map(self._submit, tasks)]
             for future in as_completed(futures):

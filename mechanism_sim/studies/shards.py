@@ -27,7 +27,7 @@ from mechanism_sim.studies.schema import WindowsPart
 from mechanism_sim.studies.windows import Cutter, SampleWindow
 from mechanism_sim.tables import field_type
 
-SIGNAL = 'signal'
+_SIGNAL = 'signal'
 _ROWS = 256  # of a row group
 _DIGITAL = {'instrument', 'sample_rate', 'trigger', 'adc', 'noise'}
 """Keys of a sensor that its analogue part does not depend on, or that follow from others."""
@@ -102,7 +102,7 @@ def shards(plan: SweepPlan, folder: Path) -> dict[int, Shard]:
             )
             else []
         ),
-        _field(SIGNAL, kind, 'SI', f'{size} consecutive samples'),
+        _field(_SIGNAL, kind, 'SI', f'{size} consecutive samples'),
     ]
     schema = pa.schema(fields, {'sweep': plan.name, 'title': plan.title})
 
@@ -149,8 +149,8 @@ class ShardWriter:
                 self._stream,
                 shard.schema,
                 compression='zstd',
-                use_dictionary=[f.name for f in shard.schema if f.name != SIGNAL],
-                column_encoding={f'{SIGNAL}.list.element': 'BYTE_STREAM_SPLIT'},
+                use_dictionary=[f.name for f in shard.schema if f.name != _SIGNAL],
+                column_encoding={f'{_SIGNAL}.list.element': 'BYTE_STREAM_SPLIT'},
             )
 
     def add(self, piece: Piece) -> None:
@@ -211,7 +211,7 @@ class ShardWriter:
         flat = np.concatenate(self._signals).astype(self._shard.windows.type)
         columns = [
             pa.array([row[field.name] for row in self._rows], field.type)
-            if field.name != SIGNAL
+            if field.name != _SIGNAL
             else pa.FixedSizeListArray.from_arrays(pa.array(flat), type=field.type)
             for field in schema
         ]

@@ -23,7 +23,7 @@ from mechanism_sim.results.run import Piece, is_loss
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.gate import admit_loose
+from mechanism_sim.scene.validation import validate_loose
 from mechanism_sim.studies.columns import MEANS
 
 
@@ -44,7 +44,7 @@ class Statistics:
     measures: tuple[Mean, ...] = ()
 
 
-class StatisticsTally:
+class StatisticsAccumulator:
     """Figures of a run in n intervals of time, all loose joints together.
 
     Parameters
@@ -138,7 +138,7 @@ def statistics(
     The confidence intervals are those of 20 batch means: right if a batch is much longer than the
     memory of the motion. Flight counts each loose joint by itself.
     """
-    admit_loose(machine, 'statistics need')
+    validate_loose(machine, 'statistics need')
     if skip < 0:
         raise InputError(f'the revolutions to leave out must be at least 0, not {skip}')
     if revolutions < skip + BATCHES:
@@ -147,10 +147,10 @@ def statistics(
         )
     T = machine.drive.period
     taken = Measurement(machine, per_turn(measures, skip)) if measures else None
-    tally = StatisticsTally(np.arange(revolutions + 1.0) * T)
-    observers = [tally.add, *([taken.add] if taken else [])]
+    accumulator = StatisticsAccumulator(np.arange(revolutions + 1.0) * T)
+    observers = [accumulator.add, *([taken.add] if taken else [])]
     stream(machine, duration=revolutions * T, progress=progress, observers=observers).finish()
-    *means, I_n = tally.means(skip)
+    *means, I_n = accumulator.means(skip)
     own = tuple(
         Mean(name, unit, *ratio(x, np.ones(len(x))))
         for name, unit, x in (taken.found_each_turn() if taken else ())

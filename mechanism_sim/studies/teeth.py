@@ -18,15 +18,15 @@ from mechanism_sim.units import counted
 MOST_STEPS = 1_000_000
 
 #: a search over more numbers of teeth than this takes too much memory
-MOST_COUNTS = 1_000
+_MOST_COUNTS = 1_000
 
-MOST_STAGES = 10
+_MOST_STAGES = 10
 
 #: with fewer teeth hardly any pair has a contact ratio of one
 FEWEST = 8
 
 #: more trains than this are no choice
-MOST_FOUND = 100_000
+_MOST_FOUND = 100_000
 
 _MICROMETRE = 1e-6
 _ROUNDING = 1e-12  # a ratio given as a float is not exact
@@ -103,10 +103,10 @@ class TrainSearch:
             raise InputError(
                 f'the tolerance of the ratio must be at least 0, not {self.tolerance:g}'
             )
-        if self.stages > MOST_STAGES:
-            raise InputError(f'{self.stages} stages are too many: {MOST_STAGES} at most')
-        if most - fewest >= MOST_COUNTS:
-            raise InputError(f'the range of teeth is too wide: {MOST_COUNTS} numbers at most')
+        if self.stages > _MOST_STAGES:
+            raise InputError(f'{self.stages} stages are too many: {_MOST_STAGES} at most')
+        if most - fewest >= _MOST_COUNTS:
+            raise InputError(f'the range of teeth is too wide: {_MOST_COUNTS} numbers at most')
         if (self.centre_distance is None) != (not self.modules):
             raise InputError('a centre distance and the modules for it belong together')
 
@@ -136,9 +136,9 @@ class TrainSearch:
                 error = done * step / wanted - 1
                 if abs(error) <= tolerance:
                     found.append(Choice((*first, last), done * step, float(error)))
-            if len(found) > MOST_FOUND:
+            if len(found) > _MOST_FOUND:
                 raise InputError(
-                    f'more than {MOST_FOUND} trains: lower the tolerance or narrow the range'
+                    f'more than {_MOST_FOUND} trains: lower the tolerance or narrow the range'
                 )
             if not found:
                 around = floats[max(begin - 1, 0) : end + 1]

@@ -58,7 +58,7 @@ from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.gate import admit_loose
+from mechanism_sim.scene.validation import validate_loose
 from mechanism_sim.strict_json import plain
 from mechanism_sim.thesis.force_cycle import (
     TURN,
@@ -435,7 +435,7 @@ def losses(machine: Machine, revolutions: float = 3.0) -> list[Losses]:
 
     The criteria of the clearance link are known for the joint between coupler and rocker only.
     """
-    admit_loose(machine, 'criteria need')
+    validate_loose(machine, 'criteria need')
     angle, speed = machine.drive.start
     predictions = _predicted(machine, angle, speed, revolutions)
     solution = simulate(machine, revolutions=revolutions)

@@ -444,7 +444,7 @@ class Experiment:
     """
 
     groups: Sequence[Repeats]
-    limits: Mapping[tuple[float, Condition], Sequence[LimitErrors]] | None = None
+    limits: Mapping[tuple[float, Condition], Sequence[_LimitErrors]] | None = None
     orders: Sequence[Interval] | None = None
 
     @property
@@ -522,7 +522,7 @@ class Experiment:
         )
 
 
-LimitErrors = Mapping[tuple[str, str], Mapping[str, Errors]]
+_LimitErrors = Mapping[tuple[str, str], Mapping[str, Errors]]
 """By (quantity, link) and method."""
 
 LIMITS = 2.0, 0.2
@@ -538,7 +538,7 @@ def with_limits(found: Experiment, limits: Sequence[float] = LIMITS) -> Experime
     speeds = found.speeds
     chosen = {speed: max(c for s, c in found.measured if s == speed) for speed in
               (speeds[0], speeds[-1])}  # fmt: skip
-    errors: dict[tuple[float, Condition], list[LimitErrors]] = {}
+    errors: dict[tuple[float, Condition], list[_LimitErrors]] = {}
     for place in chosen.items():
         group = found.measured[place]
         if not has_high_pass(group.first.machine):
@@ -565,7 +565,7 @@ def with_orders(found: Experiment) -> Experiment:
     if found.assumed is found.reference:
         return found
     over, under = (
-        np.array([order_amplitudes(x) for x in group.trials]).T
+        np.array([_order_amplitudes(x) for x in group.trials]).T
         for group in (found.assumed, found.reference)
     )
     return replace(
@@ -573,7 +573,7 @@ def with_orders(found: Experiment) -> Experiment:
     )
 
 
-def order_amplitudes(of: Trial) -> Array:
+def _order_amplitudes(of: Trial) -> Array:
     """Amplitudes (12,) of the deviation that the sensor on the coupler shows, order by order."""
     record = read_record(of.bag)
     sensor = next(iter(sensors_across(record.machine, 'coupler')))

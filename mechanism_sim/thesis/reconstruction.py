@@ -20,7 +20,7 @@ from scipy import integrate, signal
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 
-Band = tuple[float, float]
+_Band = tuple[float, float]
 Weight = Callable[[Array], NDArray[np.complex128] | Array]
 """From frequencies (K,) [Hz] to factors (K,)."""
 
@@ -200,7 +200,7 @@ def both(*weights: Weight) -> Weight:
     return lambda f: np.asarray(math.prod(weight(f) for weight in weights))
 
 
-def _inside(f: Array, band: Band, edge: float) -> Array:
+def _inside(f: Array, band: _Band, edge: float) -> Array:
     """1 in the band, falling to 0 within `edge` of it; a limit belongs to it but for rounding."""
     low, high = band
     outside = np.maximum(np.maximum(low - f, f - high), 0.0)

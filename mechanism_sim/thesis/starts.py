@@ -13,9 +13,9 @@ from mechanism_sim.report.sections import Section, text
 from mechanism_sim.results.run import is_loss
 from mechanism_sim.results.simulate import stream
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.gate import admit_loose
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.scene.schema import Scene
+from mechanism_sim.scene.validation import validate_loose
 from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
@@ -56,7 +56,7 @@ def starts(
     show: Show | None = None,
 ) -> list[StartAngle]:
     """Seated starts at so many crank angles around the turn, in the order of the angles."""
-    admit_loose(machine, 'start angles need')
+    validate_loose(machine, 'start angles need')
     if angles < 1:
         raise InputError('at least one start angle is needed')
     places = [2.0 * math.pi * k / angles for k in range(angles)]

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 
 import numpy as np
 import pytest
 import scipy.io
+from mcap.writer import Writer
 from running import run, run_json
 from scipy.io import wavfile
 
 import mechanism_sim as ms
 from mechanism_sim import tables
+from mechanism_sim.analysis.measurements import measurements
 from mechanism_sim.analysis.open_run import AskedSignals
 from mechanism_sim.analysis.series import Series
 from mechanism_sim.errors import InputError
@@ -45,8 +48,12 @@ def test_a_tone_has_its_size_and_its_line(rig):
     assert acc['rms'] == pytest.approx(SIZE / math.sqrt(2.0), rel=1e-12)
     assert (acc['peak'], acc['crest']) == (SIZE, pytest.approx(math.sqrt(2.0)))
     assert acc['kurtosis'] == pytest.approx(1.5)
+    # of a tone the velocity is its acceleration over the angular frequency
+    speed = SIZE / math.sqrt(2.0) / (2.0 * math.pi * TONE)
+    assert acc['velocity_rms'] == pytest.approx(speed, rel=1e-4)
+    assert found['channels']['way']['velocity_rms'] is None
     head = run('analyze', str(rig)).stdout.splitlines()[0]
-    assert head.split()[-4:] == ['rms', 'peak', 'crest', 'kurtosis']
+    assert head.split()[-7:] == ['rms', 'peak', 'crest', 'kurtosis', 'velocity', 'rms', '[mm/s]']
     spectrum = found['details']['spectra']['acc']['spectrum']
     values = np.array(spectrum['values'])
     assert spectrum['frequency'][int(values.argmax())] == pytest.approx(TONE)
@@ -283,3 +290,27 @@ def test_what_files_do_not_have_is_refused(rig, command, words):
     done = run(name, str(rig), *options)
     assert (done.returncode, done.stderr.count('\n')) == (2, 1)
     assert words in done.stderr
+
+
+def test_a_field_of_a_foreign_bag_has_the_unit_that_its_name_ends_with(tmp_path):
+    """``angle_deg`` was read as radians, or as metres where these are measured."""
+    path = tmp_path / 'rig.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema('rig.State', 'jsonschema', b'{"type": "object"}')
+        channel = writer.register_channel('/rig', 'json', schema)
+        for k in range(100):
+            data = json.dumps({'angle_deg': 3.6 * k, 'load_m': 1.0}).encode()
+            writer.add_message(channel, k * 10_000_000, data, k * 10_000_000)
+        writer.finish()
+
+    def read(quantity, field):
+        (found,) = measurements([path], ['slider_crank'], sensor=quantity, channel=field)
+        return found.samples
+
+    angle = read('position.crank', '/rig.angle_deg')
+    np.testing.assert_allclose(angle, np.radians(3.6) * np.arange(100), rtol=1e-12)
+    with pytest.raises(InputError, match=r"'/rig.angle_deg' is in 'deg', but 'm' is measured"):
+        read('position.piston', '/rig.angle_deg')
+    assert (read('position.crank', '/rig.load_m') == 1.0).all()

@@ -314,3 +314,13 @@ def test_a_column_called_time_is_the_time_and_names_of_quantities_have_no_unit(t
     file.write_text('T_ms,time,position.bar_W\n20,0,1\n21,0.5,2\n22,1.0,3\n', encoding='utf-8')
     own = read_signals(file)['position.bar_W']
     assert (own.unit, own.times.tolist()) == ('', [0.0, 0.5, 1.0])
+
+
+def test_what_no_channel_can_be_is_told(tmp_path, capsys):
+    """Complex numbers, as of a spectrum, and matrices of `.npz` were left out without a word."""
+    t = np.arange(100) / 100.0
+    np.savez(tmp_path / 'a.npz', t=t, y=t**2, z=np.exp(1j * t), M=np.zeros((100, 2)))
+    assert [*read_signals(tmp_path / 'a.npz')] == ['y']
+    said = capsys.readouterr().err
+    assert "signal: 'a.npz': complex numbers are left out: z\n" in said
+    assert "signal: 'a.npz': arrays of several dimensions are left out: M\n" in said

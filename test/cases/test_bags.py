@@ -67,6 +67,9 @@ def test_a_bag_in_sqlite_is_read(tmp_path):
         about = run_json('bag', 'info', str(source))
         assert about['duration'] == pytest.approx(0.995, abs=1e-12)
         assert {t['name']: t['count'] for t in about['topics']}['/joint_states'] == 200
+        said = run('bag', 'info', str(source)).stdout
+        assert 'yes, by its index\n' in said
+        assert 'recover' not in said  # which refuses it
     found = plotted(tmp_path, SQLITE, '/joint_states.position')
     t = np.arange(200) / 200.0
     assert found['t'] == pytest.approx(t, abs=1e-9)

@@ -16,7 +16,7 @@ from mechanism_sim.analysis.record import Record, read_record
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
-from mechanism_sim.scene.gate import admit
+from mechanism_sim.scene.validation import validate
 
 INPUTS = Path(__file__).parent / 'inputs'
 G = 9.81
@@ -658,5 +658,5 @@ def test_a_mistake_is_answered_by_a_sentence(given, said):
             place = place[part]
         place[key] = value
     with pytest.raises(InputError) as refused:
-        admit(made(scene), 1.5)
+        validate(made(scene), 1.5)
     assert said in str(refused.value)

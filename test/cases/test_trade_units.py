@@ -26,7 +26,7 @@ def test_a_speed_per_minute_is_of_revolutions(text):
     assert machine.drive.fastest == pytest.approx(100.0 * math.pi, rel=1e-15)
     assert quantity('--speed', text, 'rad/s') == (machine.drive.fastest, 'rad/s')
     coordinates = run_json('check', 'slider_crank', '--set', f'drive.speed={text}')['coordinates']
-    assert coordinates['crank'] == 'prescribed, 314.159 rad/s'
+    assert coordinates['crank'] == 'prescribed, 314.159 rad/s (3000 rpm)'
 
 
 @pytest.mark.slow

@@ -136,7 +136,7 @@ def test_a_load_that_its_nodes_miss_is_missing_in_the_balance(monkeypatch):
     right = balance().energy
     assert right.drive_work == pytest.approx(25.0 * math.sqrt(math.pi), rel=1e-9)
     assert abs(right.residual) <= right.error + right.rounding
-    assert not right.doubt
+    assert not right.caveat
     loose = quadrature._QUADRATURE._replace(relative=1e9, foretold=1e9)
     monkeypatch.setattr(quadrature, '_QUADRATURE', loose)
     wrong = balance().energy
@@ -144,7 +144,7 @@ def test_a_load_that_its_nodes_miss_is_missing_in_the_balance(monkeypatch):
     assert off > 1e-6 * right.exchanged
     assert abs(wrong.residual) > 0.1 * off
     assert wrong.error > TOLERANCES.audit.promised * wrong.exchanged
-    assert 'may have an error' in wrong.doubt
+    assert 'may have an error' in wrong.caveat
     with pytest.raises(RunError, match='J remain'):
         balance().judge(1.0)
 
@@ -154,7 +154,7 @@ def test_works_of_packaged_scenes_are_as_exact_as_promised(name):
     machine = ms.load_scene(name)
     energy = ms.simulate(machine).energy
     assert energy.error <= TOLERANCES.audit.promised * energy.exchanged
-    assert not energy.doubt
+    assert not energy.caveat
     assert abs(energy.residual) <= 1e-9 * energy.exchanged
 
 

@@ -197,3 +197,20 @@ def test_books_of_a_later_part_start_where_the_earlier_ones_ended(run):
         np.testing.assert_allclose(
             part.sample(t, name)[name], run.sample(t, name)[name], atol=1e-12
         )
+
+
+def test_segments_alike_are_told_of_any_part_and_of_very_many(monkeypatch):
+    """Turn by turn those of an ideal machine; of what is not remembered each is by itself."""
+    solution = ms.simulate(ms.load_scene('four_bar_nominal'), revolutions=3)
+    motion, every = solution.motion, np.arange(len(solution.motion))
+    whole = motion.alike(every)
+    assert len(set(whole)) < 0.5 * len(every)
+    part = every[len(every) // 2 :]
+    numbers = motion.alike(part)
+    assert ((numbers[:, None] == numbers) == (whole[part][:, None] == whole[part])).all()
+    monkeypatch.setattr('mechanism_sim.engine.dense_output._KEYS', 7)
+    np.testing.assert_array_equal(motion.alike(every), whole)
+    monkeypatch.setattr('mechanism_sim.engine.dense_output._REMEMBERED', 3)
+    few = motion.alike(every)
+    np.testing.assert_array_equal(few[whole < 3], whole[whole < 3])
+    assert len(set(few[whole >= 3])) == (whole >= 3).sum()

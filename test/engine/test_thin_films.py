@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from itertools import islice
 from typing import Any
@@ -158,6 +159,11 @@ def test_a_machine_that_does_not_stand_still_for_ever_is_not_ended(drive, links,
     assert run.engine.steps > 60_000
 
 
+def left_by(warning):
+    """Steps that a sentence foretells."""
+    return float(re.search(r'take some (\S+) of them', str(warning.message)).group(1))
+
+
 @pytest.mark.usefixtures('eager')
 def test_short_steps_that_another_makes_are_not_those_of_the_film():
     """A damper beside a film that hardly does anything."""
@@ -173,10 +179,21 @@ def test_short_steps_that_another_makes_are_not_those_of_the_film():
         'drive': {'coordinate': 'rotor', 'speed': 10.0}, 'springs': {'damper': damper},
         'gravity': [0.0, 0.0],
     })  # fmt: skip
-    with warnings.catch_warnings():
-        warnings.simplefilter('error')
+    with pytest.warns(RunWarning) as said:
         run = begun(machine, 6, duration=10.0)
     assert run.duration < 2e-4 * run.engine.steps
+    (warning,) = said
+    assert 'film' not in str(warning.message)
+    assert left_by(warning) == pytest.approx(10.0 / run.duration * run.engine.steps, rel=0.2)
+
+
+@pytest.mark.usefixtures('eager')
+def test_a_run_of_many_short_steps_without_a_film_says_so_once():
+    """A shaft of two discs that vibrates, over a duration that its steps take long to come to."""
+    with pytest.warns(RunWarning) as said:
+        run = begun(ms.load_scene('torsional_shaft'), 6, duration=1e4)
+    (warning,) = said
+    assert left_by(warning) == pytest.approx(1e4 / run.duration * run.engine.steps, rel=0.2)
 
 
 @pytest.mark.parametrize(('off', 'thick'), [(100.0, '0'), (101.0, '-1')])

@@ -36,7 +36,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from running import command, environment
 
 import mechanism_sim as ms
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.messages import (
@@ -409,7 +409,7 @@ class Watched:
         self._said = (folder / 'stderr').open('w+')
         self.process = subprocess.Popen(
             command('run', SCENE, '--record', str(self.bag), '--overwrite', *args),
-            env=ending.owned(self.env), stdout=subprocess.DEVNULL, stderr=self._said,
+            env=process_exit.owned(self.env), stdout=subprocess.DEVNULL, stderr=self._said,
         )  # fmt: skip
         self.memory = 0.0  # [MB]
 

@@ -12,7 +12,7 @@ import sys
 import time
 from dataclasses import asdict
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 
 MOST_CPU = 600
 """Of the processor [s], for a case that keeps Python from running, as compiling may."""
@@ -20,7 +20,7 @@ MOST_CPU = 600
 
 def main() -> None:
     """Run the cases one after the other."""
-    ending.begin()
+    process_exit.begin()
     from benchmarks.scaling import peak_memory  # noqa: PLC0415 - whoever began it may end meanwhile
     from test.grid.case import run_case  # noqa: PLC0415
     from test.grid.run import grid  # noqa: PLC0415

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from test.grid.case import GridCase, Outcome
 
 SIZE = 60
@@ -102,7 +102,7 @@ class _Shard:
         """Start a process; it ends with this one."""
         words = (str(cases[0].seed), str(memory), *(case.name for case in cases))
         path = os.pathsep.join(filter(None, (_ROOT, os.environ.get('PYTHONPATH'))))
-        process = ending.start(
+        process = process_exit.start(
             [sys.executable, '-m', 'test.grid.shard', *words], stdout=subprocess.PIPE,
             env={'OPENBLAS_NUM_THREADS': '1', **os.environ, 'PYTHONPATH': path},
         )  # fmt: skip

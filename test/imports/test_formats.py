@@ -102,7 +102,7 @@ def test_files_that_are_too_large_or_no_files_are_refused(tmp_path):
     large = tmp_path / 'large.urdf'
     with large.open('wb') as file:
         file.truncate((1 << 24) + 1)
-    with pytest.raises(InputError, match='has more than 16 MB'):
+    with pytest.raises(InputError, match='is larger than 16777216 bytes'):
         import_machine(large)
     (tmp_path / 'bytes.csv').write_bytes(b'\xff\xfe\x00')
     with pytest.raises(InputError, match='not text in UTF-8'):

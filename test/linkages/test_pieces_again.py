@@ -12,7 +12,10 @@ import mechanism_sim as ms
 from mechanism_sim.linkages.ideal import LinkageMotion
 from mechanism_sim.linkages.nominal import NominalRun
 
-SCENES = 'slider_crank', 'geneva', 'planetary', 'quick_return', 'rack_and_pinion', 'measured_cam'
+SCENES = (
+    'slider_crank', 'geneva', 'planetary', 'quick_return', 'rack_and_pinion', 'measured_cam',
+    'linear_intermittent',
+)  # fmt: skip
 CURVE = {'points': [['0 deg', 0], ['70 deg', 900], ['500 deg', -300], ['720 deg', 0]]}
 VARIED = {
     'two turns': {
@@ -28,8 +31,10 @@ VARIED = {
             'pulse': {'at': 'piston', 'force': ['9 N if sin(31 rad/s*t) > 0.3 else 0', 0]},
         }
     },
+    'slow': {'drive.speed': '17 rpm'},
 }
-"""Loads that a steady crank does not bring again with every turn, or that switch by a rate."""
+"""Loads that a steady crank does not bring again with every turn, or that switch by a rate; and a
+crank whose pieces are shorter than a sixteenth of a turn."""
 
 
 def bits(*motions):
@@ -118,7 +123,7 @@ def test_a_load_a_thousandth_of_a_turn_wide_works_alike_in_every_turn():
     assert np.diff(ends) == pytest.approx(force * (before - after), rel=1e-9)
 
 
-@pytest.mark.parametrize('loads', ['none', 'two turns', 'time'])
+@pytest.mark.parametrize('loads', ['none', 'two turns', 'time', 'slow'])
 def test_closures_are_solved_in_the_first_turn_only(loads, monkeypatch):
     solved, follow = [], LinkageMotion.follow
     monkeypatch.setattr(
@@ -134,6 +139,29 @@ def test_closures_are_solved_in_the_first_turn_only(loads, monkeypatch):
     # a start that lies amid two places of the grid may fall on either
     assert len(solved) - first < 0.1 * run.steps
     check_slider_crank(machine, run.drain()[0].curve)
+
+
+@pytest.mark.parametrize('scene', ['rack_and_pinion', 'linear_intermittent'])
+def test_a_rack_that_moves_on_comes_by_its_pieces_again(scene, monkeypatch):
+    """Its load begins to act on the way of the third turn only."""
+    solved, follow = [], LinkageMotion.follow
+    monkeypatch.setattr(
+        LinkageMotion, 'follow', lambda *args: solved.append(args) or follow(*args)
+    )
+    machine = ms.load_scene(scene)
+    start = machine.assembly.q[machine.plan.ideal.coordinates.index('rack')]
+    turn = {'rack_and_pinion': 0.02 * 2.0 * np.pi, 'linear_intermittent': 0.08}[scene]
+    way, force, turns = 2.5 * turn, 7.0, 40
+    load = {'push': {'at': 'rack', 'force': [f'{force} if abs(rack - {start}) > {way} else 0', 0]}}
+    run = ms.simulate(machine, revolutions=turns)
+    assert len(solved) < 0.1 * run.stats.steps
+    other = ms.simulate(ms.load_scene(scene, {'loads': load}), revolutions=turns)
+    t = machine.drive.period * np.arange(turns + 1.0)
+    moved = run.sample(t, 'position.rack')['position.rack'] - start
+    assert np.abs(moved) == pytest.approx(turn * np.arange(turns + 1.0), rel=1e-13, abs=1e-15)
+    ends = [x.sample(t, 'energy.drive_work')['energy.drive_work'] for x in (run, other)]
+    works = force * np.sign(moved[-1]) * np.maximum(np.abs(moved) - way, 0.0)
+    assert ends[0] - ends[1] == pytest.approx(works, rel=1e-9, abs=1e-9)
 
 
 def test_rates_that_switch_loads_are_those_of_pieces_that_are_known(monkeypatch):

@@ -117,6 +117,46 @@ def test_goals_are_executed_side_by_side_and_cancelled_one_by_one(node):
     client.destroy()
 
 
+@pytest.mark.parametrize(
+    ('end', 'said'),
+    [('node.allow(0.0)', '/steps has not answered in 0 s'), ('stop()', 'KeyboardInterrupt()')],
+)
+def test_a_goal_of_a_command_that_ends_is_cancelled(end, said, network, node):
+    """As ``ros2 action send_goal`` does it: after its time, and at a signal."""
+    gates = []
+
+    async def execute(handle):
+        handle.publish_feedback(Feedback())
+        gates.append(Future())
+        await gates[-1]
+        handle.canceled()
+        return result_of()
+
+    def cancel(_):
+        gates[-1].set_result(None)
+        return CancelResponse.ACCEPT
+
+    server = ActionServer(node, SimulateSteps, 'steps', execute, cancel_callback=cancel)
+    command = network.start(f"""
+        import os, signal
+        from zenoh_rclpy.command_node import command_node
+        def stop():
+            os.kill(os.getpid(), signal.SIGINT)
+        with command_node({PATIENCE}) as node:
+            node.bounded = True
+            try:
+                node.send_goal(
+                    '/steps', 'simulation_interfaces/action/SimulateSteps', None, lambda _: {end}
+                )
+            except BaseException as error:
+                print('ended by', repr(error), flush=True)
+    """)
+    spin_until(node, lambda: gates and gates[-1].done())
+    assert said in command.expect('ended by')
+    command.finish()
+    server.destroy()
+
+
 def test_requests_to_cancel_by_time_and_all(node):
     async def execute(_):
         await Future()

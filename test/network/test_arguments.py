@@ -19,7 +19,7 @@ from zenoh_rclpy import (
     remove_ros_args,
 )
 from zenoh_rclpy.arguments import Arguments, parse_arguments
-from zenoh_rclpy.parameter_files import parse_value
+from zenoh_rclpy.parameter_files import parse_value, read_parameters, write_parameters
 
 DEFAULT = QoSOverridingOptions.with_default_policies()
 
@@ -249,3 +249,16 @@ def test_quality_of_service_that_is_none_is_refused(make):
     with pytest.raises(InvalidQosOverridesError, match='publisher /d is refused: too short'):
         create('d', picky)
     assert not node.count_publishers('d')
+
+
+def test_values_written_to_a_file_are_read_as_they_were(tmp_path):
+    """Also texts that other readers of YAML take for texts, and rcl for numbers or truths."""
+    texts = ['', 'y', 'off', '1e-9', '010', '1:30', '.inf', 'a: b', '[x', '#', ' x ', 'a\nb', 'ü']
+    texts.append('a long one, ' * 20)
+    values = {f'text{n}': text for n, text in enumerate(texts)} | {
+        'joints.arm/left.restitution': 0.1, 'large': 1e300, 'whole': 3.0, 'count': 3, 'on': True,
+        'names': texts, 'numbers': [0.5, 2.0], 'unlimited': float('inf'),
+    }  # fmt: skip
+    file = tmp_path / 'values.yaml'
+    file.write_text(write_parameters('/machine/talker', values), encoding='utf-8')
+    assert repr(dict(read_parameters(str(file)))) == repr({'/machine/talker': values})

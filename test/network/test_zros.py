@@ -27,6 +27,7 @@ from zenoh_rclpy import command_node as commanding
 from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
 from zenoh_rclpy.commands import _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
+from zenoh_rclpy.parameter_files import read_parameters, write_parameters
 
 PACKAGE, FLOAT = 'simulation_interfaces', 'std_msgs/msg/Float64'
 
@@ -59,12 +60,25 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
             drive = node.endpoints('drive')
             assert [i.node_name for i in drive.publishers] == ['crank_drive']
             assert 'linkage' in {i.node_name for i in drive.subscriptions}
+            linkage = {kind: dict(known) for kind, known in node.of_node('linkage').items()}
+            assert linkage['publishers']['/motion'] == ['mechanism_sim/msg/Motion']
+            assert [*linkage['subscriptions']] == ['/drive', '/progress']
+            assert '/linkage/get_parameters' in linkage['services']
+            assert '/step_simulation' not in linkage['services']
+            clients = dict(node.of_node('crank_drive')['clients'])
+            assert '/linkage/set_parameters_atomically' in clients
 
             assert 'step_size' in node.parameter_names('/crank_drive')
             assert node.parameter('crank_drive', 'step_size') == 0.001
             node.set_parameter('crank_drive', 'realtime_factor', 2)  # a whole number is good
             assert node.parameter('crank_drive', 'realtime_factor') == 2.0
             assert node.describe('crank_drive', 'realtime_factor').floating_point_range
+            names = node.parameter_names('crank_drive')
+            values = node.parameters('crank_drive', names)
+            assert (values['realtime_factor'], values['hold']) == (2.0, True)
+            file = tmp_path / 'drive.yaml'
+            file.write_text(write_parameters('/crank_drive', values))
+            assert dict(read_parameters(str(file))) == {'/crank_drive': values}
             with pytest.raises(MiddlewareError, match=r'outside \[0.0, 1.0\]'):
                 node.set_parameter('linkage', 'joints.coupler_rocker.clearance.restitution', 3.0)
             with pytest.raises(UsageError, match="did you mean 'step_size'"):
@@ -88,10 +102,17 @@ def test_a_paused_run_is_inspected_stepped_set_and_ended(network, tmp_path):
             node.allow(0.5)
             with pytest.raises(UsageError, match="did you mean '/joint_states'"):
                 node.endpoints('joint_stats')
-            with pytest.raises(UsageError, match="did you mean '/crank_drive'"):
-                node.parameter_names('/crank_driv')
+            for ask in (node.parameter_names, node.of_node):
+                node.allow(0.5)
+                with pytest.raises(UsageError, match="did you mean '/crank_drive'"):
+                    ask('/crank_driv')
             with pytest.raises(MessageError, match="no field 'stat'; it has state"):
                 node.call('set_simulation_state', None, {'state': {'stat': 1}})
+            said = '^/impacts is of the type mechanism_sim/msg/Impact, not std_msgs/msg/Float64$'
+            with pytest.raises(UsageError, match=said):
+                node.listen('/impacts', lambda _: True, FLOAT)
+            with pytest.raises(UsageError, match=said):
+                node.publish('/impacts', FLOAT, None, 1, 1.0, lambda: None)
             with pytest.raises(InvalidNameError):
                 node.publish('bad name', FLOAT, None, 1, 1.0, lambda: None)
             node.call('set_simulation_state', None, {'state': {'state': 3}})
@@ -140,11 +161,11 @@ def test_a_bag_is_not_played_into_a_run(network, tmp_path):
         with command_node(60.0) as node:
             for topic in ('progress', 'motion'):
                 assert eventually(lambda topic=topic: bool(node.endpoints(topic).publishers))
-        done = run('bag', 'play', str(bag), '--rate', '0', env=network)
+        done = run('bag', 'play', str(bag), '--rate', '0', refused=True)
         assert (done.returncode, done.stderr.count('\n')) == (2, 1), done.stderr
         assert 'cannot be played: ' in done.stderr
         assert 'ROS_DOMAIN_ID=1' in done.stderr
-        done = run('bag', 'play', str(bag), '--rate', '0', '--topics', '/progress', env=network)
+        done = run('bag', 'play', str(bag), '--rate', '0', '--topics', '/progress', refused=True)
         assert (done.returncode, '/progress cannot be played' in done.stderr) == (2, True)
     finally:
         running.kill()
@@ -202,6 +223,9 @@ def test_values_that_do_not_fit_are_refused(values, said):
         (('param', 'set', 'a', 'b'), 'required: VALUE'),
         (('service', 'call', 'a', '--timeout', '0'), "--timeout: '0' is no positive number"),
         (('service', 'call', 'a', '{steps: ', '--json'), "'{steps: ': no YAML"),
+        (('topic', 'pub', '/a', 'std_msgs/Float64'), "did you mean 'std_msgs/msg/Float64'?"),
+        (('topic', 'echo', '/a', 'arm/msg/Angle'), "the type 'arm/msg/Angle' is unknown; def"),
+        (('topic', 'pub', '/a', 'Float'), 'types are written as std_msgs/msg/String'),
         ((), 'required: GROUP'),
     ],
 )
@@ -253,7 +277,7 @@ def test_messages_have_an_end_only_if_one_is_given(words, monkeypatch):
         asked.append(given[-1])
         raise KeyboardInterrupt
 
-    node = nullcontext(SimpleNamespace(listen=hear, rates=hear))
+    node = nullcontext(SimpleNamespace(listen=hear, arrivals=hear))
     monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
     for more in ([], ['--timeout', '3']):
         assert main(['topic', *words, *more]) == 130
@@ -293,7 +317,8 @@ def test_umlauts_are_written_out_where_there_are_none(network):
         lambda node: node.endpoints('/nothing'),
         lambda node: node.publish('/comand', FLOAT, None, 1, 1.0, lambda: None),
         lambda node: node.listen('/comand', lambda _: True, FLOAT, wanted=1),
-        lambda node: node.rates('/comand', [], lambda: False, wanted=2),
+        lambda node: node.arrivals('/comand', [], lambda: False, wanted=2),
+        lambda node: node.of_node('/nothing'),
     ],
 )
 def test_a_command_waits_in_all_as_long_as_it_may(ask, monkeypatch):
@@ -388,31 +413,35 @@ def test_a_signal_ends_a_command_in_one_sentence(network, number):
 
 @pytest.mark.parametrize(('window', 'last'), [('10000', 26), ('5', 5)])
 @pytest.mark.parametrize('more', [[], ['--json']])
+@pytest.mark.parametrize(
+    ('verb', 'rate', 'said'),
+    [('hz', 10.0, '10.000 messages a second'), ('bw', 120.0, '120 bytes a second')],
+)
 def test_a_rate_is_printed_each_second_and_kept_at_a_signal(
-    window, last, more, monkeypatch, capsys
+    verb, rate, said, window, last, more, monkeypatch, capsys
 ):
     clock = SimpleNamespace(now=0.0, monotonic=lambda: clock.now)
 
-    def rates(_topic, times, over, _wanted):
+    def come(_topic, arrivals, over, _wanted):
         for k in range(26):  # ten a second
             clock.now = 0.1 * k + 0.05
-            times.append(clock.now)
+            arrivals.append((clock.now, 12))
             assert not over()
         raise KeyboardInterrupt
 
-    node = nullcontext(SimpleNamespace(rates=rates))
+    node = nullcontext(SimpleNamespace(arrivals=come))
     monkeypatch.setattr('zenoh_rclpy.commands.time', clock)
     monkeypatch.setattr('zenoh_rclpy.command_node.command_node', lambda _: node)
-    assert main(['topic', 'hz', '/x', '--window', window, *more]) == 130
+    assert main(['topic', verb, '/x', '--window', window, *more]) == 130
     out, err = capsys.readouterr()
     assert err == 'zros: interrupted\n'
     if more:
         figures = json.loads(out)
-        assert (figures['rate'], figures['messages']) == (pytest.approx(10.0), last)
+        assert (figures['rate'], figures['messages']) == (pytest.approx(rate), last)
         return
     lines = out.splitlines()
     assert len(lines) == 3  # after one second and two, and at the end
-    assert all(line.startswith('10.000 messages a second') for line in lines)
+    assert all(line.startswith(said) for line in lines)
     assert lines[-1].endswith(f'of {last} messages')
 
 
@@ -443,14 +472,15 @@ def test_a_bag_is_not_played_backwards():
 
 
 def test_messages_of_a_package_are_found_without_importing_it():
+    """And without reading the others, of which a command needs few."""
     code = (
         'import sys; from ros_interfaces.classes import message_class; '
-        'import zenoh_rclpy.command_node; '
+        'import zenoh_rclpy.command_node; from ros_interfaces.definitions import typestore; '
         'print(message_class("mechanism_sim/msg/Impact")(joint="a").joint, '
-        '"mechanism_sim" in sys.modules)'
+        '"mechanism_sim" in sys.modules, "mechanism_sim/msg/Motion" in typestore().fielddefs)'
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ['a', 'False']
+    assert done.stdout.split() == ['a', 'False', 'False']
 
 
 def test_values_are_yaml():

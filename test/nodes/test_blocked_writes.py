@@ -10,10 +10,10 @@ from running import TIMEOUT, environment, script
 
 BLOCKED = """
 import ctypes
-from mechanism_sim import ending
-ending.begin()
+from mechanism_sim import process_exit
+process_exit.begin()
 from mechanism_sim.nodes.blocked_writes import BlockedWrites
-writes = BlockedWrites(ending.signals())
+writes = BlockedWrites(process_exit.signals())
 for _ in range(1000):
     with writes.on('/impacts'):
         pass

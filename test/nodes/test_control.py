@@ -102,8 +102,9 @@ def test_a_hundred_single_steps_equal_one_run_to_the_bit(tmp_path):
 
 END = """
 import json
-from mechanism_sim.messages import Float64, Progress, service_class
-from mechanism_sim.nodes.middleware import Node, Parameter, SingleThreadedExecutor, init, leave
+from mechanism_sim.messages import Float64, Progress, action_class, service_class
+from mechanism_sim.nodes.middleware import (
+    ActionClient, Node, Parameter, SingleThreadedExecutor, init, leave)
 from mechanism_sim.nodes.crank_drive import CrankDrive
 from mechanism_sim.nodes.qos import RESULTS
 
@@ -176,6 +177,26 @@ for answer in (steps, paused):
 found.append([early] + [
     [a.result().result.result, a.result().result.error_message] for a in (second, steps, paused)
 ] + [drive.announced])
+# So are those of an action, each of which is announced by itself.
+kind = action_class('simulation_interfaces/action/SimulateSteps')
+action = ActionClient(partner, kind, 'simulate_steps')
+while not action.server_is_ready():
+    executor.spin_once(timeout_sec=0.1)
+goal = action.send_goal_async(kind.Goal(steps=3))
+executor.spin_until_future_complete(goal, timeout_sec=300)
+ended = goal.result().get_result_async()
+while drive.announced == 3.0:
+    executor.spin_once(timeout_sec=0.1)
+paused = stop.call_async(request)
+for _ in range(20):
+    executor.spin_once(timeout_sec=0.02)
+progress.publish(Progress(node='linkage', time=3.001))
+executor.spin_until_future_complete(paused, timeout_sec=300)
+while not ended.done() and drive.announced == 3.001:
+    executor.spin_once(timeout_sec=0.1)
+found.append([ended.done(), drive.announced, paused.result().result.result])
+if ended.done():
+    found[-1] += [ended.result().status, ended.result().result.result.error_message]
 # A partner that cannot take other values of the scene keeps the run from being reset.
 drive.set_parameters([Parameter('overrides', value='drive.speed=300 rpm')])
 kind = service_class('simulation_interfaces/srv/ResetSimulation')
@@ -205,7 +226,7 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
         env=environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr
-    reset, steps, paused, refused = json.loads(ended.stdout.splitlines()[-1])
+    reset, steps, paused, goal, refused = json.loads(ended.stdout.splitlines()[-1])
     assert reset[0] == 4
     assert 'the run ends by itself at 0.02 s' in reset[1]
     assert steps == [1, '', True]
@@ -216,9 +237,10 @@ def test_who_asks_for_something_at_the_end_of_a_run_is_answered(tmp_path):
         [1, ''],
         3.0,
     ]
+    assert goal == [True, 3.001, 1, 6, 'paused meanwhile, at 3.001 s']
     assert refused[0] == 4
     assert "'linkage' cannot begin a run with other values of the scene" in refused[1]
-    assert refused[2:] == [3.0, 0]
+    assert refused[2:] == [3.001, 0]
 
 
 PARAMETERS = (

@@ -55,6 +55,6 @@ def test_the_controllers_of_the_example_fit_its_scene(machine):
 
 @pytest.mark.network
 def test_a_drive_that_takes_no_commands_is_refused():
-    refused = run('node', 'control_relay', '--scene', 'four_bar_clearance')
+    refused = run('node', 'control_relay', '--scene', 'four_bar_clearance', refused=True)
     assert refused.returncode == 2
     assert 'its drive takes no commands' in refused.stderr

@@ -193,8 +193,8 @@ end.until(lambda: False)
 
 BLOCKED = """
 import time
-from mechanism_sim import ending
-ending.begin()
+from mechanism_sim import process_exit
+process_exit.begin()
 from benchmarks.traffic import End, RESULTS, motion
 from mechanism_sim.messages import Motion, serialize
 end = End('source')
@@ -202,7 +202,7 @@ publisher = end.node.create_publisher(Motion, 'motion', RESULTS)
 data = bytes(serialize(motion(0, 192)))
 end.expect(publisher.get_subscription_count)
 print('publishing', flush=True)
-with ending.working():
+with process_exit.working():
     while True:
         publisher.publish(data)
 """

@@ -13,7 +13,7 @@ from middleware_network import PATIENCE, Network, eventually, spin_until
 from running import command, environment
 
 import mechanism_sim
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.messages import (
     DriveLaw,
     Impact,
@@ -336,7 +336,7 @@ def test_a_partner_of_another_version_ends_the_run_in_a_sentence(tmp_path):
     processes = [
         subprocess.Popen(
             command('node', node, '--scene', str(scene), '--partners', ','.join(nodes)),
-            env=ending.owned(env | {'PYTHONPATH': path}),
+            env=process_exit.owned(env | {'PYTHONPATH': path}),
             cwd=path,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -400,14 +400,19 @@ def test_a_run_is_paused_before_its_controller_is_there():
     asker, kind = Node('asker'), service_class('simulation_interfaces/srv/SetSimulationState')
     client, request = asker.create_client(kind, 'set_simulation_state'), kind.Request()
     request.state.state = PAUSED
+    asked = service_class('simulation_interfaces/srv/GetSimulationState')
+    state = asker.create_client(asked, 'get_simulation_state')
     try:
         with nodes_of('four_bar_governed', 0.05, drive=LOCKED) as nodes:
-            every = [*nodes.values(), asker]
-            spin(every, client.service_is_ready)
+            every, drive = [*nodes.values(), asker], nodes['crank_drive']
+            spin(every, lambda: client.service_is_ready() and state.service_is_ready())
             answer = client.call_async(request)
-            spin(every, answer.done)
+            spin(every, lambda: not drive.playing)
+            for _ in range(100):  # who is not answered before these never is
+                spin(every, state.call_async(asked.Request()).done)
+            assert answer.done()
             assert answer.result().result.result == 1
-            assert (nodes['crank_drive'].playing, nodes['crank_drive'].announced) == (False, 0.0)
+            assert (drive.playing, drive.announced) == (False, 0.0)
     finally:
         asker.destroy_node()
 

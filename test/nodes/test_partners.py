@@ -46,7 +46,7 @@ class Beginner:
         return [(node.mark, []) for node in {self, *self.seen}]
 
     def get_publishers_info_by_topic(self, _: str) -> list[SimpleNamespace]:
-        return [SimpleNamespace(node_name='monitor') for _ in {self, *self.seen}]
+        return [SimpleNamespace(node_name='monitor', endpoint_gid=[]) for _ in {self, *self.seen}]
 
     get_subscriptions_info_by_topic = get_publishers_info_by_topic
 
@@ -80,3 +80,43 @@ def test_one_of_two_goes_on(monkeypatch, course):
                 left.add(node)
                 other.seen = set()
     assert (first, left) == ({nodes[0]}, {nodes[1]})
+
+
+class Waiting(Beginner):
+    """A node with a partner that others start and end."""
+
+    done, spoken = False, ()
+
+    def present(self, *ids: int) -> None:
+        """Let partners with these ids be in the graph."""
+        name = 'crank_drive'
+        self._infos = [SimpleNamespace(node_name=name, endpoint_gid=[n]) for n in ids]
+
+    def get_publishers_info_by_topic(self, _: str) -> list[SimpleNamespace]:
+        return self._infos
+
+    get_subscriptions_info_by_topic = get_publishers_info_by_topic
+
+
+def test_a_partner_that_is_started_anew_has_left(monkeypatch):
+    """It knows nothing of the run: all would wait for each other for ever."""
+    now = 0.0
+    clock = SimpleNamespace(monotonic=lambda: now, time_ns=lambda: 1)
+    monkeypatch.setattr(partners, 'time', clock)
+    node = Waiting()
+    for ids in ((1,), (2,)):  # before the run that does not matter
+        node.present(*ids)
+        assert not node.partners.gathered()
+    now = 1.0
+    assert node.partners.gathered()
+    for ids in ((2,), (3, 2), (2, 3), (3,), (2,), (3,)):
+        node.present(*ids)
+        now += 2.0
+        node.partners.check_presence()
+    now += 4.0
+    said = "^monitor: 'crank_drive' left .* finished, and another of its name has begun; what"
+    with pytest.raises(RunError, match=said):
+        node.partners.check_presence()
+    node.present()
+    with pytest.raises(RunError, match='finished; what was received'):
+        node.partners.check_presence()

@@ -233,6 +233,7 @@ def test_code_and_its_constants_are_side_by_side():
 LET_GO = """
 import gc
 from mechanism_sim.numerics import machine_code
+gc.freeze()  # what was imported is not looked through again
 body = 'define i64 @f() {{\\n %x = add i64 {}, 1\\n ret i64 %x\\n}}'
 for k in range(200):
     code = machine_code._object(body.format(k))

@@ -23,7 +23,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import mechanism_sim as ms
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.errors import InputError
 from mechanism_sim.messages import Impact, String, service_class
 from mechanism_sim.messages import Motion as MotionMessage
@@ -31,10 +31,11 @@ from mechanism_sim.messages.events import describe
 from mechanism_sim.messages.segments import motion_of
 from mechanism_sim.nodes import middleware
 from mechanism_sim.nodes.qos import LATCHED
+from mechanism_sim.pages.assets import contents_of
 from mechanism_sim.pages.controls import controls, visible_pace
 from mechanism_sim.pages.live import MOST, Live
 from mechanism_sim.pages.server import PAGES, Command, Mailbox, Server
-from mechanism_sim.pages.view import NEWEST
+from mechanism_sim.pages.view import MODULES, NEWEST
 
 SCENE = 'four_bar_clearance'
 COMMANDS = 'drive.commands={acceleration: 1000 rad/s^2, fastest: 60 rad/s}'
@@ -49,7 +50,7 @@ def ended(process: subprocess.Popen[str]) -> int:
 @contextmanager
 def started(*args: str) -> Iterator[subprocess.Popen[str]]:
     """A command on the network of this process."""
-    process = ending.start(command(*args), text=True, stdout=subprocess.PIPE)
+    process = process_exit.start(command(*args), text=True, stdout=subprocess.PIPE)
     try:
         yield process
     finally:
@@ -126,6 +127,23 @@ def slide(tab: Any, path: str, place: int) -> None:
     tab.page.locator(f'input[data-path="{path}"]').fill(str(place))
 
 
+@pytest.mark.parametrize(
+    ('args', 'said'),
+    [
+        (('node', 'view', '--port', '70000'), 'between 0 and 65535'),
+        (('view', 'four_bar_clearence'), "did you mean 'four_bar_clearance'?"),
+        (('view', SCENE, '--realtime-factor', '-1'), '--realtime-factor'),
+        (('view', SCENE, '--duration', '-1'), 'positive'),
+        (('view', '--duration', '1'), 'give a SCENE'),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_sentence(args, said):
+    done = run(*args, refused=True)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert 'Traceback' not in done.stderr
+
+
 @pytest.mark.slow
 def test_a_page_shows_the_machine_that_runs_and_what_it_asks_for_is_done(node, tab):
     heard = Listener(node)
@@ -191,6 +209,7 @@ def operate(tab: Any, heard: Listener) -> None:
     tab.page.locator('#reset').click()
     heard.until(lambda: heard.motion[-1].run == 2)
     assert heard.motion[-1].known_until == 0.0
+    heard.until(lambda: float(data(tab, 'time')) == 0.0)
 
 
 def refuse(address: str) -> None:
@@ -214,32 +233,17 @@ def refuse(address: str) -> None:
             assert said in found['text']
 
 
-@pytest.mark.parametrize(
-    ('args', 'said'),
-    [
-        (('node', 'view', '--port', '70000'), 'between 0 and 65535'),
-        (('view', 'four_bar_clearence'), "did you mean 'four_bar_clearance'?"),
-        (('view', SCENE, '--realtime-factor', '-1'), '--realtime-factor'),
-        (('view', SCENE, '--duration', '-1'), 'positive'),
-        (('view', '--duration', '1'), 'give a SCENE'),
-    ],
-)
-def test_what_makes_no_sense_is_refused_in_a_sentence(args, said):
-    done = run(*args, refused=True)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert 'Traceback' not in done.stderr
-
-
 @pytest.mark.slow
-def test_a_view_with_a_scene_runs_it_and_ends_it(network):
-    with started('view', SCENE, '--port', '0', '--json', '--realtime-factor', '0.5') as view:
+@pytest.mark.parametrize('more', [('--realtime-factor', '0.5'), ('--paused',)])
+def test_a_view_with_a_scene_runs_it_and_ends_it(more, network):
+    with started('view', SCENE, '--port', '0', '--json', *more) as view:
         with connect(address_of(view).replace('http', 'ws') + 'live') as page:
             found = [json.loads(page.recv(2.0 * PATIENCE))]
             assert found[0] == {'type': 'waiting', 'starting': True}
             while found[-1]['type'] != 'frames' or found[-1]['frames']['t'] is None:
                 found.append(json.loads(page.recv(2.0 * PATIENCE)))
         assert 'stage' in [message['type'] for message in found]
+        assert (unpacked(found[-1]['frames']['t'])[-1] == 0.0) == (more == ('--paused',))
         run = int(Path(f'/proc/{view.pid}/task/{view.pid}/children').read_text())
         assert ended(view) == 0
     assert not Path(f'/proc/{run}').exists()
@@ -296,6 +300,35 @@ def test_what_a_page_gets_is_the_motion_at_these_instants():
     live.take(long)
     assert len(unpacked(live.batch()['frames']['t'])) <= MOST + 1
     assert first.segments
+
+
+def test_a_run_that_stands_at_its_start_is_shown_there():
+    """One that begins paused, and one that is reset: there is no motion of it yet."""
+    machine = ms.load_scene(SCENE)
+    live = Live(describe(machine))
+    (moved,), (again,) = (motion_messages(machine, [0.1], run=run) for run in (0, 1))
+    none = MotionMessage(coordinates=again.coordinates, joints=again.joints, run=1)
+    place = ms.simulate(machine, duration=0.01).sample(0.0, 'position.rocker')['position.rocker']
+    live.show_start()
+    start = live.batch()
+    assert live.batch() is None
+    live.take(moved)
+    live.show_start()  # too late
+    following = live.batch()
+    live.take(none)
+    reset = live.batch()
+    for batch in (start, reset):
+        assert unpacked(batch['frames']['t']).tolist() == [0.0]
+        assert unpacked(batch['frames']['poses'])[0, 2, 2] == pytest.approx(place, abs=1e-6)
+    assert unpacked(following['frames']['t'])[0] == 0.0
+    live.take(again)
+    epochs = [batch['epoch'] for batch in (start, following, reset, live.batch())]
+    assert epochs == [0, 0, 1, 1]
+    late = Live(describe(machine))
+    late.show_start()
+    late.batch()
+    late.take(motion_messages(machine, [0.1, 0.2])[1])  # it had moved: the start was none
+    assert late.batch()['epoch'] == 1
 
 
 def test_what_is_no_scene_is_refused():
@@ -444,6 +477,25 @@ def acted(tab):
     yield make
     for each in made:
         each.server.close()
+
+
+def test_a_page_says_that_its_view_has_ended(tab):
+    server = Server(contents_of('live', MODULES), 0, lambda: [{'type': 'waiting'}], print)
+    tab.page.goto(server.address)
+    tab.page.get_by_text('No machine is running').wait_for()
+    server.close()
+    tab.page.get_by_text('The view has ended').wait_for()
+    assert not tab.page.get_by_text('This page waits').is_visible()
+
+
+def test_a_page_shows_nothing_of_a_machine_before_it_knows_where_it_is(acted):
+    run = acted(SCENE, 0.1)
+    links = run.page.locator('#stage .machine')
+    assert links.is_visible()
+    run.server.send(run.stage())
+    links.wait_for(state='hidden')
+    run.server.send(run.batch)
+    links.wait_for(state='visible')
 
 
 def test_a_slider_keeps_what_was_asked_for_until_the_machine_has_it_or_refuses(acted):
@@ -612,3 +664,10 @@ def test_the_pace_begins_where_motion_can_be_followed(scene):
     assert 1e-3 <= pace <= 1.0
     if 4e-3 < machine.drive.period < 4.0:
         assert 4.0 <= machine.drive.period / pace <= 10.1
+
+
+@pytest.mark.parametrize('scene', ['andrews_squeezer', 'catapult', 'loader'])
+def test_a_run_that_is_shorter_than_a_turn_can_be_followed(scene):
+    """Of 0.03, 0.11 and 0.7 s: `view` went through them as fast as they go."""
+    machine = ms.load_scene(scene)
+    assert 4.0 <= machine.scene.duration / visible_pace(machine, machine.scene.duration) <= 10.1

@@ -12,6 +12,7 @@ from tooth_forces import worm as worm_forces
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.joints.mesh.pair import Pair
+from mechanism_sim.planar import joint_friction
 from mechanism_sim.planar.joint_friction import solve_friction
 from mechanism_sim.planar.switches import HOLDS
 from mechanism_sim.report import cycle as report
@@ -621,3 +622,27 @@ def test_a_force_that_friction_cancels_is_found_to_the_rounding_of_what_it_is_ma
     found, sound = solve_friction(start, slopes, numbers, ways, [[(1, 0)], [(1, 0)]])
     assert sound.all()
     assert found == pytest.approx(T, abs=1e-12)
+
+
+def test_mild_friction_is_found_at_once_as_iteration_finds_it(monkeypatch):
+    """Moments and forces of joints that load each other little: ``T = sign b(T)`` contracts."""
+    bounds, asked = joint_friction._bounds, []
+    monkeypatch.setattr(
+        joint_friction, '_bounds', lambda *args: asked.append(args) or bounds(*args)
+    )
+    random = np.random.default_rng(3)
+    count, sizes = 500, [[(2, 0)], [(2, 0), (1, 0)], [(1, 1)]]
+    units = np.array([1e-3, 1.0, 1.0])  # [m] of the first T
+    start = random.uniform(-50.0, 50.0, (6, count))
+    slopes = random.uniform(-1.0, 1.0, (3, 6, count)) / units[:, None, None]
+    ways = random.choice([-1.0, 1.0], (3, count))
+    numbers = np.tile([[0.05], [1e-9]], (4, count))
+    numbers[0] *= units[0]
+    found, sound = solve_friction(start, slopes, numbers, ways, sizes)
+    assert sound.all()
+    assert len(asked) < 8
+    T = np.zeros((3, count))
+    for _ in range(100):
+        components = start + np.einsum('mcn,mn->cn', slopes, T)
+        T = ways * bounds(components, slopes, numbers, sizes)[0]
+    assert found == pytest.approx(T, rel=1e-12, abs=1e-12)

@@ -14,7 +14,7 @@ from mechanism_sim.pages.report import page
 from mechanism_sim.report.rich import html as in_notebook
 from mechanism_sim.report.sections import Section, SummaryRow, amount, html, text
 from mechanism_sim.report.summary import facts, sections
-from mechanism_sim.results.turns import ImpactTally
+from mechanism_sim.results.turns import ImpactAccumulator
 
 
 @pytest.fixture(scope='module')
@@ -32,9 +32,9 @@ def test_a_terminal_and_a_notebook_show_the_rows_of_a_run(machine, record):
     notebook = in_notebook(record.piece)
     for label, value in rows.items():
         assert f'<td>{label}</td><td>{value}</td>' in unescape(notebook)
-    tally = ImpactTally(machine)
-    run = ms.stream(machine, duration=0.2, observers=[tally.add]).finish()
-    lines = text(sections(run, tally)).splitlines()
+    accumulator = ImpactAccumulator(machine)
+    run = ms.stream(machine, duration=0.2, observers=[accumulator.add]).finish()
+    lines = text(sections(run, accumulator)).splitlines()
     shown = dict(re.split(r' {2,}', line.strip(), maxsplit=1) for line in lines[1:15])
     common = shown.keys() & rows.keys() - {'time', 'compilation', 'CPU time'}
     assert {'steps', 'impacts', 'normal impulse', 'losses of contact', 'energy'} < common

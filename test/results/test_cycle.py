@@ -21,7 +21,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.report import cycle as report
 from mechanism_sim.report import figures, plots
 from mechanism_sim.results.cycle import measures_of
-from mechanism_sim.results.measure_tally import EXACT
+from mechanism_sim.results.measure_accumulators import EXACT
 
 LINKS = ('crank', 'coupler', 'rocker')
 STENCIL = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # sixth order

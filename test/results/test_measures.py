@@ -17,14 +17,21 @@ from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.messages import deserialize
 from mechanism_sim.nodes.publications import linkage_states, reactions
+from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.pages.controls import controls
 from mechanism_sim.report.summary import to_json
 from mechanism_sim.results.cycle import cycle
-from mechanism_sim.results.measure_text import read
-from mechanism_sim.results.measures import EXACT, Measurement, check_measures, measure
+from mechanism_sim.results.measure_text import read, read_all
+from mechanism_sim.results.measures import (
+    EXACT,
+    Measurement,
+    check_measures,
+    measure,
+    per_turn,
+)
 from mechanism_sim.results.ranges import LoadPeaks
-from mechanism_sim.results.run import BATCH, Batch, Piece, Runner
-from mechanism_sim.results.turns import ImpactTally
+from mechanism_sim.results.run import BATCH, Batch, Piece, Runner, is_loss
+from mechanism_sim.results.turns import ImpactAccumulator
 from mechanism_sim.scene.load import started_at
 from mechanism_sim.units import alike, product, read_common
 
@@ -151,6 +158,33 @@ def test_pieces_of_a_run_give_what_the_whole_gives(rattling):
         assert a.value == pytest.approx(b.value, rel=1e-10), a.text
 
 
+def test_events_and_samples_of_each_turn_are_looked_at_once(rattling, monkeypatch):
+    """Those of all turns at every turn cost a hundred times as much in a hundred turns."""
+    machine, solution = rattling
+    seen, T = [], machine.drive.period
+    (name,) = machine.scene.sensors
+    signal = solution.signal(name)
+    struck = np.array([(i.t, i.normal_impulse) for i in solution.impacts]).T
+    texts = 'sum(impacts.normal_impulse)', f'largest(sensors.{name})', 'count(losses)'
+
+    def counted(tree, known):
+        seen.extend(len(x) for x in known.values())
+        return numbers(tree, known)
+
+    monkeypatch.setattr('mechanism_sim.results.measures.numbers', counted)
+    taken = Measurement(machine, per_turn(read_all([*texts], 'measures'), 0))
+    taken.add(solution)
+    (_, _, impulses), (_, _, peaks), (_, _, losses) = taken.found_each_turn()
+    for turn in range(4):
+        a, b = turn * T, (turn + 1) * T
+        inside = (struck[0] >= a) & (struck[0] < b)
+        assert impulses[turn] == pytest.approx(struck[1][inside].sum(), rel=1e-12)
+        samples = signal[name][(signal['t'] >= a) & (signal['t'] < b)]
+        assert peaks[turn] == np.abs(samples).max()
+    assert losses.sum() == sum(map(is_loss, solution.modes))
+    assert sum(seen) <= len(signal['t']) + len(struck[0]) + losses.sum()
+
+
 def test_turns_of_a_drive_that_is_not_steady_are_found():
     """A free crank without forces keeps its speed, so its turns are known."""
     machine = ms.load_scene(
@@ -224,7 +258,7 @@ def test_a_motor_beside_a_prescribed_drive_is_told_by_its_own_torque():
     peaks.add(run.motion)
     assert [*peaks.torques] == ['arm', 'rod']
     streamed = ms.stream(machine, duration=0.05).finish()
-    final = to_json(streamed, '', ImpactTally(machine), None, None)['final']
+    final = to_json(streamed, '', ImpactAccumulator(machine), None, None)['final']
     assert final['drive_torque'] == pytest.approx(torque[-1])
     for write, kind in (
         (linkage_states(machine, 'world'), 'mechanism_sim/msg/LinkageState'),

@@ -16,7 +16,7 @@ from mechanism_sim.engine.physics import DynamicPhysics
 from mechanism_sim.errors import InputError, RunError
 from mechanism_sim.results.measures import Measurement
 from mechanism_sim.results.run import Batch, Runner, run
-from mechanism_sim.results.turns import ImpactTally
+from mechanism_sim.results.turns import ImpactAccumulator
 from mechanism_sim.studies.floquet import station
 from mechanism_sim.studies.periodic import find_periodic
 from mechanism_sim.studies.plan import Extent
@@ -204,12 +204,12 @@ def test_means_and_measures_of_a_resumed_run_are_of_what_it_saw():
     machine = loose()
     first = ms.simulate(machine, revolutions=3)
     figures = Measurement(machine, ['rms(drive_torque)'])
-    tally, struck = ImpactTally(machine), 0
+    accumulator, struck = ImpactAccumulator(machine), 0
     for piece in run(machine, 6.0 * machine.drive.period, resume=first.snapshot):
-        tally.add(piece)
+        accumulator.add(piece)
         figures.add(piece)
         struck += len(piece.impacts)
-    impacts, *_ = tally.means
+    impacts, *_ = accumulator.means
     assert impacts.revolutions == 3
     assert impacts.mean == struck / 3
     (torque,) = figures.found()

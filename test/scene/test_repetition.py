@@ -14,7 +14,7 @@ from running import run
 
 import mechanism_sim as ms
 from mechanism_sim.scene.load import span
-from mechanism_sim.scene.remarks import doubts
+from mechanism_sim.scene.remarks import plausibility_warnings
 
 CAMSHAFT = """
 mechanism: linkage
@@ -143,7 +143,7 @@ def test_a_table_that_never_comes_again_leaves_one_turn_and_a_note(span, table):
 def test_what_comes_again_after_turns_is_not_asked_about(factor):
     """One tolerance for both: a table is another in every turn, or comes again after two."""
     machine = engine(force=f'gas({factor!r}*crank)')
-    asked = any('another in every turn' in x for x in doubts(machine))
+    asked = any('another in every turn' in x for x in plausibility_warnings(machine))
     assert asked != machine.drive.repetition.found
 
 

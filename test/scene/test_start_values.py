@@ -140,6 +140,33 @@ def test_values_that_contradict_each_other_are_refused_with_how_much() -> None:
     assert np.allclose(made(free, **again).assembly.v, machine.assembly.v, rtol=1e-12)
 
 
+def test_rates_that_nothing_determines_are_those_of_a_machine_of_any_size() -> None:
+    """A rod and a slider share a slot: of all rates that keep it closed, the least."""
+
+    def rates(size: float) -> tuple[float, float, float]:
+        machine = made(
+            {
+                'links': {
+                    'one': {'mass': 1.0}, 'two': {'mass': 1.0},
+                    'rod': {'length': 0.4 * size, 'mass': 1.0, 'inertia': 0.01},
+                },
+                'joints': {
+                    'guide': {'prismatic': ['ground', 'one']},
+                    'pin': {'revolute': ['one', 'rod']},
+                    'rail': {'prismatic': ['ground', 'two'], 'axis': 1.0},
+                    'slot': {'slot': ['rod.end', 'two'], 'axis': 0.3},
+                },
+                'guess': {'rod': 0.8, 'two': 0.1 * size},
+                'initial': {'position': {'one': 0.1 * size}, 'velocity': {'one': 0.7 * size}},
+            }
+        )  # fmt: skip
+        v = dict(zip(machine.plan.ideal.coordinates, machine.assembly.v, strict=True))
+        return v['one'] / size, v['two'] / size, v['rod']
+
+    assert rates(0.03) == pytest.approx(rates(1.0), rel=1e-12)
+    assert min(map(abs, rates(1.0))) > 0.01
+
+
 SCENES = (
     'four_bar_clearance', 'four_bar_nominal', 'valve_train', 'groove_cam', 'gear_rattle',
     'pendulum', 'andrews_squeezer', 'slider_crank', 'scotch_yoke', 'geneva', 'quick_return',

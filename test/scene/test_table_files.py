@@ -325,3 +325,19 @@ def test_positions_that_jump_by_a_turn_go_on(tmp_path, unit, turn):
     way.write_text(f't [s],x [{unit}]\n0,0\n1,{2.0 * turn}\n2,{2.1 * turn}\n3,0\n')
     points = load_scene(str(tmp_path / 's.yaml')).scene.drive.position.points
     assert points[1][1].value == pytest.approx(4.0 * math.pi)
+
+
+@pytest.mark.parametrize('heading', ['angle [deg]', 'angle_deg'])
+def test_a_cam_table_is_no_law_over_time(tmp_path, heading):
+    """A turn of 360 deg was one of 360 s."""
+    (tmp_path / 'cam.csv').write_text(f'{heading},lift [mm]\n0,0\n120,5\n240,3\n360,0\n')
+    content = {
+        **SCENE,
+        'tables': {},
+        'drive': {'coordinate': 'arm', 'position': {'file': 'cam.csv'}},
+    }
+    (tmp_path / 's.yaml').write_text(yaml.safe_dump(content))
+    with pytest.raises(
+        InputError, match=r"column 'angle.*' is an angle, .* a joint 'cam' with law"
+    ):
+        load_scene(str(tmp_path / 's.yaml'))

@@ -145,6 +145,20 @@ def test_envelope_finds_the_rate_of_shocks_under_a_stronger_tone_and_noise():
     assert lines == pytest.approx([12.5, 25.0, 37.5, 50.0], abs=0.06)
 
 
+def test_a_band_holds_the_orders_of_a_shaft_that_is_known():
+    """A train of shocks that skips a sample once: to long segments that is the one event."""
+    x = np.roll(shocks(40_000, 80, 500.0), 20)
+    x[20_000:] = x[19_999:-1]
+    x += 0.05 * noise(40_000)
+    low, high = shock_band(x, RATE)
+    assert high - low < 4 * 25.0
+    band = shock_band(x, RATE, turn=80 / RATE)
+    assert band[1] - band[0] >= 16 * 25.0
+    assert band[0] < 500.0 <= band[1]
+    lines = sorted(f for f, _ in envelope_spectrum(x, RATE, band).strongest(3))
+    assert lines == pytest.approx([25.0, 50.0, 75.0], abs=0.06)
+
+
 def test_a_band_of_rounding_is_not_that_of_shocks():
     """A carrier of 200 Hz that swells at 7 Hz, with twelve digits as in a file."""
     t = np.arange(20_000) / RATE

@@ -297,13 +297,13 @@ def test_a_direction_of_many_values_shares_its_turns():
 
 def test_a_branch_is_foretold(monkeypatch):
     """On the course of the responses before a run begins where it ends: few turns show it."""
-    turns, found_of = [], study._SectionTally.found
+    turns, found_of = [], study._SectionAccumulator.found
 
-    def counted(tally, count, settled):
+    def counted(accumulator, count, settled):
         turns.append(count)
-        return found_of(tally, count, settled)
+        return found_of(accumulator, count, settled)
 
-    monkeypatch.setattr(study._SectionTally, 'found', counted)
+    monkeypatch.setattr(study._SectionAccumulator, 'found', counted)
     stable = {'drive.speed': (speed(FLIP - 0.20), speed(FLIP - 0.15), 11)}
     found = ms.bifurcation(
         ball(FLIP - 0.2), stable, at_impacts='flight_lower', transient=40, keep=40

@@ -1,6 +1,7 @@
 """Wear of bearings in oil, where their walls carry, by equilibrium of film and wall."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.optimize import brentq
 
 import mechanism_sim as ms
 from mechanism_sim.errors import InputError
-from mechanism_sim.pages.families import life_page
+from mechanism_sim.pages import families
 from mechanism_sim.report.life import chart, render, to_json
 from mechanism_sim.studies.life import LifePlan, wear_in
 
@@ -81,8 +82,8 @@ def test_walls_wear_by_what_the_oil_leaves_to_them(speed, friction, law):
     assert pin.max() > 3.0 * pin.mean()
 
 
-def test_a_film_that_carries_all_leaves_nothing_to_wear():
-    """Exactly nothing, above the speed of lift-off."""
+def test_a_film_that_carries_all_leaves_nothing_to_wear(monkeypatch):
+    """Exactly nothing, above the speed of lift-off; a page runs its machine once then."""
     assert wall_force(0.5 * FULL_SPEED) > 0.0 == wall_force(FULL_SPEED)
     scene = wheel(FULL_SPEED, bushing=WEAR, pin=WEAR)
     found = ms.life(scene, 'clearance > 0.2 mm', revolutions=1, skip=1)
@@ -92,7 +93,10 @@ def test_a_film_that_carries_all_leaves_nothing_to_wear():
     assert 'no wall of a bearing slides under a force' in render(found)
     assert to_json(found)['note'].endswith('nothing wears')
     assert len(chart(found, 'oil').panels) == 1
-    assert life_page(found)
+    run = Mock(wraps=ms.simulate)
+    monkeypatch.setattr(families, 'simulate', run)
+    assert families.life_page(found)
+    assert run.call_count == 1
     figures = dict.fromkeys(found.stages[0].figures, -0.0)
     stage = replace(found.stages[0], depths={'axle': -np.zeros((2, 180))}, figures=figures)
     assert '-0' not in render(replace(found, stages=(stage,))).split()

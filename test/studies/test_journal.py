@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from running import run
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.studies.journal import Journal
 
 WEAR = {'pin_radius': '6 mm', 'wear': '{width: 10 mm, bushing: 1e-6 mm^3/(N m)}'}
@@ -35,7 +35,7 @@ def test_an_interrupted_study_says_what_is_kept(command, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         add(journal, finished)
 
-    monkeypatch.setattr(ending, '_silent', False)
+    monkeypatch.setattr(process_exit, '_silent', False)
     monkeypatch.setattr(Journal, 'add', interrupt)
     done = run(command, *words, '-o', str(table))
     runs = '1 of 3 runs' if command == 'sweep' else '1 run'

@@ -19,7 +19,7 @@ from four_bars import RADIAL
 from running import ROOT, command, environment, run, run_json
 
 import mechanism_sim as ms
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.sensing.channel import Block
@@ -267,7 +267,7 @@ def test_a_killed_sweep_goes_on_and_writes_the_same_files(reference, tmp_path):
     journal = tmp_path / 'one.parquet.journal'
     process = subprocess.Popen(
         command('sweep', file, '-o', str(table), '--workers', '1'),
-        env=ending.owned(environment()), start_new_session=True,
+        env=process_exit.owned(environment()), start_new_session=True,
     )  # fmt: skip
     while not journal.exists() or journal.read_bytes().count(b'\n') < 3:
         assert process.poll() is None

@@ -793,6 +793,20 @@ def test_modes_that_change_over_the_turn_are_told(g, recwarn):
     assert all('of arm, frequencies by ' in one and '% at 20 rad/s' in one for one in told)
 
 
+def test_whether_modes_change_is_asked_at_both_ends_of_the_speeds(monkeypatch):
+    """Two further linearisations a speed tripled the time of a diagram; warned it is once."""
+    machine, seen = ms.load_scene('rotor_on_supports'), []
+
+    def counted(*args, **known):
+        seen.append(known['speed'])
+        return linearised(*args, **known)
+
+    monkeypatch.setattr('mechanism_sim.studies.modes.linearised', counted)
+    assert len(campbell(machine, np.linspace(0.0, 600.0, 13))) == 13
+    assert sorted(set(seen), key=seen.count)[-2:] == [50.0, 600.0]
+    assert len(seen) == 13 + 4
+
+
 def test_belts_are_ideal_under_harmonics():
     """A rotor out of balance shakes its machine alike with a belt to its motor or without."""
     plain = ms.load_scene('unbalanced_machine')

@@ -78,7 +78,7 @@ MODE, BEFORE, HYPOTHESIS, GIVEN, CLOSED, STICK, SLIP, PRESS, RUBS, RATED = range
 """Rows of the integers of every gap: mode, that before the event, hypothesis, sign of a slip to
 be; parameters of its four flags or -1; the gaps with friction; whether it has a rate only."""
 
-SHUT, TOUCHING, RESTING, BEGINNING, DRAWN, PARTING = range(6)
+SHUT, TOUCHING, RESTING, _BEGINNING, _DRAWN, _PARTING = range(6)
 """Rows of marks of every gap: closed, taking part, at rest, to slide, drawn shut, parting."""
 
 
@@ -248,8 +248,8 @@ def _lift(run: EventArrays, gap: int) -> int:
     """A closed contact opens, or an open one goes on to."""
     set_mode(run, gap, FLIES)
     flag(run, run.marks[SHUT, :0])
-    run.marks[PARTING] = False
-    run.marks[PARTING, gap] = True
+    run.marks[_PARTING] = False
+    run.marks[_PARTING, gap] = True
     run.counters[DRAWS] = 0
     return PARTS
 
@@ -324,8 +324,8 @@ def rests(run: EventArrays) -> int:
     booked = booked and (m > 1 or len(c.rate) > m)
     found = come_to_rest(
         c, s.limits, Resting(run.marks[RESTING], run.marks[TOUCHING], given), s.now.drives,
-        run.impacts[count - 1 if booked else count : count], run.gaps[MODE], run.marks[BEGINNING],
-        run.marks[DRAWN],
+        run.impacts[count - 1 if booked else count : count], run.gaps[MODE], run.marks[_BEGINNING],
+        run.marks[_DRAWN],
     )  # fmt: skip
     eased = given.any()
     given[:] = 0
@@ -338,11 +338,11 @@ def rests(run: EventArrays) -> int:
         run.gaps[MODE, i] = old[i]
         set_mode(run, i, mode)
     if found.changed or found.begins:
-        flag(run, run.marks[BEGINNING] if found.begins else none)
-    run.marks[PARTING] = False
+        flag(run, run.marks[_BEGINNING] if found.begins else none)
+    run.marks[_PARTING] = False
     if found.parts:
         for i in range(m):
-            run.marks[PARTING, i] = run.marks[RESTING, i] and not run.marks[SHUT, i]
+            run.marks[_PARTING, i] = run.marks[RESTING, i] and not run.marks[SHUT, i]
     n[DRAWS], n[BEGINS] = found.draws, found.begins
     if found.off or found.begins or n[RELATIONS]:
         return PROJECTED
@@ -370,12 +370,12 @@ def projected(run: EventArrays) -> int:
 def _next(run: EventArrays) -> int:
     """After contacts came to rest: those that open part, then those that are drawn shut rest."""
     run.counters[TRIES] = 0
-    if run.marks[PARTING].any():
+    if run.marks[_PARTING].any():
         return PARTS
     if run.counters[DRAWS]:
         run.counters[DRAWS] = 0
         for i in range(run.gaps.shape[1]):
-            if run.marks[DRAWN, i]:
+            if run.marks[_DRAWN, i]:
                 run.marks[RESTING, i] = run.marks[TOUCHING, i] = True
         return RESTS
     return _after(run)
@@ -391,7 +391,7 @@ def part(run: EventArrays) -> int:
     """
     s = situation_of(run)
     c, limits, m = s.c, s.limits, len(s.c.value)
-    parting, tries = run.marks[PARTING], run.counters[TRIES]
+    parting, tries = run.marks[_PARTING], run.counters[TRIES]
     clear = True
     for i in range(m):
         if not parting[i]:

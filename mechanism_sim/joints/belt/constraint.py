@@ -160,7 +160,7 @@ class BeltClosure(TransmissionClosure):
         difference = mul(moment, frames.parameters(f'{self.name}.by_moment', 1.0 / pull))
         half = mul(difference, frames.parameters(f'{self.name}.half', 0.5))
         tensions = half, neg(half)
-        return strand_wrench(joint, self.mechanism, frames, tensions)._replace(moment=moment)
+        return _strand_wrench(joint, self.mechanism, frames, tensions)._replace(moment=moment)
 
 
 class _Tension(NamedTuple):
@@ -233,7 +233,7 @@ class BeltForce:
 
     def wrench(self, frames: Frames) -> Wrench:
         """Wrench of the strands on the second pulley."""
-        return strand_wrench(self.joint, self.mechanism, frames, self._tensions(frames))
+        return _strand_wrench(self.joint, self.mechanism, frames, self._tensions(frames))
 
     def loads(self, frames: Frames) -> list[Load]:
         """On the second pulley, and on the first, which they balance."""
@@ -290,7 +290,7 @@ class SlippingBelt(BeltForce):
         return None
 
 
-def strand_wrench(
+def _strand_wrench(
     joint: Belt, mechanism: Mechanism, frames: Frames, tensions: tuple[Term, Term]
 ) -> Wrench:
     """Wrench on the second pulley of tensions [N] of the left and the right strand."""

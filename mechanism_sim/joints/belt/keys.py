@@ -12,7 +12,7 @@ from pydantic import Field
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.belt.constraint import Belt
-from mechanism_sim.joints.contact_keys import Friction, Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Friction
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import PhaseKeys, carrier_of
 from mechanism_sim.keys.names import Names
@@ -114,10 +114,10 @@ class BeltKeys(PhaseKeys):
         arms = 0.5 * r1, 0.5 * s * r2
         return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
 
-    def play(self, joint: Any) -> Play | None:
+    def play(self, joint: Any) -> ClearanceSpec | None:
         """Strands that give way, or slip."""
         soft = self.stiffness or self._held() is not None
-        return Play(radial=0.0, restitution=0.0) if soft else None
+        return ClearanceSpec(radial=0.0, restitution=0.0) if soft else None
 
     def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
         """At the angle of many at which it fits; strands that give way remember the turns."""

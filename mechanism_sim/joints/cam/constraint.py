@@ -61,8 +61,8 @@ class CamPair(PlacedCam):
 
     def draw(self, draft: Draft) -> None:
         """A cam, and what touches it of its follower."""
-        draft.add('cam', self.first, *cam_outlines(self))
-        outline = follower_outline(self, draft.turned(self.second), draft.symbol)
+        draft.add('cam', self.first, *_cam_outlines(self))
+        outline = _follower_outline(self, draft.turned(self.second), draft.symbol)
         draft.add('cam', self.second, outline)
         draft.reach((self.second, self.on_second))
 
@@ -70,7 +70,7 @@ class CamPair(PlacedCam):
         """Of its edges."""
         return [
             (self.first, (float(x), float(y)))
-            for edge in cam_outlines(self)
+            for edge in _cam_outlines(self)
             for x, y in edge[:: len(edge) // 12 or 1]
         ]
 
@@ -223,7 +223,7 @@ def _alone(x: Jet, name: str) -> Jet:
     return Jet(dense(x.value), {name: hy.expression(1.0)}, None, None)
 
 
-def cam_outlines(joint: PlacedCam) -> list[Array]:
+def _cam_outlines(joint: PlacedCam) -> list[Array]:
     """The cam (k, 2) [m], from its edge inwards: a groove has a rim and two walls.
 
     A cam that slides is a bar from its base line on; a groove in it is what lies between bars.
@@ -245,7 +245,7 @@ def _bar(edge: Array, back: float) -> Array:
     return np.column_stack([edge, (back, edge[1, -1]), (back, edge[1, 0])])
 
 
-def follower_outline(joint: PlacedCam, angle: float, symbol: float) -> Array:
+def _follower_outline(joint: PlacedCam, angle: float, symbol: float) -> Array:
     """Roller, edge or face, on the follower's link, (k, 2) [m].
 
     Parameters

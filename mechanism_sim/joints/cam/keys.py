@@ -36,7 +36,7 @@ from mechanism_sim.joints.cam.laws import (
 from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.joints.cam.sheet import CamParts
-from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import PhaseKeys
 from mechanism_sim.keys.names import Names
@@ -333,7 +333,7 @@ class CamKeys(PhaseKeys):
                 raise
             raise InputError(f'{reader.where}: {error}') from error
 
-    def play(self, joint: Any) -> Play | None:
+    def play(self, joint: Any) -> ClearanceSpec | None:
         """The play of a cam that its follower may leave, or of a groove with clearance."""
         off, groove = self.lift_off, self.groove
         if off:
@@ -365,7 +365,7 @@ class CamKeys(PhaseKeys):
                 "--lift-off' gives the speed)"
             )
         pressure = math.degrees(cam.largest_pressure_angle)
-        limit = LARGEST_PRESSURE[joint.distance.swings]
+        limit = _LARGEST_PRESSURE[joint.distance.swings]
         note = f'{name}: pressure angle up to {pressure:.4g} deg'
         notes.append(note + (f', more than the usual {limit:g} deg' if pressure > limit else ''))
         if isinstance(cam.law, Eccentric | Raised):
@@ -385,7 +385,7 @@ class CamKeys(PhaseKeys):
             notes += [f'{name}: {flaw}' for flaw in (*find_flaws(cam), *find_cut_away(cam))]
         return notes
 
-    def doubts(self, machine: Any, joint: CamPair) -> list[str]:
+    def plausibility_warnings(self, machine: Any, joint: CamPair) -> list[str]:
         """Accelerations that measured points do not determine."""
         told = _peaks(machine, joint)
         return [told[0]] if told and not told[1] else []
@@ -412,7 +412,7 @@ _UNITS = ('rad', 'm')
 _RIGHT: dict[Any, Cam] = {}
 _MOST = 32  # profiles that are known
 #: pressure angles [deg] above these are usually avoided
-LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
+_LARGEST_PRESSURE = {False: 30.0, True: 45.0}  # for followers that slide, that swing
 
 
 class _CamReader:
@@ -426,8 +426,8 @@ class _CamReader:
         """The joint."""
         joint, (link, at) = self.joint, cam
         self._check_keys()
-        carrier = find_guide(self.names, self.where, *cam, 'cam')
-        guide = find_guide(self.names, self.where, *follower, 'follower')
+        carrier = _find_guide(self.names, self.where, *cam, 'cam')
+        guide = _find_guide(self.names, self.where, *follower, 'follower')
         self._check_guide(guide)
         self._slides, phase = not carrier.swings, joint.phase
         if self._slides:
@@ -741,7 +741,7 @@ class Guide(NamedTuple):
     angle: float = 0.0  #: [rad] of its frame if it slides
 
 
-def find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
+def _find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
     """How a point `at` [m] of a link is carried by the ground.
 
     Parameters

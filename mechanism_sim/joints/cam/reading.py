@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.joints.cam.distance import PlacedCam
 from mechanism_sim.joints.cam.touch import CamTouch, FramePassage
-from mechanism_sim.planar.view import Course, PairView, Told
+from mechanism_sim.planar.view import PairView, Told, Trajectory
 
 
 class CamMode(IntEnum):
@@ -102,21 +102,21 @@ def _touching(
     return x0 + c * x - s * y, y0 + s * x + c * y, touch.rate * rate, touch.sliding * rate
 
 
-def _cam(joint: PlacedCam, view: PairView) -> tuple[Course, Array]:
+def _cam(joint: PlacedCam, view: PairView) -> tuple[Trajectory, Array]:
     """Where the cam is, and the torque or force on it, as its law counts."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
         p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))
         place = p - (x * joint.centre[0] + y * joint.centre[1])
         force = -(x * view.force[0] + y * view.force[1])
-        return Course(place, v, a, np.zeros_like(place)), force
+        return Trajectory(place, v, a, np.zeros_like(place)), force
     turn, sense = view.turning(joint.first, joint.on_first), joint.sense
     place, *rest = (sense * x for x in turn)
     torque = sense * view.moment_on_first(np.array(joint.centre)[:, None])
-    return Course(place + joint.phase, *rest), torque
+    return Trajectory(place + joint.phase, *rest), torque
 
 
-def _follower(joint: PlacedCam, view: PairView, lift: Array) -> Course:
+def _follower(joint: PlacedCam, view: PairView, lift: Array) -> Trajectory:
     """The follower's place, from where it is on the base circle, in the direction of the lift."""
     lowest = joint.distance.lowest
     if joint.distance.swings:
@@ -124,11 +124,11 @@ def _follower(joint: PlacedCam, view: PairView, lift: Array) -> Course:
         place = joint.swing * (turn.position + joint.arm_angle - joint.direction - math.pi)
         off = np.remainder(place - lowest - lift + math.pi, 2.0 * math.pi) - math.pi
         rates = joint.swing * turn.velocity, joint.swing * turn.acceleration
-        return Course(lift + off, *rates, np.zeros_like(lift))
+        return Trajectory(lift + off, *rates, np.zeros_like(lift))
     c, s = math.cos(joint.direction), math.sin(joint.direction)
     p, v, a = (c * x + s * y for x, y in view.path(joint.second, joint.on_second))
     place = p - (c * joint.centre[0] + s * joint.centre[1]) - lowest
-    return Course(place, v, a, np.zeros_like(place))
+    return Trajectory(place, v, a, np.zeros_like(place))
 
 
 def _contact(joint: PlacedCam, view: PairView) -> tuple[Array, NDArray[np.uint8]]:

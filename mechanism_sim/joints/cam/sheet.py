@@ -26,7 +26,7 @@ from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure,
 from mechanism_sim.tables import Table
 
 #: for which a base radius is proposed [rad]
-PRESSURE_ANGLE = math.radians(30.0)
+_PRESSURE_ANGLE = math.radians(30.0)
 _BESIDE = 1e-11  # of the largest value: beside a break, what is less is 0
 
 
@@ -50,7 +50,7 @@ class CamParts(JointParts):
         rises = isinstance(cam.follower, Translating | Oscillating)
         if rises and not law.reciprocating and not given:
             try:
-                radius = cam.smallest_base_radius(PRESSURE_ANGLE)
+                radius = cam.smallest_base_radius(_PRESSURE_ANGLE)
                 figures.append(PartFigure('base_radius_for_30_deg', radius, 'm'))
             except InputError as told:
                 remarks.append(f'{told}')

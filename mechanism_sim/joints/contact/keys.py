@@ -6,7 +6,7 @@ from typing import Any
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact.constraint import DiscGap, DiscPair
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec
 from mechanism_sim.joints.joint_keys import KINDS, Reference, TouchingKeys
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Length
@@ -53,7 +53,7 @@ class ContactKeys(TouchingKeys):
             f'{two:g} m'
         )
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """Their distance."""
         return [
             DiscGap(joint, mechanism, play.restitution, play.friction, play.hypothesis, play.law())

@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from mechanism_sim.errors import InputError
 from mechanism_sim.joints.bevel.keys import Teeth
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec
 from mechanism_sim.joints.freewheel.constraint import Freewheel, Overrun
 from mechanism_sim.joints.joint_keys import KINDS, Reference, TouchingKeys
 from mechanism_sim.joints.transmission.keys import PhaseKeys, guides_of
@@ -42,9 +42,9 @@ class OneWayKeys(PhaseKeys):
             teeth=teeth or 0,
         )  # fmt: skip
 
-    def touches(self, _: str) -> Play:
+    def touches(self, _: str) -> ClearanceSpec:
         """It closes without impact."""
-        return Play(radial=0.0, restitution=0.0)
+        return ClearanceSpec(radial=0.0, restitution=0.0)
 
     def describe(self, joint: Any) -> str:
         """Its effect, in words."""
@@ -52,7 +52,7 @@ class OneWayKeys(PhaseKeys):
         kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
         return f'{kind}: {joint.first} takes {joint.second} along {way}'
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The one that holds."""
         side: Side = 'right' if joint.sense > 0.0 else 'left'
         closure, law = joint.closure(mechanism), play.law()

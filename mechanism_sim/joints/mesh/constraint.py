@@ -294,6 +294,12 @@ class GearMesh(PlacedMesh):
         return Coupling(self, self.carrier, (first, second), (None, rack), true)
 
     @property
+    def pitches(self) -> Mapping[str, float]:
+        """Of the teeth of a rack."""
+        members = zip((self.first, self.second), self.waves, strict=True)
+        return {link: 2.0 * math.pi / abs(wave) for link, wave in members if self.is_rack(link)}
+
+    @property
     def elastic(self) -> bool:
         """True if its teeth give way."""
         return self.elasticity is not None

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import Contact, Friction, Play, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, play_of
 from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints, Reference
 from mechanism_sim.joints.mesh.compliance import Elasticity, middle, touching
 from mechanism_sim.joints.mesh.constraint import GearMesh
@@ -142,10 +142,10 @@ class MeshKeys(JointKeys):
             hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
         )  # fmt: skip
 
-    def play(self, joint: GearMesh) -> Play | None:
+    def play(self, joint: GearMesh) -> ClearanceSpec | None:
         """Its backlash; elastic teeth are loose even without one."""
         if joint.elastic:
-            return Play(radial=joint.play, restitution=0.0)
+            return ClearanceSpec(radial=joint.play, restitution=0.0)
         return play_of(self.backlash, joint.play) if self.backlash else None
 
     @classmethod

@@ -23,7 +23,7 @@ from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure,
 from mechanism_sim.planar.points import Vector2
 
 #: teeth of a rack that is drawn by itself
-RACK_TEETH = 10
+_RACK_TEETH = 10
 #: points of a flank, and within an arc at a tip or root: for a module of 2 mm to 0.03 um
 FLANK, ARC = 160, 32
 
@@ -74,7 +74,7 @@ class MeshParts(JointParts):
             if not wheel.part.rack:
                 figures += _gear_figures(wheel.name, wheel.gear)
             if wheel.name == gear and wheel.part.rack:
-                outline = rack_outline(RACK_TEETH, wheel.module, wheel.system)
+                outline = rack_outline(_RACK_TEETH, wheel.module, wheel.system)
             elif wheel.name == gear:
                 outline = gear_outline(wheel.gear)
         title = f'{self.machine.name}: {first.name} and {second.name} in mesh'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from mechanism_sim.joints.contact_keys import OF_PINS, Clearance, Friction, Play
+from mechanism_sim.joints.contact_keys import OF_PINS, Clearance, ClearanceSpec, Friction
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
 from mechanism_sim.joints.prismatic.contact import corners
 from mechanism_sim.joints.stops import StopKeys
@@ -53,7 +53,7 @@ class PrismaticKeys(AxisKeys):
         (a, on_a), (b, on_b) = names.ends(name)
         return Prismatic(name, a, b, on_a, on_b, self.axis, self.angle)
 
-    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The four corners of the block."""
         if not isinstance(play, Clearance):  # as a guide has
             return (), ()

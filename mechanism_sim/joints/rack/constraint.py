@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,6 +36,11 @@ class SlottedRack(IndexingPair):
     axis: float  #: [rad] direction of the rack in the world
     centre: Vector2  #: [m] of the crank, in the world
     side: Literal[1, -1]  #: of that line on which the rack is: 1 on its right, -1 on its left
+
+    @property
+    def pitches(self) -> Mapping[str, float]:
+        """Of its slots."""
+        return {self.second: self.pitch}
 
     def reading(self, view: PairView) -> GenevaReading:
         """The pin moves the rack on its side of the crank's centre."""

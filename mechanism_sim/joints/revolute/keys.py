@@ -16,9 +16,9 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.contact_keys import (
     AxialPlay,
     Clearance,
+    ClearanceSpec,
     Friction,
     Misalignment,
-    Play,
 )
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, Place, Reference
 from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
@@ -95,7 +95,7 @@ class RevoluteKeys(StopKeys):
             film = 'has wear with width: with a film it is contact.width; leave it out'
             return film if given.film else "has wear without 'width', that of the bearing"
         try:
-            if given.reach > 0.0 and (shape := worn_of(given)):
+            if given.reach > 0.0 and (shape := _worn_of(given)):
                 _film_profile(given, shape)
         except ValueError as error:
             return str(error)
@@ -112,7 +112,7 @@ class RevoluteKeys(StopKeys):
             )
         return ''
 
-    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The bushing, or both its ends, an oil film, stops along the axis."""
         gaps: list[Gap] = []
         films: list[ForceElement] = []
@@ -126,7 +126,7 @@ class RevoluteKeys(StopKeys):
                 name, mechanism, play.reach, play.restitution, play.friction, play.hypothesis,
                 play.journal, play.law(0.5 if leans else 1.0),
             )  # fmt: skip
-            if isinstance(play, Clearance) and (shape := worn_of(play)):
+            if isinstance(play, Clearance) and (shape := _worn_of(play)):
                 known = {field.name: getattr(gap, field.name) for field in fields(gap)}
                 gap = WornBearing(**known, shape=shape)
                 if film and (profile := _film_profile(play, shape)):
@@ -136,7 +136,9 @@ class RevoluteKeys(StopKeys):
             gaps += _stops(mechanism, name, play, play.axial)
         return gaps, films
 
-    def seat(self, play: Play, joint: Any, m: Mechanism, force: Array, place: Place) -> Array:
+    def seat(
+        self, play: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
+    ) -> Array:
         """From the bushing's centre to the pin's; if worn or out of line, it turns with them."""
         leans = leaning(m, joint.name, play)
         axes = (leans.pin, leans.bushing) if leans else ()
@@ -147,7 +149,7 @@ class RevoluteKeys(StopKeys):
             return centred
         room, turns = float(np.hypot(*centred)), [m.angle(link, place) for link in joint.links]
         push = centred / room
-        if isinstance(play, Clearance) and (shape := worn_of(play)):
+        if isinstance(play, Clearance) and (shape := _worn_of(play)):
             return shape.seat(push, turns) + (room - play.radial) * push  # of a soft contact
         ends = [np.array(rotate(*turned)) for turned in zip(axes, turns, strict=False)]
         off = 0.5 * leans.length * (ends[0] - ends[1]) if leans else np.zeros(2)
@@ -165,7 +167,7 @@ class RevoluteKeys(StopKeys):
                 f'{joint.name}: stops along the axis, play {play.axial.play:g} m to either, '
                 f'{f"faces of radius {faces:g} m" if faces else "without moments"}'
             ]
-        if play.profile and (shape := worn_of(play)):
+        if play.profile and (shape := _worn_of(play)):
             worn = zip(('bushing', 'pin'), play.profile.depths(LOOKS), strict=True)
             deep = ', '.join(f'{x} worn up to {d.max():.4g} m' for x, d in worn if d.any())
             found.append(
@@ -193,7 +195,7 @@ class RevoluteKeys(StopKeys):
         ]
 
 
-def worn_of(given: Clearance) -> WornShape | None:
+def _worn_of(given: Clearance) -> WornShape | None:
     """The shape of a bearing with a profile.
 
     Raises
@@ -233,7 +235,7 @@ def _inclinations(clearance: Clearance) -> tuple[Vector2, Vector2]:
     return pin, bushing
 
 
-def _oil_film(clearance: Play) -> ShortBearing | None:
+def _oil_film(clearance: ClearanceSpec) -> ShortBearing | None:
     """The film of a lubricated bearing; ``None`` for a dry one."""
     contact = clearance.contact
     if contact is None or contact.law != 'film':
@@ -254,7 +256,7 @@ class Leaning(NamedTuple):
     along: float  #: [m]
 
 
-def leaning(mechanism: Mechanism, joint: str, clearance: Play) -> Leaning | None:
+def leaning(mechanism: Mechanism, joint: str, clearance: ClearanceSpec) -> Leaning | None:
     """How the axes of a bearing lean against each other; None if its ends do not differ.
 
     Within a hundred thousandth of the clearance at its ends they count as in line.

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from mechanism_sim.errors import InputError, check_known
-from mechanism_sim.joints.contact_keys import Play
+from mechanism_sim.joints.contact_keys import ClearanceSpec
 from mechanism_sim.joints.joint_keys import KINDS, Joints, TouchingKeys
 from mechanism_sim.joints.rope.constraint import Drum, Pulley, Rope, Slack
 from mechanism_sim.keys.names import Names
@@ -89,7 +89,7 @@ class RopeKeys(TouchingKeys):
         over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 
-    def bounds(self, play: Play, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The slack that it has left."""
         closure, law = joint.closure(mechanism), play.law()
         return [Slack(closure, 'left', 0.0, play.restitution, 0.0, play.hypothesis, law)]

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Annotated, Any
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import Play, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, play_of
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
 from mechanism_sim.joints.mesh.keys import BacklashPart
 from mechanism_sim.joints.transmission.constraint import LooseTransmission, Transmission
@@ -107,11 +107,11 @@ class TransmissionKeys(CarrierKeys):
             raise InputError(f'{where}.backlash.friction has no meaning: the stops do not slide')
         return 0.5 * float(play)
 
-    def play(self, joint: Any) -> Play | None:
+    def play(self, joint: Any) -> ClearanceSpec | None:
         """Its backlash."""
         return play_of(self.backlash, joint.play) if self.backlash else None
 
-    def contacts(self, play: Play, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The stops."""
         closure = joint.closure(mechanism)
         return walls(

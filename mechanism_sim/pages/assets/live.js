@@ -20,6 +20,7 @@ const sliders = new Sliders(by('sliders'), (path, value) => ask({ type: 'set', p
 const heard = { stage: begin, frames, state: tell, waiting, message: refused };
 const ask = connected('/live', heard, () => {
   if (shown) say('The view has ended; this page tries to reconnect.');
+  else waiting({ ended: true });
 });
 
 start();
@@ -41,13 +42,15 @@ function start() {
   requestAnimationFrame(tick);
 }
 
-function waiting({ starting }) {
+function waiting({ starting, ended }) {
   if (shown) say('The run has ended.');
   by('starting').hidden = !starting;
-  by('none').hidden = starting;
+  by('none').hidden = starting || ended;
+  by('ended').hidden = !ended;
   shown = null;
   document.body.dataset.shown = 'waiting';
-  by('title').textContent = starting ? 'The machine is being started' : 'No machine is running';
+  const title = starting ? 'The machine is being started' : 'No machine is running';
+  by('title').textContent = ended ? 'The view has ended' : title;
   html.dataset.time = '';
 }
 
@@ -64,6 +67,7 @@ function begin({ stage, controls }) {
   by('arrows').hidden = !stage.joints.length;
   by('bearing').replaceChildren(...loose.map((joint) => new Option(words(joint), joint)));
   shown = { data: stage, stage: new Stage(by('stage'), stage), stream: new Stream(stage) };
+  html.dataset.time = ''; // nothing stands anywhere yet
   if (before?.data.scene === stage.scene) shown.stage.look(before.stage.box);
   layers();
   choose(loose.includes(before?.joint) ? before.joint : loose[0]);

@@ -31,6 +31,7 @@ export class Strip {
     this.y = [];
     this.struck = [];
     this.largest = this.usual;
+    this.value.textContent = '';
   }
 
   /** @param {ArrayLike<number>} t [s] @param {ArrayLike<number>} y SI */

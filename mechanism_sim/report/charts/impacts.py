@@ -30,7 +30,7 @@ _SHUT = 1e-9  # [mm], never opened
 STEMS = 1500
 """Impacts that a chart shows one by one: of more, the hardest in each of so many bins of time."""
 
-RAYS = 600
+_RAYS = 600
 """Impacts that a rose shows: of more, the hardest."""
 
 
@@ -107,7 +107,7 @@ def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
     part, link = ('pin', rose.pin) if on_pin else ('bushing', rose.bushing)
     degrees = np.degrees(rose.on_pin if on_pin else rose.on_bushing)
     impulse = 1e3 * rose.normal_impulse
-    chosen = np.argsort(-impulse, kind='stable')[:RAYS]
+    chosen = np.argsort(-impulse, kind='stable')[:_RAYS]
     y = rose.largest
     curves = (
         ChartCurve(
@@ -129,7 +129,7 @@ def _labels(size: Array, direction: Array) -> list[str]:
     place = size * np.exp(1j * direction)
     groups: list[list[int]] = []
     for i, here in enumerate(place):
-        near = [g for g in groups if abs(here - place[g[0]]) <= 0.22 * size.max()]
+        near = [g for g in groups if _overlap(here - place[g[0]], size.max())]
         if near:
             near[0].append(i)
         else:
@@ -139,11 +139,17 @@ def _labels(size: Array, direction: Array) -> list[str]:
         begins = [i for i in group if i - 1 not in group]
         ends = [i for i in group if i + 1 not in group]
         spans = (
-            _rank(a) if a == b else f'{_rank(a)} to {_rank(b)}'
+            f'{_rank(a)} to {_rank(b)}' if b > a + 1 else ', '.join(map(_rank, range(a, b + 1)))
             for a, b in zip(begins, ends, strict=True)
         )
         found[group[0]] = ', '.join(spans)
     return found
+
+
+def _overlap(apart: complex, largest: float) -> bool:
+    """True of labels that lie on one another, so far apart: they are wide and low."""
+    low = abs(apart.real) <= 0.7 * largest and abs(apart.imag) <= 0.1 * largest
+    return low or abs(apart) <= 0.22 * largest
 
 
 def _rank(i: int) -> str:

@@ -65,7 +65,7 @@ def _row(derivative: int, i: int) -> Callable[[View], Array]:
     return lambda view: view.position[i]
 
 
-def named_points(machine: Machine) -> dict[str, LinkPoint]:
+def _named_points(machine: Machine) -> dict[str, LinkPoint]:
     """The points that have a name, ``LINK.POINT``; of moving links the ``cog`` too."""
     cogs = {f'{b.name}.cog': (b.name, b.cog) for b in machine.mechanism.bodies}
     return cogs | {
@@ -77,7 +77,7 @@ def named_points(machine: Machine) -> dict[str, LinkPoint]:
 
 def choose_points(machine: Machine, names: str | Iterable[str]) -> dict[str, LinkPoint]:
     """The points of these names, in this order."""
-    known, names = named_points(machine), listed(names)
+    known, names = _named_points(machine), listed(names)
     for name in names:
         wrong = f"{machine.name} has no point '{name}'"
         check_known(name, known, wrong, 'a point is LINK.POINT:')
@@ -86,7 +86,7 @@ def choose_points(machine: Machine, names: str | Iterable[str]) -> dict[str, Lin
 
 def of_points(machine: Machine) -> Iterator[Quantity]:
     """``position.LINK.POINT.x`` and so on of all named points, in the world."""
-    for name, place in named_points(machine).items():
+    for name, place in _named_points(machine).items():
         yield from _rates(name, name, _track(machine.mechanism, place), Shown.ASKED)
 
 

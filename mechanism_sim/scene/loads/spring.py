@@ -50,7 +50,7 @@ def _or_table(*units: str) -> UnitValue:
 
 Stiffness = Annotated[QuantityValue | str, _or_table('N/m', 'N m/rad')]
 Damping = Annotated[QuantityValue | str, _or_table('N s/m', 'N m s/rad')]
-Preload = Annotated[QuantityValue, si_of('N', 'N m')]
+_Preload = Annotated[QuantityValue, si_of('N', 'N m')]
 
 _NONE = SpringLaw()
 Placing = Callable[[Mechanism], Elongation]
@@ -88,7 +88,7 @@ class SpringPart(ElementKeys):
     """Length without force; 0 if not given."""
     free_angle: Angle | None = None
     """Angle of a torsion spring without torque; 0 if not given."""
-    preload: Preload = QuantityValue(0.0, '')
+    preload: _Preload = QuantityValue(0.0, '')
     """Force or torque at its free length or angle, positive if it pulls."""
     gas: GasPart | None = None
     """A gas spring, in compression."""

@@ -48,17 +48,17 @@ def _any(value: Any) -> QuantityValue:
         return to_si_text(value)
 
 
-AnyQuantity = Annotated[QuantityValue, UnitValue(_any, ('Pa', 'A', ''), 'any other unit')]
+_AnyQuantity = Annotated[QuantityValue, UnitValue(_any, ('Pa', 'A', ''), 'any other unit')]
 
 
 class StatePart(ElementKeys):
     """A variable with a rate: a pressure, a current, an integral."""
 
-    start: AnyQuantity = QuantityValue(0.0, '')
+    start: _AnyQuantity = QuantityValue(0.0, '')
     """At t = 0, as 20 bar. Its unit is that of the state, also in formulas with units."""
     rate: str
     """A formula of its rate, as "(20 bar - p)/2 s"; of t, links, LINK_rate and states."""
-    scale: AnyQuantity | None = None
+    scale: _AnyQuantity | None = None
     """Scale to which its errors are relative; else the start, at least 1 bar of a
     pressure and 1 in SI units of anything else."""
 

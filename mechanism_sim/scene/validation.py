@@ -1,4 +1,4 @@
-"""The gate of all commands and nodes: what `check` refuses none runs, what it accepts all run.
+"""Validation for all commands and nodes: what `check` refuses none runs, what it accepts all run.
 
 Whether a machine can go the way that its drives prescribe is a matter of geometry: the cost does
 not depend on how long the run is, nor on how slow the drive.
@@ -55,7 +55,7 @@ Way = tuple[float, float]
 """Least and greatest value of a coordinate [rad, m]."""
 
 
-def admit(machine: Machine, duration: float | None = None) -> Machine:
+def validate(machine: Machine, duration: float | None = None) -> Machine:
     """The machine, if it can start where it should and go its way for so long [s].
 
     That it can for a turn, or for as long as its scene says, was found when it was built.
@@ -72,7 +72,7 @@ def admit(machine: Machine, duration: float | None = None) -> Machine:
                 f'something could move without moving any mass{which}: give it more'
             ) from error
         if duration is not None:
-            check_way(machine, duration)
+            _check_way(machine, duration)
     return machine
 
 
@@ -86,16 +86,16 @@ def check_scenes_way(machine: Machine) -> None:
         machine.drive.period if _turns_steadily(machine) else math.inf
     )
     if duration < math.inf and not between_limits(machine):
-        check_way(machine, duration)
+        _check_way(machine, duration)
 
 
-def admit_turning(machine: Machine, duration: float) -> None:
+def validate_turning(machine: Machine, duration: float) -> None:
     """Refuse a run of a drive that cannot turn round beyond its limits, which are both told."""
     if _turns_steadily(machine) and between_limits(machine):
-        admit(machine, duration)
+        validate(machine, duration)
 
 
-def admit_loose(machine: Machine, what: str) -> None:
+def validate_loose(machine: Machine, what: str) -> None:
     """Refuse a machine without clearance, or whose main drive does not turn steadily.
 
     Parameters
@@ -125,7 +125,7 @@ def between_limits(machine: Machine) -> DriveRange | None:
         return None
     if _turns_steadily(machine):
         try:
-            check_way(machine, drive.period)
+            _check_way(machine, drive.period)
         except InputError:
             pass
         else:
@@ -151,7 +151,7 @@ def limits_text(machine: Machine) -> str:
     return f'{main} moves from {low} to {high}'
 
 
-def check_way(machine: Machine, duration: float) -> None:
+def _check_way(machine: Machine, duration: float) -> None:
     """Refuse prescribed drives that the machine without clearance cannot follow for so long.
 
     The way of one drive is tried once from the start to either end, a turn of it at most where
@@ -165,14 +165,14 @@ def check_way(machine: Machine, duration: float) -> None:
 
 
 def _try_way(machine: Machine, duration: float) -> None:
-    """Refuse what cannot be followed, see `check_way`; ends of ways are entered as they are tried.
+    """Refuse what cannot be followed, see `_check_way`; ends of ways are entered when tried.
 
     Raises
     ------
     InputError
     """
     tried = machine.drive.ways_tried
-    check_stops(machine, duration)
+    _check_stops(machine, duration)
     if machine.torque_driven:
         if machine.plan.prescribed:
             _try_loops(machine, duration)
@@ -300,7 +300,7 @@ def _advance(run: NominalRun, duration: float) -> None:
         ) from error
 
 
-def check_stops(machine: Machine, duration: float) -> None:
+def _check_stops(machine: Machine, duration: float) -> None:
     """Refuse drives that take links beyond stops, or into each other, whatever forces do.
 
     That is so where closed loops say all of the motion, but for some play, or a stop is between

@@ -12,12 +12,12 @@ import pytest
 from middleware_network import eventually
 from running import FOLLOW, TIMEOUT, environment
 
-from mechanism_sim import ending
+from mechanism_sim import process_exit
 
 PROGRAM = """
 import atexit, hashlib, os, sys, time
-from mechanism_sim import ending
-ending.begin()
+from mechanism_sim import process_exit
+process_exit.begin()
 
 def ready():
     print('ready', flush=True)
@@ -27,7 +27,7 @@ def wait():
     time.sleep(300)
 
 def held():
-    with ending.signals_held():
+    with process_exit.signals_held():
         ready()
         end = time.monotonic() + 0.1
         while time.monotonic() < end:
@@ -40,10 +40,10 @@ class Finalised:
         wait()
 
 try:
-    with ending.working():
+    with process_exit.working():
         {body}
 except KeyboardInterrupt:
-    sys.exit(ending.report_signal())
+    sys.exit(process_exit.report_signal())
 """
 
 MOMENTS = {
@@ -76,7 +76,7 @@ except KeyboardInterrupt:
 def test_a_signal_ends_a_program_with_one_sentence(tmp_path, moment):
     (tmp_path / 'odd.py').write_text(ODD, encoding='utf-8')
     text = PROGRAM.format(body=MOMENTS[moment])
-    for number in ending.SIGNALS:
+    for number in process_exit.SIGNALS:
         with subprocess.Popen(
             [sys.executable, '-c', FOLLOW + text, str(tmp_path)],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -102,7 +102,8 @@ def test_a_program_under_nohup_outlives_its_terminal():
 def test_a_signal_says_what_is_kept_of_work(work):
     """As of a search that compiles, where Python raises no KeyboardInterrupt for a while."""
     text = PROGRAM.format(
-        body=f"ending.say_when_interrupted(lambda: 'interrupted after 2 runs, \\udcff'); {work}"
+        body="process_exit.say_when_interrupted(lambda: 'interrupted after 2 runs, \\udcff'); "
+        + work
     )
     with subprocess.Popen(
         [sys.executable, '-c', FOLLOW + text],
@@ -183,7 +184,7 @@ def test_a_program_that_runs_a_command_goes_on(how):
 
 
 def test_a_program_whose_parent_is_gone_before_it_looks_ends_without_a_word():
-    env = {**os.environ, ending.PARENT: str(os.getppid())}  # not who starts it
+    env = {**os.environ, process_exit.PARENT: str(os.getppid())}  # not who starts it
     done = subprocess.run(
         [sys.executable, '-c', PROGRAM.format(body='time.sleep(300)')],
         env=env, capture_output=True, text=True, timeout=TIMEOUT, check=False,
@@ -195,13 +196,13 @@ def test_a_signal_that_somebody_else_handles_ends_nothing():
     """A timer's of the processor ended the process that it was to interrupt."""
     text = """
 import os, select, signal
-from mechanism_sim import ending
-ending._patience = 0.0
-ending.begin()
+from mechanism_sim import process_exit
+process_exit._patience = 0.0
+process_exit.begin()
 signal.signal(signal.SIGUSR1, lambda *_: None)
 for _ in range(3):  # the next is taken out only if the one before was passed over
     os.kill(os.getpid(), signal.SIGUSR1)
-    while select.select([ending.signals()], [], [], 0.0)[0]:
+    while select.select([process_exit.signals()], [], [], 0.0)[0]:
         pass
 print('goes on')
 """
@@ -222,8 +223,8 @@ def runs(pid: int) -> bool:
 
 def test_a_worker_ends_with_the_process_that_was_killed():
     text = (
-        FOLLOW + 'import os, time\nfrom mechanism_sim import ending\n'
-        'with ending.workers(1) as pool:\n'
+        FOLLOW + 'import os, time\nfrom mechanism_sim import process_exit\n'
+        'with process_exit.workers(1) as pool:\n'
         '    print(pool.submit(os.getpid).result(), flush=True)\n'
         '    time.sleep(300)\n'
     )

@@ -63,7 +63,7 @@ def _apart(rows: Sequence[R], own: Collection[str]) -> list[list[R]]:
     return list(groups.values())
 
 
-class FigureTally:
+class FigureAccumulator:
     """Figures of what is known at every instant of one window."""
 
     def __init__(

@@ -32,7 +32,7 @@ PARENT = 'MECHANISM_SIM_PARENT'
 """In the environment: id of the parent process, with which it ends and which speaks for it."""
 
 LOOK = 0.1  # [s] between looks at the parent
-GRACE = 0.6  # [s] to end in good order without it
+_GRACE = 0.6  # [s] to end in good order without it
 PATIENCE = 0.4  # [s] for the main thread to take in a signal
 RETRY = 0.01  # [s] until an interrupt that came at a bad moment is tried again
 
@@ -75,7 +75,7 @@ def follow(parent: int) -> None:
         while os.getppid() == parent:
             time.sleep(LOOK)
         os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(GRACE)
+        time.sleep(_GRACE)
         quit_now()
 
     signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])

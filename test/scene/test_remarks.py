@@ -11,14 +11,19 @@ from running import one_of
 import mechanism_sim as ms
 from mechanism_sim.scene.check import check, render
 from mechanism_sim.scene.files import find_scene, overridden, read_yaml
-from mechanism_sim.scene.remarks import angle_questions, doubts, length_questions, unused
+from mechanism_sim.scene.remarks import (
+    angle_questions,
+    length_questions,
+    plausibility_warnings,
+    unused,
+)
 
 FOUR_BAR = 'four_bar_clearance'
 
 
 @pytest.mark.parametrize('name', one_of(12, ms.scene_names()))
 def test_no_scene_of_the_package_is_questioned(name):
-    assert doubts(ms.load_scene(name)) == []
+    assert plausibility_warnings(ms.load_scene(name)) == []
 
 
 @pytest.mark.parametrize(
@@ -33,23 +38,29 @@ def test_no_scene_of_the_package_is_questioned(name):
 )
 def test_what_is_a_thousand_times_off_is_questioned(override, said):
     machine = ms.load_scene(FOUR_BAR, override)
-    assert any(said in doubt and doubt.endswith('is the unit right?') for doubt in doubts(machine))
+    assert any(
+        said in warning and warning.endswith('is the unit right?')
+        for warning in plausibility_warnings(machine)
+    )
 
 
 def test_an_oil_as_thick_as_honey_is_questioned():
     film = {'law': 'film', 'viscosity': 40, 'width': '10 mm', 'radius': '6 mm'}
     path = 'joints.coupler_rocker.clearance.contact'
-    (doubt,) = doubts(ms.load_scene(FOUR_BAR, {path: film, 'start': 'centred'}))
-    assert doubt.startswith(f'{path}.viscosity = 40 Pa s is that of honey')
-    assert doubts(ms.load_scene(FOUR_BAR, {path: film | {'viscosity': '40 mPa s'}})) == []
+    (warning,) = plausibility_warnings(ms.load_scene(FOUR_BAR, {path: film, 'start': 'centred'}))
+    assert warning.startswith(f'{path}.viscosity = 40 Pa s is that of honey')
+    assert (
+        plausibility_warnings(ms.load_scene(FOUR_BAR, {path: film | {'viscosity': '40 mPa s'}}))
+        == []
+    )
 
 
 def test_a_play_of_teeth_is_named_by_its_own_key():
     machine = ms.load_scene('gear_rattle')
     (joint,) = machine.plan.clearances
     tiny = ms.load_scene(machine, {f'joints.{joint}.backlash.width': '1e-9 m'})
-    (doubt,) = doubts(tiny)
-    assert doubt.startswith(f'joints.{joint}.backlash makes a play of')
+    (warning,) = plausibility_warnings(tiny)
+    assert warning.startswith(f'joints.{joint}.backlash makes a play of')
 
 
 @pytest.mark.parametrize('name', one_of(12, ms.scene_names()))
@@ -93,7 +104,9 @@ def test_a_length_in_another_unit_than_the_others_is_questioned(tmp_path):
     path.write_text(json.dumps(scene))
     said = 'links.crank.length = 64 m: the lengths in other units are about 288 mm: is the unit'
     machine = ms.load_scene(str(path))
-    assert [doubt for doubt in doubts(machine) if 'other units' in doubt] == [f'{said} right?']
+    assert [warning for warning in plausibility_warnings(machine) if 'other units' in warning] == [
+        f'{said} right?'
+    ]
     for length in ('64 mm', '6.4 cm', '64000 mm', '0.064', 0.064):
         assert not ms.load_scene(str(path), {'links.crank.length': length}).questions
 
@@ -157,7 +170,7 @@ RUN_UP = {'points': [['0 s', '60 rpm'], ['1 s', '90 rpm']]}
 )  # fmt: skip
 def test_a_table_over_an_angle_that_turns_on_comes_again(override, said):
     machine = ms.load_scene(made(PRESS), override)
-    found = [doubt for doubt in doubts(machine) if 'punch' in doubt]
+    found = [warning for warning in plausibility_warnings(machine) if 'punch' in warning]
     assert len(found) == bool(said)
     assert said in ''.join(found)
 
@@ -166,7 +179,7 @@ def test_a_link_that_gears_turn_is_one_that_turns_on():
     table = {'points': [['0 deg', '0 N m'], ['350 deg', '3 N m']]}
     loads = {'drag': {'at': 'wheel', 'torque': 'drag(wheel)'}}
     machine = ms.load_scene('gear_pair', {'tables.drag': table, 'loads': loads})
-    assert any('but wheel turns on' in doubt for doubt in doubts(machine))
+    assert any('but wheel turns on' in warning for warning in plausibility_warnings(machine))
 
 
 def test_questions_come_first():
@@ -257,7 +270,9 @@ def test_a_sensor_across_its_guide_is_asked_about(axis, asks):
         'sensors': {'head': {'link': 'piston', 'axis': axis, 'sample_rate': '1 kHz'}},
     })  # fmt: skip
     said = [
-        doubt for doubt in doubts(upright) if doubt.startswith('sensors.head.axis: the piston')
+        warning
+        for warning in plausibility_warnings(upright)
+        if warning.startswith('sensors.head.axis: the piston')
     ]
     assert len(said) == asks
     samples = ms.open_run(ms.simulate(upright, revolutions=1)).signal('head').longest

@@ -1,4 +1,4 @@
-"""One gate: what `check` refuses no command runs, what it accepts all run."""
+"""One validation: what `check` refuses no command runs, what it accepts all run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.planar.kinematics import Kinematics
 from mechanism_sim.scene import run_length
 from mechanism_sim.scene.check import check, render
-from mechanism_sim.scene.gate import way_of
+from mechanism_sim.scene.validation import way_of
 
 COMMANDS = (
     ['check'], ['solve', '--duration', '0.001'], ['cycle', '--duration', '0.001'], ['draw'],
@@ -136,9 +136,9 @@ def test_the_cost_of_the_gate_does_not_grow_with_the_length_of_the_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     steps: list[int] = []
-    advance = ms.scene.gate.NominalRun.advance
+    advance = ms.scene.validation.NominalRun.advance
     monkeypatch.setattr(
-        'mechanism_sim.scene.gate.NominalRun.advance',
+        'mechanism_sim.scene.validation.NominalRun.advance',
         lambda run, *a, **k: (advance(run, *a, **k), steps.append(run.steps)),
     )
     for speed, duration in (('10 rad/s', '1 s'), ('10 rad/s', '1e6 s'), ('1e-6 rad/s', '1e8 s')):
