@@ -9,6 +9,7 @@ forces and signals need not be recorded.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,7 +26,7 @@ from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.events import Impact, Mode, ModeChange
 from mechanism_sim.engine.plotting import Rich
-from mechanism_sim.errors import InputError, check_known
+from mechanism_sim.errors import InputError, RunWarning, check_known
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, row_names
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
@@ -512,6 +513,7 @@ def pieces(
     kinds = {name: kind for kind in (*_RUN, *others) for name in topics[kind]}
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
+    last = -1, -math.inf
     for topic, message, _ in bag.messages(kinds):
         kind = kinds[topic]
         if kind == 'impacts':
@@ -520,8 +522,18 @@ def pieces(
         elif kind == 'mode_changes':
             modes.append(_mode_change(bag, message))
         elif kind == 'motion':
-            names = tuple(message.coordinates), tuple(message.joints)
-            yield RecordedPiece(*names, motion_of(message), impacts, modes)
+            names, motion = (tuple(message.coordinates), tuple(message.joints)), motion_of(message)
+            begins = message.run, float(motion.curve.start[0]) if len(motion) else math.inf
+            if begins <= last and begins[0] == last[0]:  # who is no part of the run has sent it
+                warnings.warn(
+                    f'{bag.path}: a message of the motion that begins at {instant(begins[1])} s, '
+                    f'after one that begins at {instant(last[1])} s, is left out',
+                    RunWarning,
+                    stacklevel=2,
+                )
+                continue
+            last = begins if len(motion) else last
+            yield RecordedPiece(*names, motion, impacts, modes)
             impacts, modes = [], []
         else:
             others[kind](message)

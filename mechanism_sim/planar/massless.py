@@ -41,15 +41,15 @@ def without_mass(motion: Array, closures: Array) -> Array:
 
 def moving(mechanism: Mechanism, q: Array, direction: Array) -> list[str]:
     """The links that move along a direction (n,)."""
-    found = []
+    found = {}
     for body in mechanism.bodies:
         ends: list[Vector2] = [(0.0, 0.0), body.cog]
         ends += [at for j in mechanism.joints for link, at in j.points if link == body.name]
         motion = [x for at in ends for x in _velocity(mechanism, q, body.name, at)]
         rates = np.array([*np.array(motion) / mechanism.size, _spin(mechanism, body.name)])
-        if np.abs(rates @ direction).max() > _MECHANISM.no_mass * np.abs(direction).max():
-            found.append(body.name)
-    return found
+        found[body.name] = float(np.abs(rates @ direction).max())
+    least = _MECHANISM.no_mass * max(found.values())  # a direction may hold [m] and [rad]
+    return [name for name, rate in found.items() if rate > least]
 
 
 def _velocity(mechanism: Mechanism, q: Array, link: str, at: Vector2) -> Array:

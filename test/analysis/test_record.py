@@ -19,8 +19,9 @@ from mechanism_sim.analysis.record import Record, machine_of, read_record
 from mechanism_sim.analysis.roses import impact_cycles, impact_rose, wear_maps
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.cli import main
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, RunWarning
 from mechanism_sim.messages import events, message_class, serialize
+from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.recording.rosbag2 import Qos
 from mechanism_sim.recording.writer import BagWriter
 from mechanism_sim.scene import scene_names
@@ -319,6 +320,30 @@ def test_a_bag_without_its_scene_or_with_a_hole(tmp_path, rough):
         writer.add(_cut(rough.piece, slice(200, None)))
     with pytest.raises(InputError, match='is missing'):
         read_record(tmp_path / 'hole.mcap')
+
+
+def test_a_message_of_the_motion_that_somebody_sends_again_is_left_out(tmp_path, rough):
+    whole, again = tmp_path / 'whole.mcap', tmp_path / 'again.mcap'
+    with RunBag(whole, rough.machine, rough.end) as writer:
+        for k in range(0, len(rough.piece.motion), 100):
+            writer.add(_cut(rough.piece, slice(k, k + 100)))
+    recorded, motions = read_bag(whole), 0
+    with BagWriter(again) as writer:
+        for topic in recorded.topics.values():
+            writer.add_topic(topic.name, topic.type, topic.qos or Qos())
+        for name, message, time in recorded.raw():
+            writer.write(name, message, time)
+            motions += name == '/motion'
+            if name == '/motion' and motions == 1:
+                first = message
+            if name == '/motion' and motions == 3:
+                writer.write(name, first, time)
+    assert motions > 3
+    with pytest.warns(RunWarning, match='a message of the motion that begins at 0 s, after one'):
+        found = analyze(again)
+    assert found.digest == analyze(whole).digest
+    with pytest.warns(RunWarning, match='is left out'):
+        assert len(read_record(again).piece.motion) == len(rough.piece.motion)
 
 
 def test_the_command_line_says_the_same_in_text_json_and_pictures(bag, tmp_path, capsys):
