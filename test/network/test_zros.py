@@ -483,6 +483,24 @@ def test_messages_of_a_package_are_found_without_importing_it():
     assert done.stdout.split() == ['a', 'False', 'False']
 
 
+def test_the_nearest_type_is_named_though_nobody_has_asked_for_it():
+    types = (
+        'mechanism_sim/msg/Motion', 'std_srvs/srv/Trigger',
+        'simulation_interfaces/msg/SimulationState', 'simulation_interfaces/action/SimulateSteps',
+    )  # fmt: skip
+    code = (
+        'import sys; from ros_interfaces.definitions import field_descriptions\n'
+        'for name in sys.argv[1:]:\n'
+        '    try: field_descriptions(name[:-1])\n'
+        '    except ValueError as error: print(error)\n'
+    )
+    done = subprocess.run([sys.executable, '-c', code, *types], capture_output=True, text=True,
+                          check=True)  # fmt: skip
+    assert done.stdout.splitlines() == [
+        f"the type '{name[:-1]}' is unknown; did you mean '{name}'?" for name in types
+    ]
+
+
 def test_values_are_yaml():
     assert _values('{steps: 3}') == {'steps': 3}
     assert _values('0.5') == 0.5
