@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import yaml
@@ -59,6 +60,8 @@ PUBLIC = {name: package for package, names in _NAMES.items() for name in names.s
 # of the packages above.
 _DEFAULTS: dict[str, dict[str, Any]] = {'geometry_msgs/msg/Quaternion': {'w': 1.0}}
 _TEXTS: dict[str, str] = {}
+# Threads ask for definitions: one that is known has its text and its defaults, too.
+_LEARNING = RLock()
 # What follows the name of a field is its default, in YAML but for constants ('=').
 _DEFAULT_LINE = re.compile(r'^\s*[\w/]+(?:<=\d+)?(?:\[[<=\d]*\])?\s+(\w+)\s+([^=\s#].*)$')
 
@@ -122,17 +125,20 @@ def typestore() -> Typestore:
 
 def define(name: str, text: str) -> None:
     """Add the message ``pkg/msg/Name`` given by the text of its definition."""
-    _register(name, text)
+    with _LEARNING:
+        _register(name, text)
 
 
 def define_service(name: str, text: str) -> None:
     """Add the service ``pkg/srv/Name`` given by the text of its definition."""
-    _register_service(name, text)
+    with _LEARNING:
+        _register_service(name, text)
 
 
 def define_action(name: str, text: str) -> None:
     """Add the action ``pkg/action/Name`` given by the text of its definition."""
-    _register_action(name, text)
+    with _LEARNING:
+        _register_action(name, text)
 
 
 def definition(name: str) -> str:
@@ -168,31 +174,32 @@ def field_descriptions(name: str) -> list[tuple[str, Any]]:
 
 
 def _check_name(name: str) -> None:
-    if name not in typestore().fielddefs:
-        _learn(name)
-    if name not in typestore().fielddefs:
-        whole = _PART.sub('', name)
-        known = {_PART.sub('', other) for other in typestore().fielddefs}
-        (close,) = get_close_matches(whole, known, 1, 0.8) or ('',)
-        hint = 'types are written as std_msgs/msg/String'
-        if close:
-            hint = f"did you mean '{close}'?"
-        elif whole.count('/') == 2:
-            folder = whole.rpartition('/')[0]
-            hint = f'definitions are looked for in share/{folder} of AMENT_PREFIX_PATH'
-        raise MessageError(f"the type '{whole}' is unknown; {hint}")
+    with _LEARNING:
+        if name not in typestore().fielddefs:
+            _learn(name)
+        if name in typestore().fielddefs:
+            return
+        learned = [*typestore().fielddefs]
+    whole = _PART.sub('', name)
+    known = {_PART.sub('', other) for other in learned}
+    known |= {other for texts, _ in _OWN for other in texts}
+    package = whole.partition('/')[0]
+    known |= {f'{package}/msg/{short}' for short in messages_of(package)}
+    (close,) = get_close_matches(whole, known, 1, 0.8) or ('',)
+    hint = 'types are written as std_msgs/msg/String'
+    if close:
+        hint = f"did you mean '{close}'?"
+    elif whole.count('/') == 2:
+        folder = whole.rpartition('/')[0]
+        hint = f'definitions are looked for in share/{folder} of AMENT_PREFIX_PATH'
+    raise MessageError(f"the type '{whole}' is unknown; {hint}")
 
 
 def _learn(name: str) -> None:
     """Take in a definition: of its own text, or of that of the service or action it belongs to."""
     package, kind, short = [*name.split('/'), '', ''][:3]
     whole = f'{package}/{kind}/{short.partition("_")[0]}'
-    for texts, register in (
-        (simulation.MESSAGES, _register),
-        (SERVICES, _register_service),
-        (simulation.SERVICES, _register_service),
-        (simulation.ACTIONS, _register_action),
-    ):
+    for texts, register in _OWN:
         if whole in texts:
             return register(whole, texts[whole])
     folder = definition_folder(package)
@@ -215,7 +222,7 @@ _FILLER: list[Any] = [('structure_needs_at_least_one_member', (Nodetype.BASE, ('
 
 
 def _keep(name: str, found: Any) -> None:
-    constants, fields = found[0], found[1] or _FILLER
+    constants, fields = found[0], [(n, _char_as_uint8(x)) for n, x in found[1] or _FILLER]
     if typestore().fielddefs.setdefault(name, (constants, fields))[1] != fields:
         raise MessageError(f'{name!r} is defined otherwise already')
 
@@ -259,6 +266,13 @@ def _register_action(name: str, text: str) -> None:
 
 
 _PARTS = ('request', 'response', 'event')
+_OWN = (
+    (simulation.MESSAGES, _register),
+    (SERVICES, _register_service),
+    (simulation.SERVICES, _register_service),
+    (simulation.ACTIONS, _register_action),
+)
+"""Definitions that rosbags lacks, and what takes them in."""
 
 
 def _char_as_uint8(description: Any) -> Any:

@@ -202,7 +202,7 @@ class CommandNode:
         return sorted(n for n in names if f'/{_NAME}' not in n)
 
     def of_node(self, node: str) -> dict[str, list[tuple[str, list[str]]]]:
-        """Topics, services and actions of a node with their types, by kind.
+        """Topics and services of a node with their types, by kind; without those of actions.
 
         Raises
         ------

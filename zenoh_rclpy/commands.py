@@ -358,12 +358,18 @@ def _param_dump(node: CommandNode, options: argparse.Namespace) -> None:
     from zenoh_rclpy.parameter_files import write_parameters  # noqa: PLC0415
 
     found = node.parameters(options.node, node.parameter_names(options.node))
-    # a file has no words for values that are not set, and for arrays without a type
-    values = {k: to_plain(v, finite=options.json) for k, v in found.items() if v not in (None, [])}
+    values = {k: to_plain(v, finite=options.json) for k, v in found.items() if _is_in_files(v)}
     if options.json:
         _print_json(values)
     else:
         print(write_parameters(absolute(options.node), values), end='')
+
+
+def _is_in_files(value: Any) -> bool:
+    """False of what a file has no words for: not set, bytes, and arrays without a type."""
+    if isinstance(value, str | int | float):
+        return True
+    return value is not None and len(value) > 0 and not isinstance(value[0], bytes)
 
 
 def _param_set(node: CommandNode, options: argparse.Namespace) -> None:

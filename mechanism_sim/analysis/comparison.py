@@ -19,7 +19,7 @@ from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene.facts import as_written
 from mechanism_sim.scene.schema import Scene
 from mechanism_sim.sensing.indicators import indicators
-from mechanism_sim.sensing.spectra import LineSpectrum, power, severity
+from mechanism_sim.sensing.spectra import LineSpectrum, power, severity, severity_spectrum
 from mechanism_sim.strict_json import plain
 from mechanism_sim.units import for_people, given, number
 
@@ -146,10 +146,11 @@ def _sensors(record: Record) -> Iterator[tuple[Key, float]]:
             yield ('sensors', name, word, unit), math.nan if value is None else value
         # segments that overlap weigh all of the run alike, which one window of its length does not
         faded = power(signal.runs, signal.rate)
-        whole = _of_whole_turns(record, signal)
-        whole = whole or power(signal.runs, signal.rate, len(signal.longest))
+        turns = _of_whole_turns(record, signal)
+        whole = turns or power(signal.runs, signal.rate, len(signal.longest))
         if signal.unit == 'm/s^2':
-            yield ('severity', name, 'velocity, rms', 'm/s'), severity(whole)
+            known = turns or severity_spectrum(signal.runs, signal.rate)
+            yield ('severity', name, 'velocity, rms', 'm/s'), severity(known)
         edges = 1000.0 * 2.0 ** (np.arange(len(_OCTAVES) + 1) - 5.5)
         for middle, (low, high) in zip(_OCTAVES, pairwise(edges), strict=True):
             # under Hann's window an order lies on three lines, of which a low band may lose one

@@ -128,11 +128,12 @@ def _channels_of(bag: Bag, path: str | None) -> dict[str, ChannelSamples]:
 
 
 def samples_of(bag: Bag, x: Series) -> ChannelSamples:
-    """Recorded values as samples of a channel; in the unit with which the name of a field ends."""
+    """Recorded values as samples of a channel; in the unit that ends the name of its field."""
     # of a joint nobody may say whether it turns or slides: numbers are SI all the same
     unit = '' if ' or ' in x.unit else x.unit
     if not x.unit and x.name.startswith('/'):
-        unit = named_unit(x.name.rpartition('.')[2])
+        field = x.name.rpartition('[')[0] if x.name.endswith(']') else x.name
+        unit = named_unit(field.rpartition('.')[2])
     return checked(bag.path, ChannelSamples(x.name, x.t, x.values, unit))
 
 

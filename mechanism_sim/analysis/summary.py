@@ -453,16 +453,13 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     driven, planned_end = _planned(bag, topics['drive'])
     crank = Crank(driven, displacements(bag) or ())
     impacts, modes, digest = ImpactCollector(), ModeShares(), MotionDigest()
-    energy, vibration, ledger = (
-        PublishedEnergies(),
-        VibrationCollector(),
-        MessageAccountsCollector(),
-    )
+    energy, vibration = PublishedEnergies(), VibrationCollector()
+    accounts = MessageAccountsCollector()
     parts = {topic: PublishedParts(topic) for topic in PARTS}
     peaks, unknown = _peaks(bag, namespace) if present['motion'] else (None, '')
     channels = _Channels(peaks.machine if peaks and not present['sensors'] else None, vibration)
     for piece in pieces(bag, namespace, {
-        'linkage_state': energy.add, 'sensors': vibration.add, 'progress': ledger.add,
+        'linkage_state': energy.add, 'sensors': vibration.add, 'progress': accounts.add,
         **{topic: part.add for topic, part in parts.items()},
     }):  # fmt: skip
         crank.add(piece)
@@ -483,8 +480,8 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
     start, end = bag.start / 1e9, bag.end / 1e9
     if moved is not None:
         start, end = moved.start, moved.end
-    elif ledger.end is not None:
-        end = max(end, ledger.end)
+    elif accounts.end is not None:
+        end = max(end, accounts.end)
     loads = None
     if peaks:
         loads = load_summary(peaks.peaks(), peaks.shapes(), crank.angle, slides=crank.slides)
@@ -505,7 +502,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         energy=energy.summary(),
         parts={k: part.summary(of_motion) for k, part in parts.items() if present[k]},
         vibration=vibration.summary(crank.turned) if present['sensors'] or channels.any else None,
-        ledger=ledger.summary({topic.name: topic.count for topic in bag.topics.values()}),
+        ledger=accounts.summary({topic.name: topic.count for topic in bag.topics.values()}),
         digest=digest.hexdigest() if moved is not None else None,
         absent=(),
     )

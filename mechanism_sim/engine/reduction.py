@@ -84,12 +84,8 @@ class Reduction:
         names = eq.coordinates
         self._free = free = [i for i, c in enumerate(names) if c not in prescribed]
         self._driven = driven = [names.index(c) for c in prescribed]
-        self._a_p, self._alpha, self._constraint_mass, self._rows = (
-            accelerations,
-            alpha,
-            constraint_mass,
-            rows,
-        )
+        self._a_p, self._alpha = accelerations, alpha
+        self._constraint_mass, self._rows = constraint_mass, rows
         rhs: Vector = [
             add(*applied[i], neg(add(eq.bias[i], dot([eq.M[i][j] for j in driven], self._a_p))))
             for i in free
@@ -120,7 +116,7 @@ class Reduction:
         self.joints = UnitResponse(rubbed, along, drives[count:])
 
     def _mass(self) -> Matrix:
-        """Mass matrix of the free coordinates, with what is lent to the closures."""
+        """Mass matrix of the free coordinates, with the constraint mass along the closures."""
         M = [[self._equations.M[i][j] for j in self._free] for i in self._free]
         if self._constraint_mass is None:
             return M

@@ -23,7 +23,7 @@ from mechanism_sim.report.sections import Section, SummaryRow, text
 from mechanism_sim.report.summary import energy_rows, impact_rows, load_rows
 from mechanism_sim.results.turns import Mean
 from mechanism_sim.sensing.indicators import indicators
-from mechanism_sim.sensing.spectra import power, severity
+from mechanism_sim.sensing.spectra import severity, severity_spectrum
 from mechanism_sim.signal_files import ChannelSamples, rate_text
 from mechanism_sim.text_table import Cell, lines
 from mechanism_sim.units import instant
@@ -35,7 +35,7 @@ _ROWS = 12  # of a table of revolutions, before its middle is left out
 _LINES = 10
 _ORDERS = 12
 _SECTORS = 6
-_SHORTEST = 0.2  # [s]: a severity is of whole periods of 10 Hz
+_SHORTEST, _SLOWEST = 0.2, 20.0  # [s], [Hz]: a severity is of whole periods of 10 Hz
 
 
 def render(summary: Summary) -> str:
@@ -60,15 +60,15 @@ def _figures_of(c: ChannelSamples) -> dict[str, Any]:
 
 
 def _severity(c: ChannelSamples) -> float | None:
-    """Severity [m/s] of an acceleration; None of another signal, or one too short for 10 Hz."""
+    """Severity [m/s] of an acceleration; None of what does not show 10 Hz."""
     try:
         runs = replace(c, values=c.in_unit('m/s^2')).runs if c.unit and c.rate else []
     except InputError:
         return None
     longest = max(map(len, runs), default=0)
-    if not c.rate or longest < _SHORTEST * c.rate:
+    if not c.rate or c.rate <= _SLOWEST or longest < _SHORTEST * c.rate:
         return None
-    return severity(power(runs, c.rate, longest))
+    return severity(severity_spectrum(runs, c.rate))
 
 
 def render_channels(figures: Mapping[str, Mapping[str, Any]]) -> str:

@@ -309,7 +309,7 @@ class Window:
     def open(
         self, new: Callable[[Sequence[Figure]], FigureAccumulator], series: EventSeries
     ) -> None:
-        """Make ready for these figures, with what makes an accumulator of some."""
+        """Make ready for these figures; `new` makes the accumulator of some of them."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
         self._new = partial(new, timed)

@@ -107,6 +107,15 @@ def power(
     return LineSpectrum(_lines(length, rate), sums / weight)
 
 
+def severity_spectrum(signals: Sequence[Array], rate: float) -> LineSpectrum:
+    """The density of power of which the severity is taken where turns do not bring all again.
+
+    Of segments of a second, whose lines resolve 10 Hz: one window over all of a longer signal
+    would leave out shocks at its ends, and weigh those in its middle more than once.
+    """
+    return power(signals, rate, max(1, round(rate)))
+
+
 def severity(acceleration: LineSpectrum) -> float:
     """Severity of vibration: rms [m/s] of the velocity from 10 Hz to 1 kHz.
 
@@ -190,7 +199,7 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum
         sums += (square**2).sum(axis=0), square.sum(axis=0)
     fourth, second = sums / len(cut)
     values = np.full(len(second), 2.0)
-    values = np.divide(fourth, second**2, out=values, where=second > 0.0) - 2.0
+    values = np.divide(fourth, second**2, out=values, where=second**2 > 0.0) - 2.0
     values[[0, -1]] = 0.0
     return LineSpectrum(_lines(segment, rate), values)
 

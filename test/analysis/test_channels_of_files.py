@@ -292,6 +292,13 @@ def test_what_files_do_not_have_is_refused(rig, command, words):
     assert words in done.stderr
 
 
+def test_samples_too_far_apart_for_the_band_have_no_severity(tmp_path):
+    """They had one of 0."""
+    file = tmp_path / 'slow.csv'
+    file.write_text('t [s],acc [m/s^2]\n' + ''.join(f'{k / 16.0},{k % 5}\n' for k in range(99)))
+    assert run_json('analyze', str(file))['channels']['acc']['velocity_rms'] is None
+
+
 def test_a_field_of_a_foreign_bag_has_the_unit_that_its_name_ends_with(tmp_path):
     """``angle_deg`` was read as radians, or as metres where these are measured."""
     path = tmp_path / 'rig.mcap'
@@ -301,7 +308,8 @@ def test_a_field_of_a_foreign_bag_has_the_unit_that_its_name_ends_with(tmp_path)
         schema = writer.register_schema('rig.State', 'jsonschema', b'{"type": "object"}')
         channel = writer.register_channel('/rig', 'json', schema)
         for k in range(100):
-            data = json.dumps({'angle_deg': 3.6 * k, 'load_m': 1.0}).encode()
+            fields = {'angle_deg': 3.6 * k, 'load_m': 1.0, 'angles_deg': [0.0, 3.6 * k]}
+            data = json.dumps(fields).encode()
             writer.add_message(channel, k * 10_000_000, data, k * 10_000_000)
         writer.finish()
 
@@ -309,8 +317,9 @@ def test_a_field_of_a_foreign_bag_has_the_unit_that_its_name_ends_with(tmp_path)
         (found,) = measurements([path], ['slider_crank'], sensor=quantity, channel=field)
         return found.samples
 
-    angle = read('position.crank', '/rig.angle_deg')
-    np.testing.assert_allclose(angle, np.radians(3.6) * np.arange(100), rtol=1e-12)
+    for field in ('/rig.angle_deg', '/rig.angles_deg[1]'):
+        angle = read('position.crank', field)
+        np.testing.assert_allclose(angle, np.radians(3.6) * np.arange(100), rtol=1e-12)
     with pytest.raises(InputError, match=r"'/rig.angle_deg' is in 'deg', but 'm' is measured"):
         read('position.piston', '/rig.angle_deg')
     assert (read('position.crank', '/rig.load_m') == 1.0).all()

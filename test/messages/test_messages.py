@@ -3,6 +3,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ from mechanism_sim.messages import (
     type_hash,
     type_name,
 )
-from ros_interfaces import checks, classes
+from ros_interfaces import checks, classes, definitions
 
 # Published by others: rosidl's JSON files as quoted in public repositories that talk to
 # rmw_zenoh_cpp (message hashes), and their tables of the hashes of Jazzy's services.
@@ -210,6 +211,30 @@ def test_explicit_defaults_of_a_definition_hold():
     assert message.v.dtype == np.int32
     assert message.pair.tolist() == [0.0, 0.0]
     assert (message.K, message.names) == (3, [])
+
+
+def test_a_definition_that_threads_ask_for_is_whole(monkeypatch):
+    """Its text was without defaults and remarks while another thread took it in."""
+    name, text = 'test_messages/msg/Asked', 'float64 a 2.5  # unit\n'
+    keep, found = definitions._keep, []
+    asking = Thread(target=lambda: found.append((definition(name), definitions.defaults(name))))
+
+    def keep_slowly(*given):
+        keep(*given)
+        asking.start()
+        asking.join(0.2)
+
+    monkeypatch.setattr(definitions, '_keep', keep_slowly)
+    define(name, text)
+    asking.join()
+    assert found == [(text, {'a': 2.5})]
+
+
+def test_a_char_is_a_uint8_in_any_definition():
+    for short, kind in (('Char', 'char'), ('UInt8', 'uint8')):
+        define(f'test_messages/msg/{short}', f'{kind} a\n{kind}[] b\n{kind}[<=3] c\n')
+    fields = [definitions.field_descriptions(f'test_messages/msg/{x}') for x in ('Char', 'UInt8')]
+    assert fields[0] == fields[1]
 
 
 def test_a_misspelled_field_is_refused():

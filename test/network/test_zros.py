@@ -11,6 +11,7 @@ import math
 import signal
 import subprocess
 import sys
+from array import array
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -25,7 +26,7 @@ from ros_interfaces.names import InvalidNameError
 from ros_interfaces.plain import field, from_plain, to_plain
 from zenoh_rclpy import command_node as commanding
 from zenoh_rclpy.command_node import CommandNode, UsageError, command_node
-from zenoh_rclpy.commands import _print, _values, main
+from zenoh_rclpy.commands import _param_dump, _print, _values, main
 from zenoh_rclpy.errors import MiddlewareError
 from zenoh_rclpy.parameter_files import read_parameters, write_parameters
 
@@ -481,6 +482,43 @@ def test_messages_of_a_package_are_found_without_importing_it():
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ['a', 'False', 'False']
+
+
+def test_the_nearest_type_is_named_though_nobody_has_asked_for_it():
+    types = (
+        'mechanism_sim/msg/Motion', 'std_srvs/srv/Trigger',
+        'simulation_interfaces/msg/SimulationState', 'simulation_interfaces/action/SimulateSteps',
+    )  # fmt: skip
+    code = (
+        'import sys; from ros_interfaces.definitions import field_descriptions\n'
+        'for name in sys.argv[1:]:\n'
+        '    try: field_descriptions(name[:-1])\n'
+        '    except ValueError as error: print(error)\n'
+    )
+    done = subprocess.run([sys.executable, '-c', code, *types], capture_output=True, text=True,
+                          check=True)  # fmt: skip
+    assert done.stdout.splitlines() == [
+        f"the type '{name[:-1]}' is unknown; did you mean '{name}'?" for name in types
+    ]
+
+
+def test_a_dump_of_parameters_is_read_as_a_file_of_them(tmp_path, capsys):
+    """Of what a file has no words for it has none: bytes were lists of lists, and refused."""
+    values = {
+        'text': '010',
+        'size': 2.0,
+        'sizes': [1.0, 2.0],
+        'words': ['yes', '1:30'],
+        'on': True,
+    }
+    more = {'bytes': [b'\x01', b'\x02'], 'nothing': None, 'empty': [], 'none': array('d')}
+    node = SimpleNamespace(
+        parameter_names=lambda _: [*values, *more], parameters=lambda *_: values | more
+    )
+    _param_dump(node, SimpleNamespace(node='ns/arm', json=False))
+    file = tmp_path / 'arm.yaml'
+    file.write_text(capsys.readouterr().out)
+    assert dict(read_parameters(str(file))) == {'/ns/arm': values}
 
 
 def test_values_are_yaml():

@@ -19,6 +19,8 @@ from mechanism_sim.sensing.spectra import (
     envelope_spectrum,
     order_spectrum,
     power,
+    severity,
+    severity_spectrum,
     shock_band,
     spectral_kurtosis,
 )
@@ -49,6 +51,26 @@ def test_power_of_one_segment_sums_to_the_variance(count):
     x = noise(count)
     found = power([x], RATE, count, 'boxcar')
     assert found.values.sum() * found.step == pytest.approx(x.var(), rel=1e-12)
+
+
+@pytest.mark.parametrize('place', [0.1, 0.5, 0.9])
+def test_severity_weighs_a_shock_alike_wherever_it_is(place):
+    """By the transform of all; one window over all had 0.17 or 1.63 of it."""
+    x = np.zeros(12_000)
+    first = round(place * len(x))
+    x[first : first + 500] = shocks(500, 500, 120.0, 60.0)
+    lines = np.fft.rfft(x)
+    f = np.arange(len(lines)) * RATE / len(x)
+    inside = (f >= 10.0) & (f <= 1000.0)
+    speeds = lines[inside] / (2.0 * np.pi * f[inside])
+    expected = math.sqrt(2.0 * np.sum(np.abs(speeds) ** 2)) / len(x)
+    assert severity(severity_spectrum([x], RATE)) == pytest.approx(expected, rel=0.3)
+
+
+def test_severity_of_a_tone_is_its_velocity():
+    for frequency in (13.0, 25.0, 100.3, 777.7):
+        found = severity(severity_spectrum([sine(frequency, 12_000)], RATE))
+        assert found == pytest.approx(math.sqrt(0.5) / (math.tau * frequency), rel=3e-3)
 
 
 def test_power_of_noise_is_flat_and_of_the_right_height():
