@@ -138,7 +138,8 @@ class DriveTurns:
         if turns == math.floor(turns):
             return self.edges[int(turns)] if turns < len(self.edges) else math.inf
         if turns not in self._parts:
-            t = next(self._drive.times_of([turns]), None) if self._lawful else self._passage(turns)
+            t = next(self._drive.times_of([turns]), None) if self._lawful else None
+            t = self._passage(turns) if t is None else t  # at rest until it takes a command, say
             if t is None:
                 return math.inf
             self._parts[turns] = t
