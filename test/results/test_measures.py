@@ -310,6 +310,20 @@ def test_parts_of_turns_are_where_the_drive_comes_to_them_however_a_run_is_cut(d
         assert math.isnan(none)
 
 
+def test_a_turn_that_is_made_just_before_the_drive_turns_back_is_seen():
+    """It goes back by 1/(2 pi) of a turn, and passes 0.157 of it twice between steps before."""
+    arm = {'length': '0.2 m', 'mass': '1 kg', 'inertia': '0.01 kg m^2'}
+    machine = ms.load_scene({
+        'title': 'An arm', 'mechanism': 'linkage', 'links': {'arm': arm},
+        'joints': {'a': {'revolute': ['ground', 'arm']}},
+        'drive': {'coordinate': 'arm', 'torque': {'constant': '0.5 N m'}, 'speed': '-10 rad/s'},
+    })  # fmt: skip
+    run = ms.simulate(machine, duration=1.0)
+    for part, sign in ((0.157, -1.0), (0.159, -1.0), (0.16, 1.0)):
+        found = one((machine, run), f'initial(position.arm, from {part} revolutions)').value
+        assert found == pytest.approx(sign * part * math.tau), part
+
+
 def test_parts_of_turns_of_a_drive_that_rests_until_it_is_commanded_are_those_of_its_motion():
     machine = ms.load_scene({
         'title': 'An arm', 'mechanism': 'linkage', 'links': {'arm': {'length': '0.2 m'}},
