@@ -144,12 +144,15 @@ class DynamicPhysics:
         self,
         observer: Observer,
         undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
+        main: str | None = None,
     ) -> None:
+        """`main` is the coordinate whose place is told of instants; the first driven if None."""
         self.observer, self.undetermined = observer, undetermined
         self.system = system = observer.system
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
+        self._main = system.coordinates.index(main or self.driven[0])
         self.displacements = system.mechanism.displacements
         self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
@@ -368,7 +371,7 @@ class DynamicPhysics:
             forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
             joints = tuple(j for j, force in forces if not np.isfinite(force).all())
             if joints and since <= motion.curve.duration[segment]:
-                drive = float(seen.position[self.system.driven_index[0], k])
+                drive = float(seen.position[self._main, k])
                 found.append(NoLimit(float(motion.curve.start[segment] + since), drive, joints))
         return found
 

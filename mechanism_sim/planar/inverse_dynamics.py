@@ -76,7 +76,7 @@ class NoLimit(NamedTuple):
     """An instant at which forces grow beyond all bounds, or from which on they are not known."""
 
     t: float  #: [s]
-    drive: float  #: position of the first drive [rad, m]
+    drive: float  #: position of the main drive [rad, m]
     joints: tuple[str, ...]  #: whose forces do
     rests: bool = False  #: drive or load rest there for a while: forces are not determined
     loads: tuple[str, ...] = ()  #: which do no work there, so that their sizes are not determined

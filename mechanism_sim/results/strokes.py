@@ -221,7 +221,7 @@ def _runs(
         ways[:, n] = np.where(ways[:, n] == 0, ways[:, n - 1], ways[:, n])
     found: list[_Run] = []
     row, column = np.nonzero((ways[:, 1:] != ways[:, :-1]) & ~stands[:, None])
-    turning = _zeros(curve, i, k[row], into[row, column], into[row, column + 1])
+    turning = reversals(curve, i, k[row], into[row, column], into[row, column + 1])
     for j in range(len(t)):
         if stands[j]:
             found.append(_Run(0, t[j, 0], t[j, -1], x[j, 0], x[j, -1]))
@@ -239,7 +239,7 @@ def _runs(
     return _merged(found, _WAY * size, _BRIEF * (span[1] - span[0]))
 
 
-def _zeros(
+def reversals(
     curve: PiecewisePolynomial, i: int, k: NDArray[np.intp], low: Array, high: Array
 ) -> tuple[Array, Array]:
     """When a coordinate's rate changes its sign within segments (K,), and where it is then."""

@@ -15,6 +15,7 @@ from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.results.measure_text import Bound
 from mechanism_sim.results.run import Piece
+from mechanism_sim.results.strokes import reversals
 from mechanism_sim.scene import Machine
 
 _BISECTIONS = 60
@@ -99,7 +100,7 @@ class DriveTurns:
             return
         if self._lawful and self._piece is None and len(self.edges) == 1:  # it comes to rest
             self.edges = [self.begin]
-        ends = np.append(curve.start, self.end)
+        ends = self._reaches(curve)
         self._piece = curve, ends, self._turned(curve, ends)
         while (t := self._passage(len(self.edges))) is not None:
             self.edges.append(t)
@@ -118,6 +119,16 @@ class DriveTurns:
             far = self._turned(curve, np.array([middle]))[0] >= turns
             low, high = (low, middle) if far else (middle, high)
         return high
+
+    def _reaches(self, curve: PiecewisePolynomial) -> Array:
+        """Ends of segments [s], and where the drive turns back within them."""
+        every = np.arange(len(curve))
+        first, last = (
+            curve.at(every, dt, 1)[:, self._index] for dt in (np.zeros(len(every)), curve.duration)
+        )
+        k = np.flatnonzero(first * last < 0.0)
+        since, _ = reversals(curve, self._index, k, np.zeros(len(k)), curve.duration[k])
+        return np.union1d(np.append(curve.start, self.end), curve.times(k, since))
 
     def _turned(self, curve: PiecewisePolynomial, t: Array) -> Array:
         """Turns since the start (N,), in either direction."""
@@ -138,7 +149,8 @@ class DriveTurns:
         if turns == math.floor(turns):
             return self.edges[int(turns)] if turns < len(self.edges) else math.inf
         if turns not in self._parts:
-            t = next(self._drive.times_of([turns]), None) if self._lawful else self._passage(turns)
+            t = next(self._drive.times_of([turns]), None) if self._lawful else None
+            t = self._passage(turns) if t is None else t  # at rest until it takes a command, say
             if t is None:
                 return math.inf
             self._parts[turns] = t

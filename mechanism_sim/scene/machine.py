@@ -191,7 +191,7 @@ class Machine(Rich):
         """Forces, gaps and energies along a motion of this machine."""
         nominal = self.nominal
         if self.level.dynamic:
-            return DynamicPhysics(self.equations.observer, nominal.undetermined)
+            return DynamicPhysics(self.equations.observer, nominal.undetermined, self.plan.main)
         forces = nominal.inverse_dynamics if nominal.forces else None
         open_ = nominal.undetermined if forces else {}
         return NominalPhysics(nominal.motion, self.mechanism, forces, open_)

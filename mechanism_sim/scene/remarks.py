@@ -52,8 +52,6 @@ _ANGLES = 'start_angle', 'axis', 'phase'
 """Keys of angles, beside the coordinates in `guess` and `initial.position`."""
 _ROUND = 0.9
 """Of a turn: what is followed up to about one, and is so far from its start, does not swing."""
-_IN_LAW = 33
-"""Angles of a law by which it is seen how far it turns."""
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 

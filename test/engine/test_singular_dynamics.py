@@ -301,6 +301,14 @@ def test_forces_are_limits_at_the_position_or_said_to_have_none():
     assert np.isnan(force[2])
 
 
+def test_where_forces_have_no_limit_is_told_by_the_main_drive():
+    """It was told by the wheel, whose motion is given, under the name of the rod."""
+    machine = n_four_bar(2, wheel='2 rad/s')
+    (found,) = machine.physics.no_limits(ms.simulate(machine, duration=0.8).motion)
+    assert machine.plan.main == 'rod0'
+    assert found.drive == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_pause_before_a_singular_position_changes_nothing(tmp_path):
     whole = ms.simulate(n_four_bar(1), duration=3.0)
     for pause in (0.6, 0.7084, 0.70845, 0.72, 1.2153):

@@ -24,8 +24,13 @@ GRAVITY = 9.81
 DURATION = 10.0  # [s]
 
 
-def n_four_bar(windows: int, rtol: float = 1e-10) -> Machine:
-    """The mechanism, its rods upright and turning at 1 rad/s clockwise."""
+def n_four_bar(windows: int, rtol: float = 1e-10, wheel: str = '') -> Machine:
+    """The mechanism, its rods upright and turning at 1 rad/s clockwise.
+
+    Parameters
+    ----------
+    wheel : speed of a wheel by itself beside it; empty for none
+    """
     rod = {'length': 1.0, 'mass': 1.0, 'inertia': 1.0 / 12.0, 'cog': 0.5}
     ground = {f'pivot{i}': [float(i), 0.0] for i in range(windows + 1)}
     links = {f'rod{i}': rod for i in range(windows + 1)}
@@ -36,11 +41,15 @@ def n_four_bar(windows: int, rtol: float = 1e-10) -> Machine:
     for i in range(windows):
         joints[f'left{i}'] = {'revolute': [f'rod{i}.end', f'bar{i}']}
         joints[f'right{i}'] = {'revolute': [f'bar{i}.end', f'rod{i + 1}.end']}
+    if wheel:
+        links['wheel'] = rod
+        joints['axle'] = {'revolute': ['ground', 'wheel']}
     return linkage(
         links={'ground': {'points': ground}, **links},
         joints=joints,
         gravity=[0.0, -GRAVITY],
         drive={'coordinate': 'rod0', 'torque': {}, 'start_angle': '90 deg', 'speed': '-1 rad/s'},
+        drives={'wheel': {'speed': wheel}} if wheel else {},
         guess={f'rod{i}': '90 deg' for i in range(1, windows + 1)},
         solver={'rtol': rtol},
     )

@@ -47,6 +47,21 @@ def test_levels_are_those_of_the_sorted_values():
     assert found.reached('none', 0.5) == 0.0
 
 
+def test_a_main_drive_without_torque_is_not_told_by_the_force_of_another():
+    machine = ms.load_scene({
+        'title': 'Two', 'mechanism': 'linkage',
+        'links': {
+            'arm': {'length': '0.2 m', 'mass': '1 kg', 'inertia': '0.01 kg m^2', 'cog': '0.1 m'},
+            'slide': {'mass': '2 kg'},
+        },
+        'joints': {'a': {'revolute': ['ground', 'arm']}, 's': {'prismatic': ['ground', 'slide']}},
+        'drive': {'coordinate': 'arm', 'torque': {}, 'speed': '5 rad/s'},
+        'drives': {'slide': {'speed': '0.1 m/s', 'acceleration': '3 m/s^2'}},
+    })  # fmt: skip
+    *_, row = loads(ChartedRun(simulated(machine, duration=1.0), 0)).table
+    assert row[:2] == ('drive', '0 N m')
+
+
 def test_loads_of_a_run_are_those_of_its_measures():
     """The largest, and percentiles by adaptive crossings of levels in the motion itself."""
     record = simulated('four_bar_clearance', ROUGH, revolutions=4)

@@ -19,6 +19,7 @@ from mechanism_sim.messages import deserialize
 from mechanism_sim.nodes.publications import linkage_states, reactions
 from mechanism_sim.numerics.expressions import numbers
 from mechanism_sim.pages.controls import controls
+from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.report.summary import to_json
 from mechanism_sim.results.cycle import cycle
 from mechanism_sim.results.measure_text import read, read_all
@@ -307,6 +308,36 @@ def test_parts_of_turns_are_where_the_drive_comes_to_them_however_a_run_is_cut(d
         first, last, way, none = (m.value for m in taken.found())
         assert (first, last, way) == pytest.approx((math.pi, 3.0 * math.pi, 1.5 * math.pi))
         assert math.isnan(none)
+
+
+def test_a_turn_that_is_made_just_before_the_drive_turns_back_is_seen():
+    """It goes back by 1/(2 pi) of a turn, and passes 0.157 of it twice between steps before."""
+    arm = {'length': '0.2 m', 'mass': '1 kg', 'inertia': '0.01 kg m^2'}
+    machine = ms.load_scene({
+        'title': 'An arm', 'mechanism': 'linkage', 'links': {'arm': arm},
+        'joints': {'a': {'revolute': ['ground', 'arm']}},
+        'drive': {'coordinate': 'arm', 'torque': {'constant': '0.5 N m'}, 'speed': '-10 rad/s'},
+    })  # fmt: skip
+    run = ms.simulate(machine, duration=1.0)
+    for part, sign in ((0.157, -1.0), (0.159, -1.0), (0.16, 1.0)):
+        found = one((machine, run), f'initial(position.arm, from {part} revolutions)').value
+        assert found == pytest.approx(sign * part * math.tau), part
+
+
+def test_parts_of_turns_of_a_drive_that_rests_until_it_is_commanded_are_those_of_its_motion():
+    machine = ms.load_scene({
+        'title': 'An arm', 'mechanism': 'linkage', 'links': {'arm': {'length': '0.2 m'}},
+        'joints': {'a': {'revolute': ['ground', 'arm']}},
+        'drive': {
+            'coordinate': 'arm', 'speed': '0 rpm',
+            'commands': {'acceleration': '10 rad/s^2', 'fastest': '300 rpm'},
+        },
+    })  # fmt: skip
+    parts = [0.5, 1.0, 1.5]
+    taken = Measurement(machine, [f'initial(position.arm, from {x} revolutions)' for x in parts])
+    for piece in Runner(machine, machine.start(DriveLaw('arm', (0.0, math.tau)))).to(1.7):
+        taken.add(piece)
+    assert [x.value / math.tau for x in taken.found()] == pytest.approx(parts)
 
 
 def test_sensors_are_measured_by_their_samples():

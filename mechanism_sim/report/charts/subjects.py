@@ -83,7 +83,9 @@ def loads(course: ChartedRun) -> ChartSection | None:
     def angle(t: float) -> float | None:
         return None if record.slides else float(record.angle(np.array([t]))[0]) % math.tau
 
-    found = {name: peak for name, peak in peaks.peaks().items() if peak.value}
+    found = peaks.peaks()  # zero is said of the main drive alone, which is the first of drives
+    main = f'drive_torque.{record.machine.plan.main}'
+    found = {name: peak for name, peak in found.items() if peak.value or name == main}
     known = load_summary(found, peaks.shapes(), angle, slides=record.slides)
     if known is None:
         return None
