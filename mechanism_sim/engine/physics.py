@@ -146,13 +146,13 @@ class DynamicPhysics:
         undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
         main: str | None = None,
     ) -> None:
-        """`main` is the coordinate whose place is told of instants; the first driven if None."""
+        """`main` is the coordinate whose place is told of instants; or else the first driven."""
         self.observer, self.undetermined = observer, undetermined
         self.system = system = observer.system
         self.coordinates = system.coordinates
         self.joints = tuple(joint.name for joint in system.mechanism.joints)
         self.driven = (*system.prescribed, *system.powered)
-        self._main = system.coordinates.index(main or self.driven[0])
+        self._main = system.coordinates.index(main or (*self.driven, *system.coordinates)[0])
         self.displacements = system.mechanism.displacements
         self.lifting_energy = system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)

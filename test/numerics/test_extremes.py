@@ -191,7 +191,8 @@ def test_intervals_that_are_alike_are_looked_into_once():
 def test_turns_of_a_steady_drive_are_alike():
     """The pieces of twenty turns fall into those of two, and the last has the extremes of one."""
     many = ms.cycle('four_bar_nominal', periods=20)
-    pieces = many.solution.motion.alike
+    motion = many.solution.motion
+    pieces = motion.alike(np.arange(len(motion)))
     assert len(set(pieces.tolist())) < len(pieces) / 10
     one = ms.cycle('four_bar_nominal').extremes()
     for name, ends in many.extremes().items():

@@ -75,7 +75,7 @@ FOUR_SPLINE = Piecewise(
     ],
 )
 #: two parabolas, the least peak of acceleration there is
-_CONSTANT_ACCELERATION = Piecewise(
+CONSTANT_ACCELERATION = Piecewise(
     0.0,
     [
         LawPiece(0.5, Polynomial([0, 0, 2])),
