@@ -40,7 +40,7 @@ REAL = {
 TURNS, SHOWN, HEARD = 60, (20, 23), (20, 32)
 """Revolutions of a run; which are seen, and which are heard."""
 RATE = 22050  # [Hz] of the sound
-MODULES = 'svg', 'stage', 'lens', 'player', 'keys'
+MODULES = 'svg', 'html', 'stage', 'lens', 'player', 'keys'
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from typing import Any
@@ -13,6 +14,8 @@ from markupsafe import Markup
 
 from mechanism_sim import strict_json
 from mechanism_sim.export.palette import css
+
+_IMPORTED = re.compile(r"^import .* from '(\w+)';", re.MULTILINE)
 
 
 def asset(name: str, room: str = __package__) -> str:
@@ -35,6 +38,9 @@ def import_map(names: Iterable[str], more: Mapping[str, str] | None = None) -> s
     that a relative one could start from.
     """
     texts = {name: asset(f'{name}.js') for name in names} | dict(more or {})
+    for name, text in texts.items():
+        if missing := {*_IMPORTED.findall(text)} - texts.keys():
+            raise KeyError(f'{name}.js imports {", ".join(missing)}, which is not in the map')
     return json.dumps({'imports': {name: _inlined(text) for name, text in texts.items()}})
 
 
