@@ -513,7 +513,7 @@ def pieces(
     kinds = {name: kind for kind in (*_RUN, *others) for name in topics[kind]}
     impacts: list[Impact] = []
     modes: list[ModeChange] = []
-    last = -1, -math.inf
+    last = -1, -math.inf, 0.0
     for topic, message, _ in bag.messages(kinds):
         kind = kinds[topic]
         if kind == 'impacts':
@@ -523,7 +523,9 @@ def pieces(
             modes.append(_mode_change(bag, message))
         elif kind == 'motion':
             names, motion = (tuple(message.coordinates), tuple(message.joints)), motion_of(message)
-            begins = message.run, float(motion.curve.start[0]) if len(motion) else math.inf
+            begins = message.run, math.inf, 0.0
+            if curve := motion.curve if len(motion) else None:  # far off a start needs both
+                begins = message.run, float(curve.start[0]), float(curve.start_low[0])
             if begins <= last and begins[0] == last[0]:  # who is no part of the run has sent it
                 warnings.warn(
                     f'{bag.path}: a message of the motion that begins at {instant(begins[1])} s, '

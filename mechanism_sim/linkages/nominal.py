@@ -69,7 +69,7 @@ _SEARCHED = 33  # places in a piece where singular positions are looked for
 _ROUNDS = 4  # in which they are found to rounding
 _SECTIONS = 80  # into thirds, in which the least work of unknown loads is found to rounding
 _LONG = 1e6  # [s] a drive that takes longer through a singular position is at rest
-_BRIEF = 1e3  # times the rounding of the time: nothing is looked for within
+_BRIEF = 1e-12  # of a usual piece: signs within are those of rounding
 _DENSE = 4  # ends of rows in a piece from which on the parts between them are found at once
 
 
@@ -335,8 +335,8 @@ class NominalRun:
 
     def _cut(self, made: NextPiece) -> NextPiece:
         """A piece from here on, with the times at which loads cut it."""
-        if self._cuts is None or made.length < _BRIEF * math.ulp(self.time):
-            return made  # in so little time signs are those of rounding
+        if self._cuts is None or made.length < _BRIEF * self._width():
+            return made
         rates = [abs(local[1]) for _, local in self._local if len(local) > 1]
 
         near = partial(self._states, coefficients=made.coefficients)

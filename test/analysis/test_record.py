@@ -15,7 +15,7 @@ from running import run as command
 import mechanism_sim as ms
 from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.deviation import Deviation, alpha, deviation, ideal_machine
-from mechanism_sim.analysis.record import Record, machine_of, read_record
+from mechanism_sim.analysis.record import Record, machine_of, pieces, read_record
 from mechanism_sim.analysis.roses import impact_cycles, impact_rose, wear_maps
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.cli import main
@@ -344,6 +344,19 @@ def test_a_message_of_the_motion_that_somebody_sends_again_is_left_out(tmp_path,
     assert found.digest == analyze(whole).digest
     with pytest.warns(RunWarning, match='is left out'):
         assert len(read_record(again).piece.motion) == len(rough.piece.motion)
+
+
+def test_messages_of_a_motion_far_off_differ_by_what_their_starts_round_away(tmp_path, rough):
+    near, far, kind = tmp_path / 'near.mcap', tmp_path / 'far.mcap', 'mechanism_sim/msg/Motion'
+    with RunBag(near, rough.machine, rough.end) as writer:
+        for k in range(0, 40, 10):
+            writer.add(_cut(rough.piece, slice(k, k + 10)))
+    with BagWriter(far) as writer:
+        writer.add_topic('/motion', kind, Qos())
+        for _, message, time in read_bag(near).messages('/motion'):
+            message.start, message.start_low = np.full(len(message.start), 2.0**60), message.start
+            writer.write('/motion', serialize(message), time)
+    assert sum(len(piece.motion) for piece in pieces(read_bag(far))) == 40
 
 
 def test_the_command_line_says_the_same_in_text_json_and_pictures(bag, tmp_path, capsys):
