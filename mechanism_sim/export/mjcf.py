@@ -104,7 +104,7 @@ class _MjcfWriter:
                 self._spring(element)
             elif isinstance(element, TorsionSpring):
                 self._torsion(element)
-        for c in ideal.machine.plan.laws:
+        for c in ideal.machine.plan.driven:
             self._drive(c)
         for element in self._elements:
             if isinstance(element, AppliedForce) and (wrench := _constant(element)):

@@ -68,9 +68,7 @@ def left_out(machine: Machine) -> list[str]:
     ]
     found += [f'{element.name}: left out: forces are for plugins' for element in
               plan.elements(plan.ideal)]  # fmt: skip
-    motors = [motor.coordinate for motor in plan.motors]
-    drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients) or c in motors]
-    found += [f'{c}: its drive is left out: drives are for plugins' for c in drives]
+    found += [f'{c}: its drive is left out: drives are for plugins' for c in plan.driven]
     found += [f'{name}: this sensor is left out' for name in machine.scene.sensors]
     return [*found, 'all links start at rest']
 

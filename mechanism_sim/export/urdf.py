@@ -140,7 +140,7 @@ def left_out(machine: Machine) -> list[str]:
     ]
     plan, scene = machine.plan, machine.scene
     forces = ['gravity'] * any(scene.gravity) + [e.name for e in plan.elements(plan.ideal)]
-    forces += [f'the drive of {c}' for c in plan.laws]
+    forces += [f'the drive of {c}' for c in plan.driven]
     loose = [f'the clearance of {joint}' for joint in plan.clearances]
     stops = [f'the stops of {joint.name}' for joint in plan.joints if joint.name in plan.touching]
     rubs = [f'the friction of {friction.name}' for friction in plan.frictions(plan.ideal)]
