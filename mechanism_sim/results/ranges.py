@@ -231,8 +231,7 @@ class LoadPeaks:
     ) -> None:
         self.machine, physics = machine, machine.physics
         self._physics, self._since = physics, since
-        open_ = physics.undetermined
-        known = [joint for joint in physics.joints if not is_force_open(open_, joint)]
+        known = [j for j in physics.joints if not is_force_open(physics.undetermined, j)]
         self._joints = {f'reaction.{joint}.size': joint for joint in known}
         driven = sorted(physics.driven, key=lambda c: c != machine.plan.main)  # the main one first
         self._drives = {f'drive_torque.{c}': c for c in driven}
