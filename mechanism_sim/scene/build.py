@@ -344,7 +344,7 @@ def _check_redundant(machine: Machine) -> None:
         'this force is not determined; make a joint that is redundant a slot, or an elastic one'
     )
     for f in machine.plan.frictions(machine.mechanism):  # by its ends a block rubs by its moment
-        if is_force_open(open_, f.name) or (getattr(f, 'length', 0.0) and f.name in open_):
+        if is_force_open(open_, f.name) or (getattr(f, 'length', False) and f.name in open_):
             raise InputError(f'joints.{f.name}.friction follows from its force, but {why}')
     for name, sensor in machine.scene.sensors.items():
         if sensor.kind == 'load_cell' and is_force_open(open_, str(sensor.joint)):

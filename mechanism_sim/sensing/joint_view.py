@@ -96,7 +96,7 @@ class JointView:
     @property
     def moment(self) -> Array:
         """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
-        return self._wrench[2]
+        return np.asarray(self._wrench[2])
 
     @property
     def foot(self) -> Array:
