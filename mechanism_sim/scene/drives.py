@@ -78,9 +78,8 @@ def drive_key(names: Names, coordinate: str) -> str:
 
 
 def drive_of(names: Names, coordinate: str) -> DrivePart | None:
-    """Keys of the drive of a coordinate; None of a machine without any."""
-    found: DrivePart | None = names.scene.drives.get(coordinate, names.scene.drive)
-    return found
+    """Keys of the drive of a coordinate; None where it has none."""
+    return read_drives(names).get(coordinate)
 
 
 def is_straight(drive: DrivePart) -> bool:

@@ -71,8 +71,7 @@ class ScenePlan(Names):
     closing : which of them are cut to make a tree if none is loose
     clearances : of the loose ones
     touching : contacts of those that have some beside their constraint or clearance, as stops
-    driven : the coordinates to which the scene gives a drive, the main one first
-    laws : of these, in the order in which they take over; without any, of no torque on the first
+    laws : of the driven coordinates, in the order in which they take over
     sources : what goes on behind the last of these, for motions without end
     begins : of the coordinates moved by a torque or a force, and of the elastic ones, value and
         rate at the start
@@ -96,7 +95,6 @@ class ScenePlan(Names):
         elastic = read_beams(self, joints, drives)
         straight = [c for c, drive in drives.items() if is_straight(drive)]
         bending = bending_guides([*elastic.values()], joints)
-        self.driven = (*drives,)
         self.closing = closing_joints(self.links, joints, bending, straight)
         for kind in KINDS.values():
             kind.check_all(self, joints, self.closing)

@@ -25,6 +25,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
+from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.plan import restart
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 from mechanism_sim.studies.periodic import flow_at_end, without_turns
@@ -135,7 +136,7 @@ def applies(machine: Machine) -> bool:
     """True if a torque turns the main drive of a machine whose joints are ideal."""
     plan = machine.plan
     return (
-        plan.main in plan.driven
+        plan.main in read_drives(plan)
         and plan.main in plan.powered
         and plan.main not in plan.ideal.displacements
         and not machine.has_contacts

@@ -89,11 +89,10 @@ def elastic(course: ChartedRun) -> ChartSection | None:
 
 def forces(course: ChartedRun) -> ChartSection | None:
     """Forces in all joints: their size, and as vectors."""
-    machine = course.record.machine
-    if not machine.physics.has_forces:
+    physics = course.record.machine.physics
+    if not physics.has_forces:
         return None
-    open_ = machine.physics.undetermined
-    joints = [j for j in machine.physics.joints if not is_force_open(open_, j)]
+    joints = [j for j in physics.joints if not is_force_open(physics.undetermined, j)]
     sizes = [f'reaction.{joint}.size' for joint in joints]
     charts = quantities(course, 'forces', 'Force in each joint', sizes, run=True)
     if not charts:
