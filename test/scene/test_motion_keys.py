@@ -10,6 +10,7 @@ import pytest
 from builders import made
 from scipy.interpolate import CubicSpline
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 
 SCENE = {
@@ -97,6 +98,24 @@ def test_a_mistake_is_a_sentence(drive, said):
     text = refusal(drive)
     for part in said:
         assert part in text, text
+
+
+@pytest.mark.parametrize('unit', ['m', 'mm', 'km'])
+def test_moves_by_decimals_come_back_and_just_reach_their_speed(unit):
+    """0.1 + 0.2 - 0.3 is not 0, and 0.2 to and fro takes full speed for no time but rounding."""
+    scale = {'m': 1.0, 'mm': 1e-3, 'km': 1e3}[unit]
+    steps = [{'by': f'{x} {unit}'} for x in (0.1, 0.2, -0.3)]
+    limits = {'speed': f'1 {unit}/s', 'acceleration': f'5 {unit}/s^2'}
+    run = made({
+        'links': {'block': {'mass': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'drive': {'coordinate': 'block', 'moves': {**limits, 'repeat': True, 'steps': steps}},
+    })  # fmt: skip
+    ends = np.cumsum([2.0 * math.sqrt(0.1 / 5.0), 2.0 * math.sqrt(0.2 / 5.0), 0.3 + 0.2])
+    at = [*ends, ends[1] + 0.1, *(ends + ends[-1])]
+    seen = ms.simulate(run, duration=2.5).sample(at, 'position.block')['position.block']
+    turned = [0.1, 0.3, 0.0, 0.3 - 0.5 * 5.0 * 0.1**2, 0.1, 0.3, 0.0]
+    assert seen == pytest.approx(scale * np.array(turned), abs=1e-12 * scale)
 
 
 @pytest.mark.parametrize('begin', [0.0, 0.1])
