@@ -69,8 +69,8 @@ BOMB = '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + URDF.format('')
         ('m.svg', '<svg><path d="M 0 0 L 1"/></svg>', 'ends within a command'),
         (
             'm.svg',
-            '<svg><g transform="skewX(3)"/></svg>',
-            "'skewX(3)' is not a supported transformation",
+            '<svg><g transform="skewZ(3)"/></svg>',
+            "'skewZ(3)' is not a supported transformation",
         ),
         ('m.dxf', 'nonsense', 'cannot be read as DXF'),
     ],
