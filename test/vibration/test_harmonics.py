@@ -325,7 +325,7 @@ def test_harmonics_of_a_prescribed_motion_are_measures_of_a_cycle():
     with pytest.raises(InputError) as refused:
         harmonics(ms.load_scene('slider_crank'), ['acceleration.piston'], 5)
     text = re.search(r"--measure '(.*)'", str(refused.value))[1]
-    (found,) = ms.measure(ms.cycle('slider_crank'), text)
+    (found,) = ms.measure(ms.simulate('slider_crank', revolutions=1), text)
     r, rod, speed, turn = 0.05, 0.2, 20.0 * math.pi, np.arange(512) * math.pi / 256.0
     place = r * np.cos(turn) + np.sqrt(rod**2 - (r * np.sin(turn)) ** 2)
     right = -((2.0 * speed) ** 2) * 2.0 * np.mean(place * np.cos(2.0 * turn))
