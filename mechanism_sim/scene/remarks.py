@@ -18,6 +18,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.drive_range import drive_range
 from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import ExpressionNode
+from mechanism_sim.numerics.time_series import summands
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
@@ -266,7 +267,8 @@ def _bare_angles(machine: Machine) -> Iterator[str]:
             continue
         with suppress(InputError):  # words that are no formula
             root = formula.read(text, plan.scene.tables)
-            found = [*_swings(root)] if course else []
+            waves = [x for _, x in summands(root) if re.search(r'\b(sin|cos)\(', x.text)]
+            found = [(x, _factor(x)) for x in waves if course]
             for node in (n for n in root.walk() if n.kind in ('+', '-', 'compare')):
                 sides = [formula.coefficients(x, links) or {} for x in node.args]
                 if any({*map(abs, side.values())} == {1.0} for side in sides):
@@ -276,15 +278,6 @@ def _bare_angles(machine: Machine) -> Iterator[str]:
                     degrees = f'{math.degrees(value):.6g} deg'
                     where = '.'.join(path).removesuffix('.formula')
                     yield f'{where}: {part.text} is in rad, {degrees}: is a unit missing?'
-
-
-def _swings(node: ExpressionNode) -> Iterator[tuple[ExpressionNode, float]]:
-    """Terms of a sum that are waves, and the factors before these."""
-    if node.kind in ('+', '-', 'negative'):
-        for part in node.args:
-            yield from _swings(part)
-    elif any(x.name in ('sin', 'cos') for x in node.walk() if x.kind == 'call'):
-        yield node, _factor(node)
 
 
 def _factor(node: ExpressionNode) -> float:
