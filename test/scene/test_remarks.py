@@ -255,7 +255,7 @@ def test_degrees_without_a_unit_are_questioned(override, said):
 @pytest.mark.parametrize(('keys', 'said'), [
     ({'drive': {'position': '90 deg + 60*sin(pi*t)'}}, 'drive.position: 60*sin(pi*t) is in rad, '
      '3437.75 deg: is a unit missing?'),
-    ({'drive': {'position': '-7*cos(2*t)'}}, 'drive.position: 7*cos(2*t) is in rad, 401.07 deg'),
+    ({'drive': {'position': '-7*cos(2*t)'}}, 'drive.position: -7*cos(2*t) is in rad, 401.07 deg'),
     ({'drive': {'position': '90 deg + 60 deg*sin(20*t)'}}, ''),
     ({'drive': {'position': '30*t + 2*pi*sin(t)'}}, ''),
     ({'loads': {'stop': {'at': 'arm', 'torque': '-5 N m/rad*(arm - 90)'}}},
