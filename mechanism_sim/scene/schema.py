@@ -268,13 +268,16 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
     @model_validator(mode='before')
     @classmethod
     def _of_its_kind(cls, data: Any) -> Any:
-        """Refuse keys of other kinds before their values are read, which these may mean else."""
+        """Refuse keys of other kinds before their values are read, which these may mean else.
+
+        What is zero or empty is as good as left out: documents have all keys.
+        """
         kinds = [k for k in KINDS if isinstance(data, dict) and data.get(k) is not None]
         if len(kinds) != 1:
             return data
         (kind,) = kinds
         others = cls.model_fields.keys() - KINDS[kind].model_fields.keys()
-        for key in (key for key, value in data.items() if key in others and value is not None):
+        for key in (key for key, x in data.items() if key in others and plain(x)):
             said = f'{key} has no meaning in {a_or_an(kind)} joint'
             said += _as_spring(kind, key, data[kind])
             raise ValueError(f'has a key of another kind: {said}')
