@@ -46,6 +46,8 @@ OTHER_WORDS = {
 }
 """Functions and units of other programs, and what stands here for them."""
 
+_ELECTRICAL = 'V', 'mV', 'A', 'mA', 'ohm', 'Ohm', 'Ω', 'H', 'mH', 'uH', 'F'
+
 LARGEST = 1e30
 """Of the numbers in a text: beyond, products leave the range of floating-point numbers."""
 LONGEST = 1000
@@ -265,6 +267,8 @@ class _ExpressionReader:
         behind, text = self._now.text, quoted(self._text)
         if self._now.kind == 'name' and behind not in _WORDS:
             hint = other_word(behind, OTHER_WORDS) or f': a product is written {number}*{behind}'
+            if behind in _ELECTRICAL:
+                hint = ' of formulas: those of electrical quantities are in SI units, without any'
             raise InputError(f"'{behind}' behind {number} in {text} is not a unit{hint}")
         if not unit:
             return self._node(start, 'number', value=float(number))
