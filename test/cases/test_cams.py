@@ -501,7 +501,7 @@ def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
 
 
 @pytest.mark.parametrize(('law', 'said'), [
-    ({'file': 'lift.csv'}, 'numbers without a unit are radians'),
+    ({'file': 'lift.csv'}, 'a unit are radians: beside a file write units: [deg, mm]'),
     ({'file': 'lift.csv', 'units': 'deg'}, 'units must be a list of two names'),
     ({'file': 'lift.csv', 'columns': ['1', 'lift']}, "no column 'lift'"),
     ({'file': 'lost.csv'}, "'lost.csv' cannot be read"),

@@ -273,7 +273,8 @@ class MeasuredLaw(PiecewiseLaw):
             x, y = x[:-1], y[:-1]
         if not (np.diff(x) > 0).all() or (x[-1] - x[0] >= TURN and not reciprocating):
             ends = spelled(x[0], x[-1], reciprocating=reciprocating)
-            bare = '; numbers without a unit are radians' if x[-1] - x[0] > 2.0 * TURN else ''
+            bare = '; numbers without a unit are radians: beside a file write units: [deg, mm]'
+            bare = bare if x[-1] - x[0] > 2.0 * TURN else ''
             raise InputError(
                 'measured angles increase, and end before the turn is full, or where it is full '
                 f'at the same displacement: these go from {ends}{bare}'
