@@ -167,7 +167,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
         ),
     ]
     of_turn, known_before = period, {plan.main, TIME}
-    if len(first) == 1:
+    if len(first) == 1 and not plan.powered:
         pace = math.copysign(TWO_PI, plan.held[plan.main][1])
         first, period = [DriveLaw(plan.main, (plan.held[plan.main][0], pace))], 1.0
     if nominal.assembly.freedom or plan.powered:  # where other links go is not known beforehand
