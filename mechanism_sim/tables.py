@@ -495,8 +495,18 @@ def _of_mat(file: BinaryIO) -> Sequence[Column]:
 
 
 def _of_npz(file: BinaryIO) -> Sequence[Column]:
+    def values(name: str) -> NDArray[Any]:
+        try:
+            return np.asarray(data[name])
+        except ValueError as error:
+            if 'pickle' not in str(error):
+                raise
+            raise ValueError(
+                f"its array '{name}' holds objects of Python: save numbers, as by .astype(float)"
+            ) from error
+
     with np.load(file) as data:
-        return [Column(name, data[name]) for name in data.files]
+        return [Column(name, values(name)) for name in data.files]
 
 
 def _of_parquet(file: BinaryIO) -> Sequence[Column]:

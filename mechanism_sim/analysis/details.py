@@ -29,6 +29,7 @@ from mechanism_sim.sensing.spectra import (
     envelope_spectrum,
     order_spectrum,
     power,
+    quickly_transformed,
     shock_band,
 )
 from mechanism_sim.signal_files import ChannelSamples
@@ -99,7 +100,7 @@ class SignalSpectrum:
 
 @dataclass(frozen=True, eq=False)
 class Average:
-    """A quantity over the angle of the drive."""
+    """A quantity over the angle of the drive, in as many turns as bring all again."""
 
     turns: TurnSegments
     unit: str
@@ -166,7 +167,8 @@ class Details:
 
 def _average(turns: TurnSegments, unit: str) -> dict[str, Any]:
     columns = {'angle': turns.angle, 'mean': turns.mean, 'spread': turns.spread}
-    return {'unit': unit, 'turns': len(turns.values), **plain(columns)}
+    count = len(turns.values) * turns.turns
+    return {'unit': unit, 'turns': count, 'repetition': turns.turns, **plain(columns)}
 
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
@@ -213,7 +215,7 @@ def find_details(
         {name: _orders(record, name, skip) for name in wanted.orders},
         {name: _envelope(signal(name), wanted.band, turn) for name in wanted.envelopes},
         {
-            name: Average(record.over_turns(name, skip=skip), record.unit(name))
+            name: Average(_repetitions(record, name, skip), record.unit(name))
             for name in wanted.averages
         },
         {name: _struck(record, name, skip) for name in wanted.impacts},
@@ -296,6 +298,18 @@ def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
     )
 
 
+def _repetitions(record: Record, name: str, skip: int) -> TurnSegments:
+    """A quantity over as many turns as bring all again: two of a four-stroke engine."""
+    again, turns = record.machine.drive.repetition.turns, record.over_turns(name, skip=skip)
+    if (found := turns.together(again)) is None:
+        raise InputError(
+            f'{record.machine.name} is as before after {again} turns of '
+            f'{record.machine.plan.main}: the run has no such turns, the first of them a multiple '
+            f'of {again}'
+        )
+    return found
+
+
 def _envelope(
     signal: _Samples, band: tuple[float, float] | None, turn: float = math.inf
 ) -> SignalSpectrum:
@@ -305,9 +319,10 @@ def _envelope(
             f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '
             f'sampling rate of {signal.name}, {0.5 * signal.rate:g} Hz'
         )
-    band = band or shock_band(signal.longest, signal.rate, turn)
-    found = envelope_spectrum(signal.longest, signal.rate, band)
-    share = band_share(signal.longest, signal.rate, band)
+    samples = quickly_transformed(signal.longest)
+    band = band or shock_band(samples, signal.rate, turn)
+    found = envelope_spectrum(samples, signal.rate, band)
+    share = band_share(samples, signal.rate, band)
     return SignalSpectrum(found, f'({signal.unit or 1})^2', band, share, signal.unit)
 
 

@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.errors import InputError
+from mechanism_sim.numerics.polynomials import TWO_PI, exact_sum
+from mechanism_sim.results.cycle import is_steady
+from mechanism_sim.results.run import Solution
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
 from mechanism_sim.scene.build import build
@@ -107,10 +111,36 @@ def ideal_machine(machine: Machine) -> Machine:
     return build(machine.name, ideal.scene.model_copy(update={'sensors': quiet}))
 
 
-def ideal_record(record: Record) -> Record:
-    """Run of the same machine with ideal joints from the start to the end of a run."""
+def ideal_record(record: Record, since: float | None = None) -> Record:
+    """Run of the same machine with ideal joints up to the end of a run.
+
+    It begins when the machine starts; of one that repeats itself under a constant speed whole
+    repetitions before a time are left out, but for one.
+
+    Parameters
+    ----------
+    since : from when on it is wanted [s]; from the start of the run if not given
+    """
     ideal = ideal_machine(record.machine)
-    return Record(ideal, simulate(ideal, duration=record.end), {})
+    again, period = ideal.drive.repetition, ideal.drive.period
+    steady = not ideal.level.dynamic and is_steady(ideal) and again.found
+    often = int((record.start if since is None else since) / (again.turns * period)) - 1
+    if not steady or often < 1:
+        return Record(ideal, simulate(ideal, duration=record.end), {})
+    skipped = often * again.turns * period
+    run = simulate(ideal, duration=max(record.end - skipped, again.turns * period))
+    return Record(ideal, replace(run, motion=_later(run, skipped, often)), {})
+
+
+def _later(run: Solution, skipped: float, often: int) -> Motion:
+    """The motion of a machine that repeats itself, so many repetitions later, which last [s]."""
+    curve, slides = run.motion.curve, run.physics.displacements
+    first, last = curve(np.array([0.0, skipped / often]))
+    angles = ~np.isin(run.physics.coordinates, [*slides])
+    turns = often * np.where(angles, np.round((last - first) / TWO_PI), 0.0).astype(np.int64)
+    start, low = exact_sum(np.full(len(curve), skipped), curve.start_low, curve.start)
+    moved = replace(curve, start=start, start_low=low, turns=curve.turns + turns)
+    return replace(run.motion, curve=moved)
 
 
 def deviation(
@@ -128,6 +158,8 @@ def deviation(
     n = samples or (None if quantity in record.sensors else _SAMPLES)
     own = record.over_turns(quantity, n, skip)
     beside = ideal_record(record).over_turns(quantity, own.values.shape[1])
+    both = np.isin(own.first, beside.first)  # the last turn may end but for rounding
+    own = replace(own, values=own.values[both], first=own.first[both])
     ideal = replace(own, values=beside.values[own.first - beside.first[0]])
     return Deviation(quantity, own, ideal)
 

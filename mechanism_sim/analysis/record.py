@@ -22,7 +22,7 @@ import numpy as np
 from mechanism_sim.analysis.collectors import Signal, SignalCollectors, measured
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.audit import Audit
-from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.dense_output import GrowingMotion, Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.events import Impact, Mode, ModeChange
 from mechanism_sim.engine.plotting import Rich
@@ -40,7 +40,7 @@ from mechanism_sim.results.turns import turns_at
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.tables import Table
-from mechanism_sim.units import instant
+from mechanism_sim.units import counted, instant
 
 #: Last part of the name and type of what is analysed.
 KINDS = {
@@ -126,10 +126,11 @@ class Revolutions(Rich):
 
         Not a number outside of the motion, and of a drive that slides.
         """
-        inside = (t >= self.start) & (t <= self.end) & (not self.slides)
-        turned = np.full(len(t), np.nan)
-        curve = self.piece.motion.curve
-        turned[inside] = self.sense * turns_at(curve, self._drive, *curve.find(t[inside]))
+        turned, curve = np.full(len(t), np.nan), self.piece.motion.curve
+        for first in range(0, len(t), _BLOCK):
+            some, into = t[first : first + _BLOCK], turned[first : first + _BLOCK]
+            inside = (some >= self.start) & (some <= self.end) & (not self.slides)
+            into[inside] = self.sense * turns_at(curve, self._drive, *curve.find(some[inside]))
         return turned
 
     def degrees(self, t: Array) -> Array:
@@ -146,7 +147,8 @@ class Revolutions(Rich):
     def turns(self) -> tuple[int, int]:
         """The whole turns from angle zero to angle zero within the motion: from, and up to."""
         first, last = self.turned(np.array([self.start, self.end]))
-        return math.ceil(first - 1e-9), math.floor(last + 1e-9)
+        slack = _END + 4.0 * float(np.spacing(self.end)) * abs(self.rate)  # of a start far off
+        return math.ceil(first - slack), math.floor(last + slack)
 
     def whole_turns(self, skip: int = 0) -> tuple[int, int]:
         """The whole turns without the first `skip` of them."""
@@ -430,24 +432,24 @@ def read_record(bag: Bag | Path | str, namespace: str | None = None) -> Record:
     bag = bag if isinstance(bag, Bag) else read_bag(bag)
     find_topics(bag, namespace)  # that there is one machine, before its scene is asked for
     machine = machine_of(bag, namespace)
-    sensors, found = SignalCollectors(), []
+    sensors, growing = SignalCollectors(), None
+    impacts, changes = list[Impact](), list[ModeChange]()
     for piece in pieces(bag, namespace, {'sensors': sensors.add}):
         if piece.coordinates:
             check_motion(bag, machine, piece)
-        found.append(piece)
-    parts = [piece.motion for piece in found if len(piece.motion)]
-    if not parts:
+        if len(piece.motion):
+            growing = growing or GrowingMotion()
+            growing.add(piece.motion)
+        impacts += piece.impacts
+        changes += piece.modes
+    if growing is None:
         raise InputError(f'{bag.path} has no recorded motion.')
-    impacts = [i for piece in found for i in piece.impacts]
-    changes = [change for piece in found for change in piece.modes]
-    found.clear()
-    motion = Motion.joined(parts)
-    parts.clear()  # a long motion is in memory once
+    motion = growing.whole()
     for a, b in gaps(motion.curve):
         raise InputError(
             f'{bag.path}: the motion from {instant(a)} s to {instant(b)} s is missing.'
         )
-    impacts = _with_work(machine, motion, impacts)
+    impacts = _with_work(machine, motion, _covered(bag, motion, impacts))
     audit = Audit(machine.physics)
     balance = EnergyTerms(audit.add(motion, impacts), impacts)
     run = Piece(machine, motion, balance, impacts, changes)
@@ -463,6 +465,22 @@ def check_motion(bag: Bag, machine: Machine, piece: RecordedPiece) -> None:
                 f'{bag.path}: its motion is of {", ".join(names)}, but its scene makes a machine '
                 f'of {", ".join(here)}: it was recorded by another version.'
             )
+
+
+def _covered(bag: Bag, motion: Motion, impacts: list[Impact]) -> list[Impact]:
+    """The impacts at times of which the motion is recorded; a warning of others."""
+    start, end = float(motion.curve.start[0]), motion.curve.end
+    slack = 4.0 * float(np.spacing(max(abs(start), abs(end))))
+    kept = [i for i in impacts if start - slack <= i.t <= end + slack]
+    if left := len(impacts) - len(kept):
+        lost = counted(left, 'impact') + (' is' if left == 1 else ' are')
+        warnings.warn(
+            f'{bag.path}: the motion is recorded from {instant(start)} s to {instant(end)} s; '
+            f'{lost} left out, before or after it',
+            RunWarning,
+            stacklevel=3,
+        )
+    return kept
 
 
 def _with_work(machine: Machine, motion: Motion, impacts: list[Impact]) -> list[Impact]:
@@ -583,9 +601,8 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
             and (kind in SHARED or topic.name.rpartition('/')[2] == kind)
         )
         if len(names) > 1 and kind not in SHARED:
-            raise InputError(
-                f'{bag.path} holds several machines ({", ".join(names)}): choose a namespace.'
-            )
+            homes = ', '.join(name.rpartition('/')[0] or '/' for name in names)
+            raise InputError(f'{bag.path} holds several machines ({homes}): choose a namespace.')
         found[kind] = names
     if namespace and not any(found.values()):
         raise InputError(f'{bag.path} has no machine in namespace {namespace}.')

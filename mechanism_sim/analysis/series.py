@@ -6,7 +6,6 @@ import math
 import operator
 import re
 from array import array
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.csv_tables import assume
 from mechanism_sim.errors import InputError, nearest
 from mechanism_sim.messages import MessageError, type_name
@@ -319,26 +318,30 @@ def _at(run: Piece | Cycle, t: Array, names: Sequence[str]) -> Mapping[str, Arra
 def joined(series: Sequence[Series]) -> Table:
     """Series as columns (N,) over one column ``t``; not a number where one has no value."""
     keys = [_numbered(s.t) for s in series]
-    # of one topic rows are as recorded, also where a run began anew
-    rows = keys[0] if all(key == keys[0] for key in keys) else sorted(set().union(*keys))
-    place = {key: i for i, key in enumerate(rows)}
-    columns, units = {'t': np.array([t for t, _ in rows])}, {'t': 's'}
-    for s, key in zip(series, keys, strict=True):
+    rows, places = keys[0], [np.arange(len(key)) for key in keys]
+    if not all(np.array_equal(key, rows) for key in keys):
+        rows = np.unique(np.concatenate(keys))
+        places = [np.searchsorted(rows, key) for key in keys]
+    # else of one topic: rows are as recorded, also where a run began anew
+    columns, units = {'t': rows.real.copy()}, {'t': 's'}
+    for s, place in zip(series, places, strict=True):
         name = f'ideal.{s.name}' if s.ideal else s.line
         column = columns.setdefault(name, np.full(len(rows), np.nan))
-        column[[place[k] for k in key]] = s.values
+        column[place] = s.values
         units[name] = s.unit
     return Table(columns, units)
 
 
-def _numbered(t: Array) -> list[tuple[float, int]]:
-    """Each time, and how many times it was there before: several impacts may be at one instant."""
-    seen: Counter[float] = Counter()
-    keys = []
-    for time in t.tolist():
-        keys.append((time, seen[time]))
-        seen[time] += 1
-    return keys
+def _numbered(t: Array) -> ComplexArray:
+    """Each time, and how many times it was there before as the imaginary part, which sorts so.
+
+    Several impacts may be at one instant.
+    """
+    order = np.argsort(t, kind='stable')
+    first = np.flatnonzero(np.diff(t[order], prepend=np.nan) != 0.0)
+    before = np.empty(len(t))
+    before[order] = np.arange(len(t)) - np.repeat(first, np.diff(first, append=len(t)))
+    return np.asarray(t + 1j * before)
 
 
 class MissingFieldError(InputError):

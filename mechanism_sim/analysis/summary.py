@@ -52,7 +52,6 @@ from mechanism_sim.messages.events import parse_description
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 from mechanism_sim.recording.inventory import displacements, scene_name, scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
-from mechanism_sim.recording.writer import LIBRARY
 from mechanism_sim.results import ranges
 from mechanism_sim.results.ranges import LoadPeaks, largest
 from mechanism_sim.results.turns import (
@@ -506,7 +505,7 @@ def analyze(bag: Bag | Path | str, *, namespace: str | None = None) -> Summary:
         digest=digest.hexdigest() if moved is not None else None,
         absent=(),
     )
-    if bag.library != LIBRARY and not any(present.values()):
+    if scene_text(bag, namespace) is None and not any(present.values()):
         return replace(found, fields=field_ranges(bag))
     missing = filter(None, [unknown, channels.lost])
     return replace(found, absent=(*_absent(present, found, energy), *missing))

@@ -263,7 +263,10 @@ def _details(options: argparse.Namespace, wanted: Any) -> Any:
         asked, *against = (Asked(bag, namespace=options.namespace) for bag in bags)
         sensors = () if asked.messages else asked.record.sensors
         names = [x for x in (*wanted.spectra, *wanted.envelopes) if x not in sensors]
-        channels = {x: samples_of(bags[0], s) for x in names if (s := asked.recorded(x))}
+        series = {x: s for x in names if (s := asked.recorded(x))}
+        channels = {x: samples_of(bags[0], s) for x, s in series.items()}
+        for x, s in series.items():  # of a joint that turns or slides both are said
+            channels[x] = replace(channels[x], unit=s.unit or channels[x].unit)
         warn_of_gaps(channels)
         if asked.messages and channels:
             refuse_options(options, ['skip', 'against', 'pin-radius'], 'needs a run')

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, GrowingRows
 from mechanism_sim.engine.clock import Base
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.system import System
@@ -152,17 +152,36 @@ class Motion:
 
     @classmethod
     def joined(cls, parts: list[Motion]) -> Motion:
-        """One motion from consecutive parts."""
+        """One motion from consecutive parts; see `GrowingMotion` for very many."""
         if len(parts) == 1:
             return parts[0]
-        return cls(
-            PiecewisePolynomial.joined([part.curve for part in parts]),
-            np.concatenate([part.modes for part in parts]),
-            np.concatenate([part.approach for part in parts]),
-            np.concatenate([part.torques for part in parts]),
-            np.concatenate([part.acting for part in parts]),
-            np.concatenate([part.states for part in parts]),
-        )
+        own = zip(*(part.columns for part in parts), strict=True)
+        curve = PiecewisePolynomial.joined([part.curve for part in parts])
+        return cls(curve, *map(np.concatenate, own))
+
+    @property
+    def columns(self) -> tuple[NDArray[Any], ...]:
+        """All that it has beside `curve`."""
+        return self.modes, self.approach, self.torques, self.acting, self.states
+
+
+class GrowingMotion:
+    """Motion put together from consecutive parts that need not be kept, see `GrowingRows`."""
+
+    def __init__(self) -> None:
+        self._rows: list[GrowingRows] = []
+
+    def add(self, part: Motion) -> None:
+        """Append the part that follows."""
+        columns = *part.curve.columns, *part.columns
+        self._rows = self._rows or [GrowingRows() for _ in columns]
+        for rows, column in zip(self._rows, columns, strict=True):
+            rows.add(column)
+
+    def whole(self) -> Motion:
+        """The motion of all parts, of which there is one at least."""
+        start, low, duration, turns, powers, *others = (rows.rows() for rows in self._rows)
+        return Motion(PiecewisePolynomial(start, low, duration, turns, powers), *others)
 
 
 def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:

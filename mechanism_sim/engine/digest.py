@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact
 
+_BLOCK = 8192  # segments that are packed at once
 _LENGTH, _EIGHT = struct.Struct('<q'), struct.Struct('<8d')
 _NUMBERS = attrgetter(
     't', 'normal_angle', 'approach_speed', 'rebound_speed', 'normal_impulse',
@@ -41,8 +42,9 @@ class MotionDigest:
 
     def add(self, motion: Motion, impacts: Iterable[Impact]) -> None:
         """Add the motion and the impacts of a part of a run."""
-        c = motion.rows
-        self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, motion.modes)
+        for part in motion.parts(_BLOCK):
+            c, modes = part.rows, part.modes
+            self.add_segments(c.start, c.start_low, c.duration, c.turns, c.coefficients, modes)
         self._impacts.update(b''.join([_packed(i.joint, _NUMBERS(i)) for i in impacts]))
 
     def add_segments(

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from time import perf_counter
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mechanism_sim.arrays import Array
+from mechanism_sim.arrays import Array, of_one_width
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.kernels import charge, entry
 
@@ -93,17 +93,14 @@ class PiecewisePolynomial:
     @classmethod
     def joined(cls, curves: Sequence[PiecewisePolynomial]) -> Self:
         """One curve from consecutive ones, of the highest degree among them."""
-        powers = [c.coefficients for c in curves]
-        count = max(x.shape[2] for x in powers)
-        wide = [
-            x if x.shape[2] == count else np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2])))
-            for x in powers
-        ]
-        columns = ('start', 'start_low', 'duration', 'turns')
-        start, low, duration, turns = (
-            np.concatenate([getattr(c, name) for c in curves]) for name in columns
-        )
-        return cls(start, low, duration, turns, np.concatenate(wide))
+        *columns, powers = zip(*(c.columns for c in curves), strict=True)
+        start, low, duration, turns = map(np.concatenate, columns)
+        return cls(start, low, duration, turns, np.concatenate(of_one_width(powers)))
+
+    @property
+    def columns(self) -> tuple[NDArray[Any], ...]:
+        """Its arrays, in the order of the class."""
+        return self.start, self.start_low, self.duration, self.turns, self.coefficients
 
     @property
     def end(self) -> float:

@@ -328,7 +328,7 @@ def _average(name: str, average: Average, drive: str) -> Section:
         (f'{math.degrees(turns.angle[k]):.4g}', mean[k], spread[k])
         for k in range(0, n, max(1, n // _ORDERS))
     ]
-    title = f'{name} over the angle of the {drive}: {len(turns.values)} turns of {n} angles'
+    title = f'{name} over the angle of the {drive}: {turns.text} of {n // turns.turns} angles'
     head = f'{drive} [deg]', f'mean [{average.unit}]', 'standard deviation'
     return Section(title, table=[head, *rows])
 

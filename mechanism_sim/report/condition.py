@@ -58,9 +58,9 @@ def _average(name: str, average: Average, drive: str) -> Chart:
     curves = (
         ChartCurve(angle, mean + spread, 'standard deviation', name, form='area', look='range',
               low=mean - spread),
-        ChartCurve(angle, mean, f'mean of {len(turns.values)} turns', name),
+        ChartCurve(angle, mean, f'mean of {turns.text}', name),
     )  # fmt: skip
-    panel = Panel(turn_of(drive), Axis(name.replace('_', ' '), unit), curves)
+    panel = Panel(turn_of(drive, turns.turns), Axis(name.replace('_', ' '), unit), curves)
     return Chart('average', f'{name}, turn by turn', (panel,), 'angle', name)
 
 

@@ -25,7 +25,7 @@ from mechanism_sim.results.simulate import Stream
 from mechanism_sim.results.turns import ImpactAccumulator, Mean
 from mechanism_sim.scene import Machine
 from mechanism_sim.strict_json import plain
-from mechanism_sim.units import counted, for_people, instant, number, written
+from mechanism_sim.units import counted, for_people, instant, written
 
 if TYPE_CHECKING:
     from mechanism_sim.analysis.record import Record
@@ -430,7 +430,7 @@ def load_rows(
 
 def _row(peak: LoadPeak, unit: str) -> tuple[str, ...]:
     angle = '' if peak.crank_angle is None else f'{math.degrees(peak.crank_angle):.4g} deg'
-    first = peak.name, written(peak.value, unit), number(peak.time, 6), angle
+    first = peak.name, written(peak.value, unit), instant(peak.time, 6), angle
     if peak.duration is None or peak.impulse is None:
         return *first, '', ''
     least = '' if peak.whole else '>= '

@@ -21,7 +21,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine import plotting
 from mechanism_sim.engine.audit import Audit, Energy, Work
 from mechanism_sim.engine.bending import BendWatch
-from mechanism_sim.engine.dense_output import Motion
+from mechanism_sim.engine.dense_output import GrowingMotion, Motion
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.engine.energy_terms import EnergyTerms
 from mechanism_sim.engine.event_loop import EventLoop
@@ -104,15 +104,20 @@ class Piece(Rich):
     modes: list[ModeChange]
 
     @staticmethod
-    def joined(pieces: Sequence[Piece]) -> Piece:
-        """Pieces of a run that follow one another, as one."""
-        impacts = [impact for piece in pieces for impact in piece.impacts]
-        changes = [change for piece in pieces for change in piece.modes]
-        motion = Motion.joined([piece.motion for piece in pieces])
-        first, *_ = pieces
-        work = Work(*np.concatenate([piece.balance.work for piece in pieces], axis=1))
-        balance = EnergyTerms(work, impacts, first.balance.drive_work, first.balance.dissipated)
-        return Piece(first.machine, motion, balance, impacts, changes)
+    def joined(pieces: Iterable[Piece]) -> Piece:
+        """Pieces of a run that follow one another, as one; each is let go once it is joined."""
+        motion, works = GrowingMotion(), list[Work]()
+        impacts, changes = list[Impact](), list[ModeChange]()
+        for piece in pieces:
+            if not works:
+                machine, before = piece.machine, piece.balance
+            motion.add(piece.motion)
+            works.append(piece.balance.work)
+            impacts += piece.impacts
+            changes += piece.modes
+        work = Work(*np.concatenate(works, axis=1))
+        balance = EnergyTerms(work, impacts, before.drive_work, before.dissipated)
+        return Piece(machine, motion.whole(), balance, impacts, changes)
 
     def __repr__(self) -> str:
         curve = self.motion.curve

@@ -228,11 +228,11 @@ def simulate(
     end = span(scene, revolutions, duration)
     asked = AskedDerivatives(scene, derivatives, end, resume) if derivatives else None
     run = stream(scene, None, end, progress, resume)
-    solution = whole(run, list(run))
+    solution = whole(run, run)
     return replace(solution, derivatives=asked.along(solution)) if asked else solution
 
 
-def whole(run: Stream, pieces: Sequence[Piece]) -> Solution:
+def whole(run: Stream, pieces: Iterable[Piece]) -> Solution:
     """The solution of a run that has come to its end, by all of its pieces."""
     machine, all_ = run.machine, Piece.joined(pieces)
     return Solution(

@@ -145,6 +145,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
     Where links are follows from the angle of the main drive alone, or from drives at constant
     speeds; when formulas of the time come again, from these alone. A link that looks alike at any
     angle, as a wheel, need not come back; a wheel with an eccentric mass has to, and so has a cam.
+    Under a torque, as of a four-stroke engine, the turns are those of formulas of its angle.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
     first = [laws[0] for laws in plan.laws.values()]
     steady = all(keeps_speed(plan, c) for c in plan.laws) and math.isfinite(period)
     known = len(first) == 1 or steady
-    if not known or plan.powered or plan.main in plan.ideal.displacements:
+    if not known or plan.main in plan.ideal.displacements:
         return Repetition()
     phases = [
         *(_Phase(link, {link: 1.0}, TWO_PI) for link in _seen(plan)),
@@ -166,10 +167,10 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
         ),
     ]
     of_turn, known_before = period, {plan.main, TIME}
-    if len(first) == 1:
+    if len(first) == 1 and not plan.powered:
         pace = math.copysign(TWO_PI, plan.held[plan.main][1])
         first, period = [DriveLaw(plan.main, (plan.held[plan.main][0], pace))], 1.0
-    if nominal.assembly.freedom:  # where other links go is not known beforehand
+    if nominal.assembly.freedom or plan.powered:  # where other links go is not known beforehand
         phases = [phase for phase in phases if {*phase.factors} <= known_before]
     alone = all({*phase.factors} <= known_before for phase in phases)
     last, never = '', [phase.text for phase in phases]

@@ -300,14 +300,22 @@ class Sampler:
     def __init__(self, instrument: Instrument, name: str, drive: int = 0) -> None:
         self._name, self._rate, self._trigger = name, instrument.sample_rate, instrument.trigger
         self._passage = LevelPassage(self._trigger.angle, {drive: 1.0}) if self._trigger else None
-        self._start: float | None = None if self._trigger else 0.0
+        self._start: float | None = None  # of the record
+        self._begun = self._trigger is not None
         self._count = 0
         self._jitter = instrument.adc.jitter
         self._random = generator(instrument, name, 'jitter')
         self._offsets = np.zeros(0)  # drawn, and not yet used
 
     def due(self, motion: Motion) -> Iterator[Span]:
-        """The samples that fall into a motion, which follows that of the last call."""
+        """The samples that fall into a motion, which follows that of the last call.
+
+        They are due at multiples of their interval from time 0 on, wherever the first motion
+        begins: a record may be a part of a longer one.
+        """
+        if not self._begun:
+            first = float(motion.curve.start[0])
+            self._start, self._begun = math.ceil(first * self._rate) / self._rate, True
         triggers = self._passage.times(motion) if self._passage else []
         for trigger in triggers:
             yield from self._sample(trigger, ends=self._most is None)

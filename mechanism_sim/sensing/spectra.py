@@ -29,7 +29,8 @@ _MOST = 4096  # samples a turn, unless told
 _SHORTEST = 256  # samples of a segment, unless told or fewer
 _FAINT = 1e-3  # of the mean density of power: what rounding may have, and no resonance
 _FEWEST = 16  # segments of which a kurtosis is worth looking at
-_AT_ONCE = 2**18  # samples of segments, which fit into a cache
+_AT_ONCE = 2**18  # samples of segments or splines, which fit into a cache
+_BESIDE = 64  # samples on each side of those of a spline that are its margin
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,12 +100,24 @@ def power(
     length = min(segment or max(_SHORTEST, 2 ** int(math.log2(total / 8 + 1))), longest)
     sums, weight = np.zeros(length // 2 + 1), 0
     mean = math.fsum(float(np.sum(x)) for x in signals) / total
+    hop = length - length // 2
+    most = max(1, (_AT_ONCE - length) // hop) * hop  # between the first and the last of a block
     for x in signals:
-        if len(x) >= length:
-            count = 1 + (len(x) - length) // (length - length // 2)
-            sums += count * scipy.signal.welch(x - mean, rate, window, length, detrend=False)[1]
+        for first in range(0, len(x) - length + 1, most + hop):
+            some = x[first : first + most + length] - mean
+            count = 1 + (len(some) - length) // hop
+            sums += count * scipy.signal.welch(some, rate, window, length, detrend=False)[1]
             weight += count
     return LineSpectrum(_lines(length, rate), sums / weight)
+
+
+def quickly_transformed(x: Array) -> Array:
+    """A long signal (N,) without so many of its last samples that its transform is quick.
+
+    Of a quarter of a million samples none are left out, of more 0.7 % at most: lengths with large
+    prime factors take five times as long, and as much memory.
+    """
+    return x[: scipy.fft.prev_fast_len(len(x))] if len(x) > _AT_ONCE else x
 
 
 def severity_spectrum(signals: Sequence[Array], rate: float) -> LineSpectrum:
@@ -245,26 +258,43 @@ def band_share(x: Array, rate: float, band: tuple[float, float]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TurnSegments:
-    """A signal at n angles equally spaced in each of K whole turns.
+    """A signal at n angles equally spaced in each of K whole turns, or of as many times r turns.
 
     Attributes
     ----------
-    values : (K, n) in the order of time; row k holds the angles ``2 pi j / n`` of turn
-        ``first[k]``, or ``-2 pi j / n`` of a shaft that turns backwards
+    values : (K, n) in the order of time; row k holds the angles ``2 pi r j / n`` from turn
+        ``first[k]`` on, or ``-2 pi r j / n`` of a shaft that turns backwards
     first : (K,) whole turns before each row; rows that follow each other are neighbours in time
-        where they rise by one
+        where they rise by r
     backwards : whether the shaft turns clockwise
+    turns : r
     """
 
     values: Array
     first: NDArray[np.int64]
     backwards: bool = False
+    turns: int = 1
 
     @property
     def angle(self) -> Array:
         """The angles (n,) [rad], rising."""
         n = self.values.shape[1]
-        return np.asarray(2.0 * np.pi * np.arange(n) / n)
+        return np.asarray(2.0 * np.pi * self.turns * np.arange(n) / n)
+
+    def together(self, turns: int) -> TurnSegments | None:
+        """Rows of so many turns each instead of one; None if there are none.
+
+        They begin where a multiple of so many turns is over, as of a machine that is as before
+        after several turns only.
+        """
+        begins = np.flatnonzero(self.first % turns == 0)
+        begins = begins[begins + turns <= len(self.first)]
+        whole = self.first[begins + turns - 1] - self.first[begins] == turns - 1
+        if not whole.any():
+            return None
+        rows = begins[whole][:, None] + np.arange(turns)
+        values = self.values[rows].reshape(len(rows), -1)
+        return TurnSegments(values, self.first[rows[:, 0]], self.backwards, turns)
 
     def by_angle(self, turn: Array) -> Array:
         """Values of a turn (n,), which are in the order of time, in that of `angle`."""
@@ -283,13 +313,19 @@ class TurnSegments:
         return self.by_angle(self.values.std(axis=0, ddof=1))
 
     @property
+    def text(self) -> str:
+        """How many turns there are, as '30 turns' or '15 times 2 turns'."""
+        count = len(self.values)
+        return f'{count} times {self.turns} turns' if self.turns > 1 else f'{count} turns'
+
+    @property
     def residual(self) -> Array:
         """Residue (K, n) without the average: what does not repeat."""
         return np.asarray(self.values - self.values.mean(axis=0))
 
     def series(self) -> list[Array]:
         """Turns that follow each other, joined: (k n,) each."""
-        cuts = np.flatnonzero(np.diff(self.first) != 1) + 1
+        cuts = np.flatnonzero(np.diff(self.first) != self.turns) + 1
         return [rows.ravel() for rows in np.split(self.values, cuts)]
 
 
@@ -323,12 +359,27 @@ def at_equal_angles(
         if end <= begin:
             continue
         grid = np.arange(begin * n, end * n) / n
-        spline = scipy.interpolate.make_interp_spline(run, x, k=_DEGREE)
-        rows.append(spline(grid).reshape(-1, n))
+        rows.append(_interpolated(run, x, grid).reshape(-1, n))
         first.append(np.arange(begin, end))
     if not rows:
         raise ValueError('the signal covers no whole turn')
     return TurnSegments(np.concatenate(rows), np.concatenate(first))
+
+
+def _interpolated(at: Array, x: Array, grid: Array) -> Array:
+    """Values on a rising grid of the spline through samples (N,), some of them at once.
+
+    Beyond `_BESIDE` samples beside a place none counts any more: of a sample so far off less than
+    1e-23 is left.
+    """
+    values = np.empty(len(grid))
+    cuts = np.arange(0, max(1, len(at) - _BESIDE), _AT_ONCE)
+    places = [0, *np.searchsorted(grid, at[cuts[1:]]), len(grid)]
+    for first, a, b in zip(cuts, places, places[1:], strict=False):
+        near = slice(max(0, first - _BESIDE), first + _AT_ONCE + _BESIDE)
+        spline = scipy.interpolate.make_interp_spline(at[near], x[near], k=_DEGREE)
+        values[a:b] = spline(grid[a:b])
+    return values
 
 
 def _per_turn(turned: Sequence[Array]) -> int:

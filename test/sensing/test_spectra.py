@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
-from scipy import signal, stats
+from scipy import interpolate, signal, stats
 
 from mechanism_sim.sensing.indicators import Moments, indicators
 from mechanism_sim.sensing.spectra import (
@@ -19,6 +20,7 @@ from mechanism_sim.sensing.spectra import (
     envelope_spectrum,
     order_spectrum,
     power,
+    quickly_transformed,
     severity,
     severity_spectrum,
     shock_band,
@@ -294,3 +296,47 @@ def test_a_shaft_that_turns_back_has_no_orders():
         at_equal_angles([np.array([0.0, 1.0, 0.5])], [np.zeros(3)])
     with pytest.raises(ValueError, match='no whole turn'):
         at_equal_angles([np.linspace(0.1, 1.05, 90)], [np.zeros(90)])
+
+
+@pytest.mark.parametrize('segment', [None, 1000, 4097])
+def test_segments_of_a_long_signal_are_those_of_the_whole(segment):
+    """As many as there are, by SciPy in one go; they are transformed block by block."""
+    x = noise(2**18 + 70_001)
+    length = segment or 2 ** int(math.log2(len(x) / 8 + 1))
+    expected = signal.welch(x - x.mean(), RATE, 'hann', length, detrend=False)[1]
+    assert power([x], RATE, segment).values == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_long_signal_over_the_angle_is_one_spline():
+    """The same as of all samples at once, in a sixth of its memory."""
+    t = np.arange(2**18 + 2**17 + 31) / RATE
+    turned, x = 10.0 * t + 0.3 * np.sin(t), np.cumsum(noise(len(t)))
+    tracemalloc.start()
+    found = at_equal_angles([turned], [x], 100)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 120 * len(t)
+    grid = np.add.outer(found.first, np.arange(100) / 100.0).ravel()
+    expected = interpolate.make_interp_spline(turned, x, k=5)(grid)
+    assert found.values.ravel() == pytest.approx(expected, abs=1e-11 * np.abs(x).max())
+
+
+def test_a_long_signal_loses_few_samples_to_be_transformed_quickly():
+    for count in (2**18 + 1, 300_007, 5_142_859, 2 * 4_999_999):
+        kept = left = len(quickly_transformed(np.zeros(count)))
+        for prime in (2, 3, 5, 7, 11):
+            while left % prime == 0:
+                left //= prime
+        assert (left, 0.993 * count < kept <= count) == (1, True)
+    assert len(quickly_transformed(np.zeros(262_139))) == 262_139
+
+
+def test_turns_are_taken_together_where_a_multiple_of_them_is_over():
+    values = np.arange(14.0).reshape(7, 2)
+    found = TurnSegments(values, np.array([1, 2, 3, 4, 6, 8, 9])).together(2)
+    assert found is not None
+    assert found.first.tolist() == [2, 8]
+    assert found.values.tolist() == [[2, 3, 4, 5], [10, 11, 12, 13]]
+    assert found.angle == pytest.approx(np.arange(4) * math.pi)
+    assert [len(x) for x in found.series()] == [4, 4]
+    assert TurnSegments(values[:1], np.array([2])).together(2) is None

@@ -212,7 +212,7 @@ class ChartedRun:
         if not machine.level.dynamic:
             return None
         try:
-            beside = ideal_record(self.record)
+            beside = ideal_record(self.record, detail.start)
         except (InputError, RunError):
             return None  # then there is nothing to compare with
         if beside.machine.level.dynamic:
