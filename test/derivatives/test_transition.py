@@ -136,6 +136,20 @@ def test_multipliers_are_known_to_their_last_digits() -> None:
     assert response.spread < 1e-9
 
 
+@pytest.mark.slow
+def test_a_filter_that_only_listens_adds_its_decay_to_the_multipliers() -> None:
+    """Of a motion with 158 impacts in its two turns."""
+    states = {'slow': {'start': 0.0, 'rate': '(rocker_rate - slow)/0.2'}}
+    alone, heard = (
+        find_periodic(ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm', **more}))
+        for more in ({}, {'states': states})
+    )
+    assert alone is not None
+    assert heard is not None
+    expected = [np.exp(-2.0 * 0.125 / 0.2), *np.abs(alone.multipliers)]
+    assert np.abs(heard.multipliers) == pytest.approx(expected, rel=1e-8)
+
+
 def test_fixed_points_move_with_keys_as_those_of_other_machines() -> None:
     values = {'drive.speed': (480.0 * np.pi / 30.0, 1e-3), f'{PLAY}.radial': (0.254e-3, 1e-10)}
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})
