@@ -203,15 +203,17 @@ def _respelled(unit: str) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Numbers and arrays of NumPy as those of Python, quantities of pint as text with units.
+    """Numbers, arrays and data frames as those of Python, quantities of pint as text with units.
 
-    Quantities are known by what they can do, so that pint need not be there. As text they go the
-    way of all others: frequencies are no rotations, and decimal numbers stay exact.
+    All are known by what they can do, so that pint and pandas need not be there. As text
+    quantities go the way of all others: frequencies are no rotations, decimal numbers stay exact.
     """
     if type(value) in _PLAIN_TYPES:
         return value
     if hasattr(value, 'dimensionality') and hasattr(value, 'to_base_units'):
         return _with_unit(plain(value.magnitude), f'{value.units:~C}')
+    if hasattr(value, 'to_numpy'):
+        value = value.to_numpy()
     return value.tolist() if hasattr(value, 'tolist') else value
 
 

@@ -141,13 +141,11 @@ class _Parts:
     def _tables(self, machine: Machine) -> list[LawTable]:
         plan, tables = machine.plan, []
         for c, known in zip(self._driven, self._laws, strict=True):
-            laws = islice(unrolled(plan.laws[c], plan.sources.get(c)), len(known))
+            laws = [*islice(unrolled(plan.laws[c], plan.sources.get(c)), len(known))]
             rows = [_numbers(law, at) for law, at in zip(laws, known, strict=False)]
             width = max(len(row) for row in rows)
             numbers = [[*row, *[0.0] * (width - len(row))] for row in rows]
-            starts = [law.valid_from for law in islice(
-                unrolled(plan.laws[c], plan.sources.get(c)), len(known))]  # fmt: skip
-            tables.append(LawTable(np.array(starts), np.array(numbers)))
+            tables.append(LawTable(np.array([law.valid_from for law in laws]), np.array(numbers)))
         return tables
 
     def split(self, values: Array, begun: list[set[_Begun]]) -> Influence:

@@ -22,6 +22,7 @@ from mechanism_sim.derivatives.impulse_slopes import of_one, of_several
 from mechanism_sim.derivatives.influences import NUMBERS, Influence
 from mechanism_sim.derivatives.joint_impulses import beside
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
+from mechanism_sim.engine.contact.impact import Hypothesis
 from mechanism_sim.engine.contact.rubbing import Rubs, rubs_of
 from mechanism_sim.engine.events import Impact, Mode
 
@@ -121,9 +122,7 @@ class Jumps:
         self._names = [gap.name for gap in system.gaps]
         self._e = np.array([gap.restitution for gap in system.gaps])
         self._mu = np.array([gap.friction for gap in system.gaps])
-        codes = {'newton': 0, 'poisson': 1, 'stronge': 2}
-        self._laws = np.array([codes[str(getattr(g.hypothesis, 'value', g.hypothesis))]
-                               for g in system.gaps], dtype=np.int64)  # fmt: skip
+        self._laws = np.array([Hypothesis(gap.hypothesis).code for gap in system.gaps], np.int64)
         self._rows = len(system.dynamics.contacts.rows)
         self._asked: dict[tuple[int, ...], Selected] = {}
 

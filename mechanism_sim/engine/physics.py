@@ -138,6 +138,21 @@ class Physics(Protocol):
         """Instants at which forces grow beyond all bounds; there they are NaN."""
 
 
+def is_force_open(undetermined: Mapping[str, frozenset[str]], joint: str) -> bool:
+    """True if redundant constraints leave open a joint's force itself, not its moment alone."""
+    return not {'x', 'y'}.isdisjoint(undetermined.get(joint, ()))
+
+
+def known_wrench(physics: Physics, observed: Observation, joint: str) -> Array:
+    """Force x, y [N] and moment [N m] in a joint (3, N), as observed; NaN where not known."""
+    if not physics.has_forces:
+        return np.full((3, observed.position.shape[1]), np.nan)
+    i, open_ = physics.joints.index(joint), physics.undetermined.get(joint, ())
+    wrench = np.vstack([observed.reaction[i], observed.reaction_moment[i]])
+    wrench[[part in open_ for part in ('x', 'y', 'moment')]] = np.nan
+    return wrench
+
+
 class DynamicPhysics:
     """Equations of motion: accelerations and forces follow from state and mode of contact."""
 

@@ -26,6 +26,7 @@ from mechanism_sim.linkages.springs import Elongation, GuidedSpring, Spring, Tor
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import Coupling, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
+from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.plan import keeps_speed
 
@@ -104,7 +105,7 @@ class _MjcfWriter:
                 self._spring(element)
             elif isinstance(element, TorsionSpring):
                 self._torsion(element)
-        for c in ideal.machine.plan.laws:
+        for c in read_drives(ideal.machine.plan):
             self._drive(c)
         for element in self._elements:
             if isinstance(element, AppliedForce) and (wrench := _constant(element)):

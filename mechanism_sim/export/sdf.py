@@ -21,6 +21,7 @@ from mechanism_sim.export.markup import Element, comment, text, written
 from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import Coupling, Joint, Prismatic, Weld
 from mechanism_sim.planar.points import GROUND, Vector2
+from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.machine import Machine
 
 VERSION = '1.7'
@@ -68,9 +69,7 @@ def left_out(machine: Machine) -> list[str]:
     ]
     found += [f'{element.name}: left out: forces are for plugins' for element in
               plan.elements(plan.ideal)]  # fmt: skip
-    motors = [motor.coordinate for motor in plan.motors]
-    drives = [c for c, (law, *_) in plan.laws.items() if any(law.coefficients) or c in motors]
-    found += [f'{c}: its drive is left out: drives are for plugins' for c in drives]
+    found += [f'{c}: its drive is left out: drives are for plugins' for c in read_drives(plan)]
     found += [f'{name}: this sensor is left out' for name in machine.scene.sensors]
     return [*found, 'all links start at rest']
 

@@ -11,6 +11,7 @@ import scipy
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.export.bending import bendings, round_below, scale_bar
+from mechanism_sim.export.ideal import way as slides
 from mechanism_sim.export.shapes import BOX, Shape, inside
 from mechanism_sim.joints.contact_keys import Clearance, ClearanceSpec
 from mechanism_sim.joints.joint_keys import bounds_of
@@ -368,22 +369,25 @@ class Skeleton:
         self.add('link', link, at[first], *([rest] if len(rest) else []), label=link, size=hand)
 
     def _arrow(self, drive: str, sense: float, places: Sequence[LinkPoint]) -> None:
-        """Beside the joint that carries what is driven."""
-        lower = (j for j in self.mechanism.joints if not isinstance(j, HigherPair))
-        carrying = [j for j in lower if drive in (j.first, j.second)]
-        if not carrying or not sense:
+        """Beside the joint that carries what is driven, on the link that holds it."""
+        joint = self.mechanism.tree_joints.get(drive)
+        if not isinstance(joint, Prismatic):
+            pins = (j for j in self.mechanism.joints if isinstance(j, Revolute))
+            turned = (j for j in pins if drive in (j.first, j.second))
+            joint = min(turned, key=lambda j: GROUND not in (j.first, j.second), default=None)
+        if joint is None or not sense:
             return
-        joint = min(carrying, key=lambda j: GROUND not in (j.first, j.second))  # on the ground
+        here, (holder, there) = joint.across(drive)
         if isinstance(joint, Prismatic):
-            beside = self._poses.within(joint.first, (joint.second, joint.on_second))[:, 0]
-            way = np.array(rotate((math.copysign(1.0, sense), 0.0), joint.axis))
+            beside = self._poses.within(holder, here)[:, 0]
+            way = -math.copysign(1.0, sense) * np.array(slides(joint, holder))
             at = beside + 2.4 * self.symbol * np.array([-abs(way[1]), abs(way[0])])
             label = 'straight'
         else:
-            at, label = np.array(joint.on_first), 'arc' if sense > 0.0 else 'clockwise'
-            way = at - np.mean([x for link, x in places if link == joint.first], axis=0)
+            at, label = np.array(there), 'arc' if sense > 0.0 else 'clockwise'
+            way = at - np.mean([x for link, x in places if link == holder], axis=0)
             way = np.array([way[0] or -1.0, abs(way[1])])  # supports are below
-        self.add('drive', joint.first, np.array([at, at + way]), label=label)
+        self.add('drive', holder, np.array([at, at + way]), label=label)
 
 
 def skeleton_of(

@@ -19,6 +19,7 @@ from mechanism_sim.planar.bodies import Body
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, Prismatic, Revolute, Weld
 from mechanism_sim.planar.points import GROUND, Vector2, rotate
 from mechanism_sim.planar.rotor import Rotor
+from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.machine import Machine
 
 _FREE = '1e12'  # [N, m/s] limits of a joint that has none: 0 would let no controller move it
@@ -140,7 +141,7 @@ def left_out(machine: Machine) -> list[str]:
     ]
     plan, scene = machine.plan, machine.scene
     forces = ['gravity'] * any(scene.gravity) + [e.name for e in plan.elements(plan.ideal)]
-    forces += [f'the drive of {c}' for c in plan.laws]
+    forces += [f'the drive of {c}' for c in read_drives(plan)]
     loose = [f'the clearance of {joint}' for joint in plan.clearances]
     stops = [f'the stops of {joint.name}' for joint in plan.joints if joint.name in plan.touching]
     rubs = [f'the friction of {friction.name}' for friction in plan.frictions(plan.ideal)]

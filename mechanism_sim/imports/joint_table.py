@@ -53,6 +53,7 @@ class JointTable:
     ----------
     order : names of the joints of a link, where a file has an order of its own
     speed, pace : of the input, and its unit; of what slides lengths a second
+    swing : angle of the input as a formula, instead of its speed
     """
 
     title: str
@@ -61,6 +62,7 @@ class JointTable:
     order: Mapping[str, list[str]]
     speed: float = 10.0
     pace: str = 'rpm'
+    swing: str = ''
 
     def blueprint(self) -> Blueprint:
         """The machine. Links begin at the ground, or at their first joint."""
@@ -100,6 +102,8 @@ class JointTable:
         if row.input and grounded and others:
             if row.kind == 'P':
                 made.drive(others[0], speed=f'{self.speed!r} {self.unit}/s')
+            elif self.swing:
+                made.drive(others[0], position=self.swing)
             else:
                 start = f'{made.links[others[0]].pose[2]!r} rad'
                 made.drive(others[0], speed=f'{self.speed!r} {self.pace}', start_angle=start)

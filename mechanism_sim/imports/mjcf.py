@@ -343,26 +343,30 @@ class _MjcfReader:
             self.robot.resist(name, *law, free - start[name])
         for tendon in self._root.findall('tendon/*'):
             given = self._given(tendon, kind='tendon')
-            name, length = str(given.get('name')), given.get('springlength')
+            name, length = str(given.get('name')), given.get('springlength') or '-1'
             stiffness, damping = (number(given.get(x)) for x in ('stiffness', 'damping'))
+            low, *more = numbers(length, min(len(length.split()), 2)).tolist()
             sites = [self._sites.get(str(x.get('site'))) for x in tendon.findall('site')]
             ends, acts = [end for end in sites if end], bool(stiffness or damping)
             if tendon.tag == 'spatial' and not (acts and len(ends) == 2):
                 self.robot.notes.append(
                     f'{name}: left out: a tendon that is not a spring between two sites'
                 )
-            elif stiffness and length is None:
+            elif stiffness and low < 0.0 and low in (-1.0, *more):
                 self.robot.notes.append(f'{name}: left out: a spring without springlength')
             elif tendon.tag == 'spatial':
-                keys = {
-                    'stiffness': f'{stiffness!r} N/m', 'free_length': f'{number(length)!r} m',
-                    'damping': f'{damping!r} N s/m',
-                }  # fmt: skip
-                self.robot.springs[name] = ends, keys
+                for part, k, d, free, side in _laws(name, stiffness, damping, low, more):
+                    keys = {
+                        'stiffness': f'{k!r} N/m', 'free_length': f'{max(free, 0.0)!r} m',
+                        'damping': f'{d!r} N s/m',
+                    }  # fmt: skip
+                    if not (side == 'below' and free <= 0.0):  # no length is below
+                        self.robot.springs[part] = [*ends], keys | ({'acts': side} if side else {})
             elif acts:
                 factors = self._tendons[tendon.get('name')]
                 now = sum(f * start.get(joint, 0.0) for joint, f in factors.items())
-                self.robot.twists[name] = factors, stiffness, damping, number(length) - now
+                for part, k, d, free, side in _laws(name, stiffness, damping, low, more):
+                    self.robot.twists[part] = factors, k, d, free - now, side
 
     def _drives(self) -> None:
         """Actuators of a speed, whose controls the first keyframe has."""
@@ -408,6 +412,22 @@ class _MjcfReader:
         rates = (key.get('qvel') if key is not None else None) or ''
         if rates.strip(' 0.') and not driven:
             robot.notes.append('rates of the keyframe are left out: see `initial`')
+
+
+def _laws(
+    name: str, stiffness: float, damping: float, low: float, high: Sequence[float]
+) -> Iterator[tuple[str, float, float, float, str]]:
+    """Springs and dampers of a tendon: stiffness, damping, length and on which side of it it acts.
+
+    Between two different lengths there is no force but that of the damper.
+    """
+    if not stiffness or [low] * len(high) == [*high]:
+        yield name, stiffness, damping, low, ''
+        return
+    if damping:
+        yield name, 0.0, damping, 0.0, ''
+    yield f'{name}_shorter', stiffness, 0.0, low, 'below'
+    yield f'{name}_longer', stiffness, 0.0, high[0], 'above'
 
 
 def _upright(way: Array) -> Array:

@@ -75,16 +75,13 @@ def read_dxf(path: Path, text: str, unit: str | None) -> Blueprint:
     except ezdxf.DXFError as error:
         raise InputError(f'{path.name} cannot be read as DXF ({reason(error)})') from error
     curves: list[DrawnCurve] = []
-    pieces: dict[str, list[Array]] = {}
     for (layer, entity), points in drawn:
         if entity.dxftype() == 'CIRCLE':
             middle = entity.ocs().to_wcs(entity.dxf.center)
             centre = (float(middle.x), float(middle.y))
             curves.append(DrawnCurve(layer, points, centre, float(entity.dxf.radius)))
         else:
-            pieces.setdefault(layer, []).append(points)
-    for layer, own in pieces.items():
-        curves += _chains(layer, own, 10.0 * _FINE * size)
+            curves.append(DrawnCurve(layer, points, closed=False))
     unit = unit_of(path.name, DXF_UNITS.get(document.units, ''), unit)
     return blueprint(path.stem, unit, curves)
 
@@ -124,7 +121,7 @@ def blueprint(title: str, unit: str, drawn: Sequence[DrawnCurve]) -> Blueprint:
     if not unit:
         raise InputError(f'{title}: the drawing does not state its unit: give --unit mm')
     made = Blueprint(title, unit)
-    drawn = [curve for curve in drawn if curve.points.size and np.ptp(curve.points, axis=0).any()]
+    drawn = _chained([c for c in drawn if c.points.size and np.ptp(c.points, axis=0).any()])
     curves = [curve for curve in drawn if curve.closed]
     layers = list(dict.fromkeys(curve.layer for curve in curves))
     if not curves:
@@ -277,6 +274,17 @@ def _area(curve: DrawnCurve) -> DrawnArea:
     centre = np.array([((x + u) * cross).sum(), ((y + v) * cross).sum()]) / (6.0 * size)
     polar = float((cross * (x * x + x * u + u * u + y * y + y * v + v * v)).sum()) / 12.0
     return DrawnArea(abs(size), centre, math.copysign(polar, 1.0))
+
+
+def _chained(curves: Sequence[DrawnCurve]) -> list[DrawnCurve]:
+    """The closed ones, and on each layer the chains that the others make, which may close."""
+    pieces: dict[str, list[Array]] = {}
+    for curve in curves:
+        if not curve.closed:
+            pieces.setdefault(curve.layer, []).append(curve.points)
+    near = 10.0 * _FINE * max((float(np.ptp(c.points, axis=0).max()) for c in curves), default=0.0)
+    chains = (chain for layer, own in pieces.items() for chain in _chains(layer, own, near))
+    return [*(curve for curve in curves if curve.closed), *chains]
 
 
 def _chains(layer: str, pieces: list[Array], near: float) -> Iterator[DrawnCurve]:

@@ -20,16 +20,43 @@ from mechanism_sim.imports.joint_table import JointRow, JointTable
 def read(path: Path, text: str, unit: str | None) -> Blueprint:
     """A mechanism of joints and links."""
     data = json.loads(text)
-    if not isinstance(data, dict):
-        raise InputError(f'{path.name} has no joints and links, as mechanisms of pylinkage have')
-    rows, order, speed = _mechanism(data)
+    if not isinstance(data, dict) or not {'joints', 'links'} <= data.keys():
+        raise InputError(
+            f'{path.name} has no joints and links, as mechanisms of pylinkage have: write those '
+            'by its mechanism_to_json; its graphs have no lengths'
+        )
+    rows, order, driver = _mechanism(data)
     title = str(data.get('name') or path.stem)
-    made = JointTable(title, unit or 'm', rows, order, speed, 'rad/s').blueprint()
-    made.notes.append(f'without units in the file, lengths are in {unit or "m"}')
+    speed = float(driver.get('angular_velocity', 1.0))
+    table = JointTable(title, unit or 'm', rows, order, speed, 'rad/s')
+    if driver.get('type') == 'arc_driver':
+        table.swing = _swing(driver, speed)
+    made = table.blueprint()
+    made.notes.append(
+        f'without units in the file, lengths are in {unit or "m"}, and a step is a second'
+    )
+    if table.swing:
+        made.notes.append(
+            f'{driver["id"]} swings as a cosine in the same time: at the ends of its arc it would '
+            'turn back at once, which no drive can follow'
+        )
     return made
 
 
-def _mechanism(data: dict[str, Any]) -> tuple[list[JointRow], dict[str, list[str]], float]:
+def _swing(driver: dict[str, Any], speed: float) -> str:
+    """The angle of a link that goes to and fro in an arc, at this mean speed [rad/s]."""
+    low, high = float(driver['arc_start']), float(driver['arc_end'])
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    start = driver.get('initial_angle')
+    begin = math.acos((middle - float(low if start is None else start)) / half)
+    rate = 0.5 * math.pi * abs(speed) / half
+    return f'{middle!r} rad - {half!r} rad*cos({rate!r} rad/s*t + {begin!r} rad)'
+
+
+def _mechanism(
+    data: dict[str, Any],
+) -> tuple[list[JointRow], dict[str, list[str]], dict[str, Any]]:
+    """Joints, the order of those of each link, and the link that is driven."""
     order = {x['id']: list(x['joints']) for x in data['links'] if x['type'] != 'ground'}
     held = {j for x in data['links'] if x['type'] == 'ground' for j in x['joints']}
     driver: dict[str, Any] = next(
@@ -50,7 +77,7 @@ def _mechanism(data: dict[str, Any]) -> tuple[list[JointRow], dict[str, list[str
             turns = ground and driver.get('motor_joint') == name
             own.sort(key=lambda link: link != driver.get('id'))
             rows.append(JointRow(name, at, tuple(own), ground=ground, input=turns))
-    return rows, order, float(driver.get('angular_velocity', 1.0))
+    return rows, order, driver
 
 
 def _block(

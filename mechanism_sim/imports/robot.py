@@ -83,8 +83,8 @@ class Robot:
     geared : likewise of angles of bodies
     drives : such sums, with their speeds [rad/s, m/s]
     springs : ends (body, point), and keys of the scene, by name
-    twists : springs of such sums by name: with stiffness, damping [SI], and by how much the sum is
-        more than at the start where they are free
+    twists : springs of such sums by name: with stiffness, damping [SI], by how much the sum is
+        more than at the start where they are free, and the side of it on which alone they act
     """
 
     title: str
@@ -96,14 +96,16 @@ class Robot:
     springs: dict[str, tuple[list[tuple[str, Array]], dict[str, Any]]] = field(
         default_factory=dict
     )
-    twists: dict[str, tuple[dict[str, float], float, float, float]] = field(default_factory=dict)
+    twists: dict[str, tuple[dict[str, float], float, float, float, str]] = field(
+        default_factory=dict
+    )
     gravity: Array | None = None
     notes: list[str] = field(default_factory=list)
 
     def resist(self, joint: str, stiffness: float, damping: float, free: float = 0.0) -> None:
         """Add a spring and damper of a joint, `free` away from the start without force."""
         if stiffness or damping:
-            self.twists[f'{joint}_spring'] = {joint: 1.0}, stiffness, damping, free
+            self.twists[f'{joint}_spring'] = {joint: 1.0}, stiffness, damping, free, ''
 
     def leave_out(self, joint: str, **properties: bool) -> None:
         """Note properties of a joint, of `_LEFT_OUT`, that it has in the file."""
@@ -250,8 +252,8 @@ class _Plane:
             self._ratio(made, name, self._weights(factors))
         for name, weights in robot.geared.items():
             self._ratio(made, name, weights)
-        for name, (factors, *law) in robot.twists.items():
-            self._twist(made, name, factors, law)
+        for name, (factors, *law, side) in robot.twists.items():
+            self._twist(made, name, factors, law, side)
         for name, (ends, keys) in robot.springs.items():
             between = []
             for k, (holder, at) in enumerate(ends, 1):
@@ -342,7 +344,12 @@ class _Plane:
         made.join(name, 'transmission', *((self._names[b], '') for b in pair), **keys)
 
     def _twist(
-        self, made: Blueprint, name: str, factors: Mapping[str, float], law: Sequence[float]
+        self,
+        made: Blueprint,
+        name: str,
+        factors: Mapping[str, float],
+        law: Sequence[float],
+        side: str,
     ) -> None:
         """A spring of a sum of joint coordinates: between two links, or along a guide."""
         stiffness, damping, off = law
@@ -356,6 +363,7 @@ class _Plane:
             place: dict[str, Any] = {'coordinate': link}
             free = {'free_length': made.length(made.displacement(guide) + off / w)}
             units = 'N/m', 'N s/m'
+            side = {'above': 'below', 'below': 'above'}.get(side, '') if w < 0.0 else side
         elif len(weights) == 2 and abs(sum(weights.values())) < 1e-9:
             ends = sorted(weights, key=lambda body: weights[body])
             one, other = (self._names[body] for body in ends)
@@ -369,7 +377,7 @@ class _Plane:
         laws = zip(('stiffness', 'damping'), (stiffness, damping), units, strict=True)
         keys = {key: f'{x * w**2!r} {unit}' for key, x, unit in laws if x}
         made.keys.setdefault('springs', {})[_spring(name)] = {
-            **place, **keys, **(free if stiffness else {}),
+            **place, **keys, **(free if stiffness else {}), **({'acts': side} if side else {}),
         }  # fmt: skip
 
     def _drive(self, made: Blueprint, factors: Mapping[str, float], speed: float) -> None:

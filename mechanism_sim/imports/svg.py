@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError
+from mechanism_sim.errors import InputError, quoted
 from mechanism_sim.imports.blueprint import unit_of
 from mechanism_sim.imports.markup import number, numbers, parse
 
@@ -24,8 +24,7 @@ _SMOOTH = {'s': ('c', 's'), 't': ('q', 't')}  # which go on as those before them
 _LENGTH = re.compile(r'\s*([\d.eE+-]+)\s*(mm|cm|in|px|pt)?\s*')
 _PAPER = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72.0}  # [mm]
 _PIXEL = 25.4 / 96.0  # [mm]
-_DEEPEST = 100
-_SAME = 1e-7  # distance of ends that meet, in sizes of a curve
+_DEEPEST, _MOST = 100, 100_000  # groups in each other; shapes and groups, with those of clones
 
 Found = tuple[str, Array, tuple[float, float] | None, float, bool]
 """Layer, points (n, 2), centre and radius of a circle, and True if it is closed."""
@@ -43,7 +42,8 @@ def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
     stated = next((size[2] for size in sizes if size and size[2] in _PAPER), '')
     unit_of(file, stated, told)
     unit, (x, y) = (told, (1.0, 1.0)) if told and not stated else ('mm', _scales(root, sizes))
-    return unit, list(_walk(root, np.diag([x, -y, 1.0]), '', 0))
+    frame, known = np.diag([x, -y, 1.0]), {x.get('id', ''): x for x in root.iter()}
+    return unit, list(_walk(root, frame, '', 0, known, iter(range(_MOST))))
 
 
 def _scales(root: Element, sizes: list[re.Match[str] | None]) -> tuple[float, float]:
@@ -72,16 +72,36 @@ _HIDDEN = re.compile(r'(?:^|[;:\s])display\s*:\s*none|(?:^|[;:\s])visibility\s*:
 """Attributes or styles of what no viewer shows."""
 
 
-def _walk(element: Element, frame: Array, layer: str, depth: int) -> Iterator[Found]:
+def _walk(
+    elements: Iterable[Element],
+    frame: Array,
+    layer: str,
+    depth: int,
+    known: Mapping[str, Element],
+    budget: Iterator[int],
+) -> Iterator[Found]:
+    """Curves of elements that are shown; `known` are all by their ids, which clones refer to."""
     if depth > _DEEPEST:
         raise InputError(f'groups nested more than {_DEEPEST} deep')
-    for child in element:
+    for child in elements:
         if _HIDDEN.search(';'.join(f'{key}:{value}' for key, value in child.attrib.items())):
             continue
+        if next(budget, None) is None:
+            raise InputError(f'the drawing has more than {_MOST} shapes with those of its clones')
         own = frame @ _transform(child.get('transform') or '')
         name = next((v for k, v in child.attrib.items() if k.endswith('label')), child.get('id'))
-        if child.tag in ('g', 'svg'):
-            yield from _walk(child, own, name or layer, depth + 1)
+        if child.tag in ('g', 'svg', 'a'):
+            yield from _walk(child, own, name or layer, depth + 1, known, budget)
+            continue
+        if child.tag == 'use':  # a clone, which keeps the name of its own group
+            link = next((v for k, v in child.attrib.items() if k.endswith('href')), '')
+            if (target := known.get(link.removeprefix('#'))) is None:
+                raise InputError(f'the clone of {quoted(link)} has no original in the drawing')
+            own = own @ _moved(_own(child.get('x')), _own(child.get('y')))
+            parts: Iterable[Element] = [target]
+            if target.tag in ('g', 'svg', 'symbol'):
+                parts, own = target, own @ _transform(target.get('transform') or '')
+            yield from _walk(parts, own, layer or name or '', depth + 1, known, budget)
             continue
         where = layer or name or 'link'
         if child.tag in ('circle', 'ellipse'):
@@ -112,17 +132,20 @@ def _own(text: str | None) -> float:
 
 
 def _shapes(element: Element) -> Iterator[tuple[Array, bool]]:
-    """Curves of a path, a polygon or a rectangle, and True of those that are closed."""
+    """Curves of a shape, and True of those that are closed whatever is beside them."""
     get = element.get
     if element.tag == 'rect':
         yield _rectangle(element), True
-    elif element.tag == 'polygon':
+    elif element.tag == 'line':
+        ends = [_own(get(key)) for key in ('x1', 'y1', 'x2', 'y2')]
+        yield np.array(ends).reshape(-1, 2), False
+    elif element.tag in ('polygon', 'polyline'):
         found = [float(v) for v in _NUMBER.findall(get('points') or '')]
-        yield np.array(found[: len(found) // 2 * 2]).reshape(-1, 2), True
+        points = np.array(found[: len(found) // 2 * 2]).reshape(-1, 2)
+        yield points, element.tag == 'polygon'
     elif element.tag == 'path':
         for part in _paths(get('d') or ''):
-            points = np.array([[p.real, p.imag] for p in part])
-            yield points, bool(np.abs(points[0] - points[-1]).max() <= _SAME * np.ptp(points))
+            yield np.array([[p.real, p.imag] for p in part]), part[0] == part[-1]
 
 
 def _rectangle(element: Element) -> Array:
@@ -239,21 +262,29 @@ def _arc(start: complex, end: complex, values: list[float]) -> list[complex]:
     return [complex(p) for p in 0.5 * (start + end) + ring * spin]
 
 
+def _moved(x: float, y: float) -> Array:
+    return np.array([[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]])
+
+
 def _transform(text: str) -> Array:
     """The matrix (3, 3) of a list of transformations."""
     found = np.eye(3)
     for name, given in re.findall(r'(\w+)\s*\(([^)]*)\)', text):
         v = [float(x) for x in _NUMBER.findall(given)]
+        step = np.eye(3)
         if name == 'matrix' and len(v) == 6:
-            step = np.array([[v[0], v[2], v[4]], [v[1], v[3], v[5]], [0.0, 0.0, 1.0]])
+            step[:2] = np.reshape(v, (3, 2)).T
         elif name == 'translate' and v:
-            step = np.array([[1.0, 0.0, v[0]], [0.0, 1.0, v[1] if len(v) > 1 else 0.0], [0, 0, 1]])
+            step = _moved(v[0], v[1] if len(v) > 1 else 0.0)
         elif name == 'scale' and v:
             step = np.diag([v[0], v[-1], 1.0])
         elif name == 'rotate' and v:
-            c, s = math.cos(math.radians(v[0])), math.sin(math.radians(v[0]))
             x, y = v[1:3] if len(v) > 2 else (0.0, 0.0)
-            step = np.array([[c, -s, x - c * x + s * y], [s, c, y - s * x - c * y], [0, 0, 1]])
+            c, s = math.cos(math.radians(v[0])), math.sin(math.radians(v[0]))
+            step[:2, :2] = [[c, -s], [s, c]]
+            step = _moved(x, y) @ step @ _moved(-x, -y)
+        elif name in ('skewX', 'skewY') and len(v) == 1:
+            step[(0, 1) if name == 'skewX' else (1, 0)] = math.tan(math.radians(v[0]))
         else:
             raise InputError(f"'{name}({given})' is not a supported transformation")
         found = found @ step

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact, ModeChange
-from mechanism_sim.engine.physics import each_instant, outside, rows
+from mechanism_sim.engine.physics import each_instant, is_force_open, outside, rows
 from mechanism_sim.engine.snapshot import Snapshot
 from mechanism_sim.errors import RunError
 from mechanism_sim.linkages.ideal import IdealMotion, Passage, with_limits
@@ -712,7 +712,9 @@ class NominalPhysics:
         for k in np.argsort(curve.start[segments] + dt):
             forces = zip(self.joints, seen.reaction[:, :, k], strict=True)
             joints = tuple(
-                j for j, force in forces if np.isnan(force).any() and j not in self.undetermined
+                j
+                for j, force in forces
+                if np.isnan(force).any() and not is_force_open(self.undetermined, j)
             )
             t = float(curve.start[segments[k]] + dt[k])
             one = NoLimit(t, float(seen.position[self._ideal.driven[0], k]), joints)

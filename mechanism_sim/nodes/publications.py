@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.energy_terms import EnergyTerms
-from mechanism_sim.engine.physics import Physics
+from mechanism_sim.engine.physics import Physics, known_wrench
 from mechanism_sim.export.ideal import WORLD
 from mechanism_sim.messages import (
     BearingLoads,
@@ -40,7 +40,6 @@ from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.catalogue import catalogue
-from mechanism_sim.results.quantities.forces import known_reactions
 from mechanism_sim.results.quantities.shafts import bearing_loads as loads_of_bearings
 from mechanism_sim.results.quantities.shafts import shafts_of
 from mechanism_sim.results.quantity import View
@@ -126,11 +125,11 @@ def reactions(machine: Machine, world: str) -> Callable[[View], list[bytes]]:
 
     def write(view: View) -> list[bytes]:
         o = view.observed
-        forces = known_reactions(physics, o)
+        x, y, moment = np.array([known_wrench(physics, o, j) for j in joints]).transpose(1, 2, 0)
         columns = {
-            'force_x': forces[:, 0].T,
-            'force_y': forces[:, 1].T,
-            'moment': forces[:, 2].T,
+            'force_x': x,
+            'force_y': y,
+            'moment': moment,
             'drive_torque': o.drive_torque[machine.drive.row],
         }
         if message.loads:
@@ -195,7 +194,7 @@ def _wrench(
     machine: Machine, joint: str, frame_of: Callable[[str], str]
 ) -> Callable[[View], list[bytes]]:
     physics, mechanism = machine.physics, machine.mechanism
-    i, message = physics.joints.index(joint), WrenchStamped()
+    message = WrenchStamped()
     message.header.frame_id = _joint_frame(joint, frame_of)
     layout, second = Layout(message), mechanism.joint(joint).second
 
@@ -203,7 +202,7 @@ def _wrench(
         o = view.observed
         angle = mechanism.angle_all(second, o.local)
         c, s = np.cos(angle), np.sin(angle)
-        x, y, moment = known_reactions(physics, o)[i]
+        x, y, moment = known_wrench(physics, o, joint)
         columns = {
             'wrench.force.x': c * x + s * y,
             'wrench.force.y': c * y - s * x,

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError, nearest, other_word, quoted
 from mechanism_sim.units import alike, common, product, read_common, root
 
 SMOOTH = 'sin', 'cos', 'tan', 'exp', 'log', 'sqrt', 'tanh'
@@ -36,6 +36,17 @@ FUNCTIONS = {**dict.fromkeys((*SMOOTH, 'abs', 'sign'), 1), 'min': 2, 'max': 2, '
 
 ALIASES = {'ln': 'log'}
 """Other names of functions, which are understood where nothing else has them."""
+
+_CHOICE = "'A if X > Y else B'"
+OTHER_WORDS = {
+    **dict.fromkeys(('where', 'ifelse', 'heaviside', 'step', 'unit_step'), f'a choice, {_CHOICE}'),
+    **dict.fromkeys(('impact', 'bistop'), "a joint 'contact', or 'stops' of a joint"),
+    'pow': "a power, as 'x^2'",
+    'd': "'deg'",
+}
+"""Functions and units of other programs, and what stands here for them."""
+
+_ELECTRICAL = 'V', 'mV', 'A', 'mA', 'ohm', 'Ohm', 'Ω', 'H', 'mH', 'uH', 'F'
 
 LARGEST = 1e30
 """Of the numbers in a text: beyond, products leave the range of floating-point numbers."""
@@ -159,7 +170,7 @@ class _ExpressionReader:
         if token.kind == 'other':
             raise InputError(
                 f'{text} is not made of numbers with units, names, + - * / ^, comparisons with '
-                f"< and >, 'and', 'or', 'not', 'A if X > Y else B' and functions: "
+                f"< and >, 'and', 'or', 'not', {_CHOICE} and functions: "
                 f'{quoted(token.text)} is none of them'
             )
         before = f"behind '{self._tokens[self._at - 1].text}'" if self._at else 'at the beginning'
@@ -168,6 +179,8 @@ class _ExpressionReader:
             said = f'{wanted} is missing {before}'
         if token.kind == 'end' and signs.count('(') > signs.count(')'):
             said = "'(' was never closed"
+        if token.text == 'if':
+            said += f': write {_CHOICE}'
         raise InputError(f'{text} is not a formula: {said}')
 
     def _node(self, start: int, kind: str, *args: ExpressionNode, **more: Any) -> ExpressionNode:
@@ -253,10 +266,10 @@ class _ExpressionReader:
                 self._at += self._now.kind == 'number' or self._refuse()
         behind, text = self._now.text, quoted(self._text)
         if self._now.kind == 'name' and behind not in _WORDS:
-            raise InputError(
-                f"'{behind}' behind {number} in {text} is not a unit: a product is written "
-                f'{number}*{behind}'
-            )
+            hint = other_word(behind, OTHER_WORDS) or f': a product is written {number}*{behind}'
+            if behind in _ELECTRICAL:
+                hint = ' of formulas: those of electrical quantities are in SI units, without any'
+            raise InputError(f"'{behind}' behind {number} in {text} is not a unit{hint}")
         if not unit:
             return self._node(start, 'number', value=float(number))
         try:
@@ -366,7 +379,7 @@ def _check_call(
     """Refuse a function that is not known, or not with so many arguments."""
     name, count = node.name, len(node.args)
     if name not in functions:
-        hint = nearest(name, [*figures, *functions])
+        hint = other_word(name, OTHER_WORDS) or nearest(name, [*figures, *functions])
         own = ', '.join(dict.fromkeys(figures.values()))
         within = f'functions: {own}; in them ' if own else ''
         raise InputError(

@@ -131,7 +131,7 @@ class PiecewisePolynomial:
         """Rounding of times [s]."""
         return 4.0 * float(np.spacing(max(abs(self.end), 1e-300)))
 
-    def begun_by(self, t: Sequence[float]) -> NDArray[np.intp]:
+    def begun_by(self, t: Sequence[float] | Array) -> NDArray[np.intp]:
         """Index of the first segment that begins at each time [s]; of an event the one after it.
 
         ``len(self)`` at the end, where none begins any more.

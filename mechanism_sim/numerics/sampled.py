@@ -81,7 +81,13 @@ def spline_through(
 
 
 def acceleration_peaks(
-    x: ArrayLike, y: ArrayLike, degree: int, periodic: bool, error: float = 0.0, order: int = 2
+    x: ArrayLike,
+    y: ArrayLike,
+    degree: int,
+    periodic: bool,
+    error: float = 0.0,
+    rest: bool = False,
+    order: int = 2,
 ) -> tuple[SampledPeak, SampledPeak]:
     """The least and the greatest second derivative of the spline through samples, as above.
 
@@ -91,12 +97,12 @@ def acceleration_peaks(
     samples with an error of measurement, of which they mostly consist.
     """
     x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
-    own = _ends(x, y, degree, periodic, error, order)
-    others = [
-        _ends(x, y, k, periodic, error, order)
-        for k in _DEGREES
-        if k != degree and k < len(x) - periodic
-    ]
+
+    def of(values: Array, k: int = degree) -> Array:
+        return _ends(spline_through(x, values, k, periodic, error, rest).derivative(order))
+
+    own = of(y)
+    others = [of(y, k) for k in _DEGREES if k != degree and k < len(x) - periodic]
     if not error:
         slopes = np.diff(y) / np.diff(x)
         if order == 2:
@@ -104,7 +110,8 @@ def acceleration_peaks(
             if periodic:
                 x2, slopes = np.append(x, x[1] + x[-1] - x[0]), np.append(slopes, slopes[0])
             slopes = 2.0 * np.diff(slopes) / (x2[2:] - x2[:-2])
-        others.append(np.array([slopes.min(), slopes.max()]))
+        if slopes.size:  # from rest to rest there may be two points
+            others.append(np.array([slopes.min(), slopes.max()]))
     off = np.abs(np.array(others) - own).max(axis=0) if others else np.zeros(2)
     random, half = np.random.default_rng(0), 0.5 * _last_digit(y)
     if error or half:
@@ -116,15 +123,14 @@ def acceleration_peaks(
                 beside = random.uniform(-half, half, len(y))
             if periodic:
                 beside[-1] = beside[0]
-            tried.append(_ends(x, middle + beside, degree, periodic, error, order) - own)
+            tried.append(of(middle + beside) - own)
         off += 3.0 * np.sqrt(np.mean(np.square(tried), axis=0))
     low, high = (SampledPeak(float(v), float(o)) for v, o in zip(own, off, strict=True))
     return low, high
 
 
-def _ends(x: Array, y: Array, degree: int, periodic: bool, error: float, order: int) -> Array:
-    """Least and greatest derivative (2,) of an order."""
-    known = spline_through(x, y, degree, periodic, error).derivative(order)
+def _ends(known: scipy.interpolate.PPoly) -> Array:
+    """Least and greatest value (2,)."""
     with np.errstate(all='ignore'):
         inside = known.derivative().roots(discontinuity=False, extrapolate=False)
     places = np.concatenate([known.x, inside[np.isfinite(inside)]])

@@ -72,7 +72,7 @@ class TimeSeries:
         self.text = text
         self.exact: Powers = (Fraction(0),)
         rest: list[ExpressionNode] = []
-        for sign, term in _terms(tree):
+        for sign, term in summands(tree):
             if (powers := _powers(term)) is None:
                 rest.append(term if sign > 0 else ExpressionNode('negative', (term,)))
             else:
@@ -245,13 +245,13 @@ def _sign(row: Array) -> float:
     return float(first > 0.0)
 
 
-def _terms(node: ExpressionNode, sign: int = 1) -> Iterator[tuple[int, ExpressionNode]]:
+def summands(node: ExpressionNode, sign: int = 1) -> Iterator[tuple[int, ExpressionNode]]:
     """The terms of a sum with their signs."""
     if node.kind in ('+', '-'):
-        yield from _terms(node.args[0], sign)
-        yield from _terms(node.args[1], sign if node.kind == '+' else -sign)
+        yield from summands(node.args[0], sign)
+        yield from summands(node.args[1], sign if node.kind == '+' else -sign)
     elif node.kind == 'negative':
-        yield from _terms(node.args[0], -sign)
+        yield from summands(node.args[0], -sign)
     else:
         yield sign, node
 

@@ -697,12 +697,17 @@ def closing_joints(
         kept.append(j.name)
         return True
 
-    for j in usable:
-        if isinstance(j, Weld) or (isinstance(j, Prismatic) and j.second in driven):
-            join(j)
+    guides = [j for j in usable if isinstance(j, Prismatic)]
+    carrying = [j for j in guides if j.second in driven]
+    carried = {j.second for j in carrying}
+    first = {j.first: j for j in sorted(guides, key=lambda j: j.second == GROUND)}
     bearings = {n for j in joints if isinstance(j, HigherPair) for n in j.bearings}
-    for j in usable:
-        if j.name in bearings and j.name not in kept:
+    for j in (
+        *(j for j in usable if isinstance(j, Weld) or j in carrying),
+        *(j for link, j in first.items() if link in driven and link not in carried),
+        *(j for j in usable if j.name in bearings),
+    ):
+        if j.name not in kept:
             join(j)
     for movable in (False, True):
         reached, grown = {GROUND}, True

@@ -127,8 +127,11 @@ def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
 
 
 def _name_of(mechanism: Mechanism, joint: Joint, place: str) -> str:
-    plain = f'{joint.name}_{place}'
-    return f'{joint.name}.{place}' if any(j.name == plain for j in mechanism.joints) else plain
+    """``JOINT_PLACE``; with a dot if another joint, or a gap of one, may be called so."""
+    plain, longer = f'{joint.name}_{place}', f'{joint.name}_'
+    others = (j.name for j in mechanism.joints if j.name.startswith(longer))
+    taken = any(plain == name or plain.startswith(f'{name}_') for name in others)
+    return f'{joint.name}.{place}' if taken else plain
 
 
 SIDES: tuple[tuple[str, Side], ...] = (
@@ -164,9 +167,9 @@ def bound_name(mechanism: Mechanism, joint: Joint, bound: str) -> str:
     return _name_of(mechanism, joint, bound)
 
 
-def is_stop(gap: str) -> bool:
-    """True if a gap of a bearing is one along its axis, or a limit of its angle."""
-    return gap.endswith((*STOPS, *BOUNDS))
+def is_stop(joint: Joint, gap: str) -> bool:
+    """True if a gap of a joint is one along its axis, or a limit of its motion."""
+    return gap.removeprefix(joint.name)[1:] in (*STOPS, *BOUNDS)
 
 
 def with_turning(
@@ -218,8 +221,8 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
 
 def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
     """Those of some gaps that a joint has in the plane, by name."""
-    found = (gap for gap in gaps if joint_of_gap(mechanism, gap).name == joint)
-    return [gap for gap in found if gap == joint or not is_stop(gap)]
+    owners = ((gap, joint_of_gap(mechanism, gap)) for gap in gaps)
+    return [gap for gap, owner in owners if owner.name == joint and not is_stop(owner, gap)]
 
 
 def walls(

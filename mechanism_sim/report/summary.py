@@ -12,6 +12,7 @@ import numpy as np
 
 from mechanism_sim.engine.audit import Audit
 from mechanism_sim.engine.events import Impact, Mode, ModeChange, StopReason
+from mechanism_sim.engine.physics import is_force_open
 from mechanism_sim.engine.totals import Totals
 from mechanism_sim.planar.inverse_dynamics import NoLimit
 from mechanism_sim.recording.runs import realtime_factor
@@ -181,7 +182,7 @@ def _final(run: Stream) -> dict[str, Any]:
         final['reactions'] = {
             joint: plain(force[:, 0].tolist())
             for joint, force in zip(physics.joints, o.reaction, strict=True)
-            if not {'x', 'y'} & open_.get(joint, frozenset())
+            if not is_force_open(open_, joint)
         }
         moments = zip(physics.joints, o.reaction_moment[:, 0].tolist(), strict=True)
         final['reaction_moments'] = {

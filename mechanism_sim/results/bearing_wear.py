@@ -89,12 +89,10 @@ def wear_sums(
         t, normal, tangential = np.array(
             [(i.t, i.normal_impulse, i.tangential_impulse) for i in struck]
         ).T
-        after = np.minimum(np.searchsorted(start, t, 'left'), len(motion) - 1)
-        before = np.maximum(after - (start[after] >= t), 0)
-        ends = (
-            (before, np.minimum(t - start[before], motion.curve.duration[before])),
-            (after, np.zeros(len(t))),
-        )
+        begun = motion.curve.begun_by(t)
+        before, after = np.maximum(begun - 1, 0), np.minimum(begun, len(motion) - 1)
+        ended = np.where(begun, motion.curve.duration[before], 0.0)
+        ends = (before, ended), (after, np.where(begun < len(motion), 0.0, ended))
         both = [_touch(machine, joint, physics.observe(motion, k, dt), radius) for k, dt in ends]
         way = 0.5 * (np.abs(both[0][1]) + np.abs(both[1][1]))
         normal, tangential = both[0][2] * normal, both[0][2] * tangential

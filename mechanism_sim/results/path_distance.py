@@ -2,7 +2,8 @@
 
 A file has columns ``x`` and ``y``, or one of another name for a coordinate, and units in its
 headings. With a further column ``angle``, by which the main drive has turned since its start, or
-``t``, each point belongs to an instant; without, the nearest place of the path counts.
+``t``, each point belongs to an instant; without, the nearest place of the path counts. Angles go
+on after as many turns as the column is long, and until these are seen after one.
 """
 
 from __future__ import annotations
@@ -100,12 +101,14 @@ class PathDistances:
         self._path, self._names = path, names
         self._points: Array = np.array(path.points)[:, :2]
         self._least = np.full(len(self._points), np.inf)
-        self._at, self._turn = np.array(path.at), 0.0
+        self._at, self._periods = np.array(path.at), [math.inf]
         if path.by == 'angle':
             speed = abs(machine.drive.start[1])
             if not (machine.drive.steady and speed):
                 raise InputError('distance: a column angle needs a drive at constant speed')
-            self._turn, self._at = 2.0 * math.pi / speed, self._at / speed
+            turn, self._at = 2.0 * math.pi / speed, self._at / speed
+            turns = math.ceil(np.ptp(self._at) / turn - 1e-9)
+            self._periods = [turn] if turns <= 1 else [turn, turns * turn]
 
     def add(self, piece: Piece, since: float, until: float, values: Values) -> None:
         """Enter the part of a piece within a window [s]."""
@@ -114,15 +117,14 @@ class PathDistances:
             return
         first, last = float(start[0]), float(end[-1])
         if self._path.by:
-            t = self._at
-            if self._turn:
-                low = max(since, 0.0) - 1e-9 * self._turn
-                t = low + np.mod(t - low, self._turn)
-            inside = np.flatnonzero((t >= first - 1e-9 * (last + 1.0)) & (t <= last))
-            if len(inside):
-                off = self._rows(values(np.clip(t[inside], first, last)))[0]
-                off -= self._points[inside].T
-                self._least[inside] = np.hypot.reduce(off, axis=0)
+            for period in self._periods:
+                low = max(since, 0.0) - 1e-9 * self._periods[0]
+                t = low + np.mod(self._at - low, period) if period < math.inf else self._at
+                inside = np.flatnonzero((t >= first - 1e-9 * (last + 1.0)) & (t <= last))
+                if len(inside):
+                    off = self._rows(values(np.clip(t[inside], first, last)))[0]
+                    off -= self._points[inside].T
+                    self._least[inside] = np.hypot.reduce(off, axis=0)
             return
         looks = (start[:, None] + (end - start)[:, None] * _LOOKS).ravel()
         way = self._rows(values(looks))[0]

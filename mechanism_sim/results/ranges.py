@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.peak_shapes import PeakOutlines, PeakShape
+from mechanism_sim.engine.physics import is_force_open
 from mechanism_sim.numerics.extremes import ExtremeSearch
 from mechanism_sim.numerics.polynomials import Nodes
 from mechanism_sim.results.catalogue import catalogue
@@ -230,7 +231,7 @@ class LoadPeaks:
     ) -> None:
         self.machine, physics = machine, machine.physics
         self._physics, self._since = physics, since
-        known = [joint for joint in physics.joints if joint not in physics.undetermined]
+        known = [j for j in physics.joints if not is_force_open(physics.undetermined, j)]
         self._joints = {f'reaction.{joint}.size': joint for joint in known}
         driven = sorted(physics.driven, key=lambda c: c != machine.plan.main)  # the main one first
         self._drives = {f'drive_torque.{c}': c for c in driven}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from mechanism_sim.arrays import Array
+from mechanism_sim.engine.physics import is_force_open
 from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.joints.contact_keys import Clearance, ClearanceSpec, Contact
 from mechanism_sim.keys.names import scene_errors
@@ -342,11 +343,11 @@ def _check_redundant(machine: Machine) -> None:
         f'{count} of the closure equations follow{"s" * (count == 1)} from the others, so that '
         'this force is not determined; make a joint that is redundant a slot, or an elastic one'
     )
-    rubbing = [f.name for f in machine.plan.frictions(machine.mechanism) if f.name in open_]
-    if rubbing:
-        raise InputError(f'joints.{rubbing[0]}.friction follows from its force, but {why}')
+    for f in machine.plan.frictions(machine.mechanism):  # by its ends a block rubs by its moment
+        if is_force_open(open_, f.name) or (getattr(f, 'length', False) and f.name in open_):
+            raise InputError(f'joints.{f.name}.friction follows from its force, but {why}')
     for name, sensor in machine.scene.sensors.items():
-        if sensor.kind == 'load_cell' and sensor.joint in open_:
+        if sensor.kind == 'load_cell' and is_force_open(open_, str(sensor.joint)):
             raise InputError(f'sensors.{name}.joint = {sensor.joint}: {why}')
     for name, part in machine.scene.oscillators.items():
         if joints := [joint for joint in part.joints or () if joint in open_]:

@@ -493,7 +493,8 @@ def _peaks(course: CoursePart | None) -> tuple[SampledPeak, SampledPeak] | None:
         y = y - (y[-1] - y[0]) * (t - t[0]) / (t[-1] - t[0])
         y[-1] = y[0]
     degree = {'cubic': 3, 'quintic': 5}[how]
-    return acceleration_peaks(t, y, degree, course.periodic, order=2 - rate)
+    rest = course.ends == 'rest'
+    return acceleration_peaks(t, y, degree, course.periodic, rest=rest, order=2 - rate)
 
 
 def _largest(machine: Machine, c: str) -> tuple[float, float]:

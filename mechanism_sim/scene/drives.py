@@ -78,9 +78,8 @@ def drive_key(names: Names, coordinate: str) -> str:
 
 
 def drive_of(names: Names, coordinate: str) -> DrivePart | None:
-    """Keys of the drive of a coordinate; None of a machine without any."""
-    found: DrivePart | None = names.scene.drives.get(coordinate, names.scene.drive)
-    return found
+    """Keys of the drive of a coordinate; None where it has none."""
+    return read_drives(names).get(coordinate)
 
 
 def is_straight(drive: DrivePart) -> bool:
@@ -364,6 +363,7 @@ def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight:
 
     steps: list[tuple[float, float | MoveLimits]] = []
     goal = first = start.coefficients[0] + start.turns * 2.0 * math.pi
+    farthest = abs(first)
     for i, step in enumerate(given.steps):
         if step.dwell is not None:
             steps.append((0.0, step.dwell))
@@ -371,13 +371,14 @@ def moves(names: Names, where: str, given: MovesPart, start: DriveLaw, straight:
         key = 'to' if step.to is not None else 'by'
         place = names.measure(f'{where}.steps.{i}.{key}', getattr(step, key), straight, _UNITS[0])
         goal = place if key == 'to' else goal + place
+        farthest = max(farthest, abs(goal))
         steps.append((goal, limits(step)))
     laws = _move_laws(start, steps)
     if not given.repeat:
         return tuple(laws), None
     gone = goal - first
     off = gone if straight else math.remainder(gone, 2.0 * math.pi)
-    if abs(off) > 1e-9 * max(abs(goal), abs(first)):
+    if abs(off) > 1e-9 * farthest:
         raise InputError(
             f'{where}.repeat: the moves begin at {first:g} and end at {goal:g} '
             f'{_UNITS[0][straight]}: end where they begin'
@@ -400,6 +401,10 @@ class MoveLimits:
     jerk: float = math.inf  #: [rad/s^3, m/s^3]
 
 
+_SHORTEST = 1e-12
+"""Phases below this share of a ramp are rounding, and no time: none begins and ends in them."""
+
+
 def phases(distance: float, limits: MoveLimits) -> list[tuple[float, float, float]]:
     """Duration [s], acceleration at its start and jerk of each phase of a move.
 
@@ -415,7 +420,7 @@ def phases(distance: float, limits: MoveLimits) -> list[tuple[float, float, floa
     rise = 0.0 if math.isinf(j) else min(a / j, math.sqrt(v / j))  # [s] of the jerk
     ramp = v / a + rise if math.isinf(j) or v * j >= a * a else 2.0 * rise  # [s] up to full speed
     steady = way / v - ramp
-    if steady < 0.0:  # full speed is not reached
+    if steady < _SHORTEST * ramp:  # full speed is not reached, or but just
         steady = 0.0
         if math.isinf(j) or way * j * j >= 2.0 * a**3:
             rise = 0.0 if math.isinf(j) else a / j
@@ -423,9 +428,11 @@ def phases(distance: float, limits: MoveLimits) -> list[tuple[float, float, floa
         else:
             rise = math.cbrt(0.5 * way / j)
             ramp = 2.0 * rise
+    if ramp - 2.0 * rise < _SHORTEST * ramp:
+        ramp = 2.0 * rise
     peak = (way / (steady + ramp)) / (ramp - rise) * sign  # acceleration that goes all the way
     jerk = peak / rise if rise else 0.0
-    hold = max(0.0, ramp - 2.0 * rise)
+    hold = ramp - 2.0 * rise
     found = [(rise, 0.0, jerk), (hold, peak, 0.0), (rise, peak, -jerk), (steady, 0.0, 0.0)]
     found += [(rise, 0.0, -jerk), (hold, -peak, 0.0), (rise, -peak, jerk)]
     return [phase for phase in found if phase[0] > 0.0]

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.errors import InputError, nearest, quoted
+from mechanism_sim.errors import InputError, nearest, other_word, quoted
 from mechanism_sim.keys.quantities import (
     FROM_FILE,
     AnyPosition,
@@ -27,7 +27,9 @@ from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.curves import Interpolation, spline
 from mechanism_sim.numerics.expressions import (
     FUNCTIONS,
+    OTHER_WORDS,
     ExpressionNode,
+    check_bare_numbers,
     parse,
     unit_hint,
     unit_of,
@@ -40,6 +42,11 @@ from mechanism_sim.units import QuantityValue, alike, power_hint, to_si_of
 Pace = Annotated[QuantityValue, si_of('rad/s', 'm/s')]
 AnyAcceleration = Annotated[QuantityValue, si_of('rad/s^2', 'm/s^2')]
 _AnyJerk = Annotated[QuantityValue, si_of('rad/s^3', 'm/s^3')]
+
+
+_OTHER_WORDS = OTHER_WORDS | dict.fromkeys(
+    ('step', 'step5', 'havsin'), "'points' with 'ends: rest', cubic or quintic, or 'moves'"
+)
 
 
 def _positive(value: QuantityValue) -> QuantityValue:
@@ -165,9 +172,9 @@ class CoursePart(Part):
         try:
             for called in (n.name for n in parse(text, None).walk() if n.kind == 'call'):
                 if called not in FUNCTIONS:
-                    known = nearest(called, FUNCTIONS)
-                    raise InputError(
-                        f"calls '{called}'{known}, which is not a function of formulas of "
+                    hint = other_word(called, _OTHER_WORDS) or nearest(called, FUNCTIONS)
+                    raise ValueError(
+                        f"calls '{called}'{hint}, which is not a function of formulas of "
                         "motions: points of a table stand here themselves, as 'points' or "
                         "'file'"
                     )
@@ -179,10 +186,10 @@ class CoursePart(Part):
                         or unit_hint(name)
                         or nearest(name, ['t', 'pi', *FUNCTIONS])
                     )
-                    raise InputError(f"names '{name}'{hint}; it may name the time t, and pi")
+                    raise ValueError(f"names '{name}'{hint}; it may name the time t, and pi")
             _unit_of_formula(root, text, self.units())
         except InputError as error:
-            raise ValueError(str(error)) from error
+            raise ValueError(f'cannot be read: {error}') from error
         return root
 
 
@@ -196,6 +203,7 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
             said = error
             continue
         if found is None or any(alike(found, unit) for unit in units):
+            check_bare_numbers(root, {'t': time}, text)
             return found
         said = InputError(
             f'{quoted(text)} is in {found or "no unit"}, not in {" or ".join(units)}'

@@ -30,9 +30,6 @@ def read_joints(names: Names) -> tuple[Joint, ...]:
             raise InputError(
                 f"{where}: the name '{name}' cannot be used; names are letters, digits and _"
             )
-        for key in joint.model_fields_set - joint.kind_keys.model_fields.keys():
-            if getattr(joint, key):
-                raise InputError(f'{where}.{key} has no meaning in {a_or_an(joint.kind)} joint')
         joints.append(joint.kind_keys.read(joint, names, name))
     held = [{*j.links} for j in joints]
     held += [{p.partition('.')[0] for p in x.between} for x in names.scene.bushings.values()]

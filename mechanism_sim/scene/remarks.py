@@ -14,8 +14,11 @@ from contextlib import suppress
 from typing import Any
 
 from mechanism_sim.documents import texts_of
+from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.drive_range import drive_range
+from mechanism_sim.numerics import formula
 from mechanism_sim.numerics.expressions import ExpressionNode
+from mechanism_sim.numerics.time_series import summands
 from mechanism_sim.planar.drive import DriveLaw
 from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
@@ -24,7 +27,7 @@ from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.loads import LOADS
 from mechanism_sim.scene.machine import Machine
 from mechanism_sim.scene.plan import keeps_speed
-from mechanism_sim.scene.repetition import WHOLE, calls_of_angles, is_whole
+from mechanism_sim.scene.repetition import PROSE, WHOLE, calls_of_angles, is_whole
 from mechanism_sim.scene.table_keys import TablePart
 from mechanism_sim.scene.validation import TURN, way_of
 from mechanism_sim.sensing.point import PointOnLink
@@ -71,6 +74,7 @@ def plausibility_warnings(machine: Machine) -> list[str]:
         *_oils(machine),
         *_others(machine),
         *_tables(machine),
+        *_bare_angles(machine),
         *_still_sensors(machine),
     ]
 
@@ -249,6 +253,38 @@ def _tables(machine: Machine) -> Iterator[str]:
         turning = [(x, n) for x, n in factors.items() if _turns_on(machine, x)]
         if len(turning) == 1:  # of two, their difference need not turn
             yield from _out_of_turn(node, tables[node.name], *turning[0])
+
+
+def _bare_angles(machine: Machine) -> Iterator[str]:
+    """Numbers of more than a turn without a unit that are angles in formulas, as 60*sin(t)."""
+    plan = machine.plan
+    straight = plan.ideal.displacements
+    links = [link for link in plan.links if link not in straight]
+    for path, text in texts_of(plan.scene.to_document(), PROSE):
+        driven = path[1] if path[0] == 'drives' else plan.main
+        course = path[-2:] == ('position', 'formula') and driven not in straight
+        if not course and not any(link in text for link in links):
+            continue
+        with suppress(InputError):  # words that are no formula
+            root = formula.read(text, plan.scene.tables)
+            waves = [x for _, x in summands(root) if re.search(r'\b(sin|cos)\(', x.text)]
+            found = [(x, _factor(x)) for x in waves if course]
+            for node in (n for n in root.walk() if n.kind in ('+', '-', 'compare')):
+                sides = [formula.coefficients(x, links) or {} for x in node.args]
+                if any({*map(abs, side.values())} == {1.0} for side in sides):
+                    found += [(x, _factor(x)) for x in node.args if not x.names]
+            for part, value in found:
+                if abs(value) > TURN * (1.0 + 1e-9):
+                    degrees = f'{math.degrees(value):.6g} deg'
+                    where = '.'.join(path).removesuffix('.formula')
+                    yield f'{where}: {part.text} is in rad, {degrees}: is a unit missing?'
+
+
+def _factor(node: ExpressionNode) -> float:
+    """The bare number that is a factor of a product; 0 if one of it has a unit or is pi."""
+    if node.kind in ('*', 'negative'):
+        return math.prod(map(_factor, node.args))
+    return 0.0 if node.unit or node.kind == 'pi' else node.value or 1.0
 
 
 def _out_of_turn(

@@ -29,7 +29,7 @@ WHOLE = 1e-6
 """Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
 _CENTRED = 1e-9
 """Of the size of the machine: what is so near to the centre of a wheel is there."""
-_PROSE = 'title', 'description', 'tables'
+PROSE = 'title', 'description', 'tables'
 _GEOMETRY = 'links', 'joints', 'gears'
 
 
@@ -88,7 +88,7 @@ def calls_of_angles(
     straight, known = plan.ideal.displacements, {*plan.scene.tables, *functions}
     links = [*(link for link in plan.links if link not in straight), *more]
     content = plan.scene.to_document()
-    said = dict.fromkeys(text for _, text in texts_of(content, _PROSE))
+    said = dict.fromkeys(text for _, text in texts_of(content, PROSE))
     for text in (x for x in said if any(f'{name}(' in x for name in known)):
         with suppress(InputError):  # words that are no formula
             yield from table_calls(formula.read(text, plan.scene.tables), known, links)
@@ -232,7 +232,7 @@ def _seen(plan: ScenePlan) -> list[str]:
         at.setdefault(link, []).append(point)
     for body in ideal.bodies:
         at.setdefault(body.name, []).extend([body.cog] if body.mass else [])
-    for _, text in texts_of(plan.scene.to_document(), (*_PROSE, *_GEOMETRY)):
+    for _, text in texts_of(plan.scene.to_document(), (*PROSE, *_GEOMETRY)):
         link, _, point = text.partition('.')
         if place := plan.points.get(link, {}).get(point or 'start'):
             at.setdefault(link, []).append(place)

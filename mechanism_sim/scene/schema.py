@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from mechanism_sim.errors import nearest, quoted
+from mechanism_sim.errors import a_or_an, nearest, quoted
 from mechanism_sim.joints.joint_keys import JointKeys, keys_of
 from mechanism_sim.joints.kinds import KINDS
 from mechanism_sim.keys.elastic_keys import ElasticPart
@@ -101,6 +102,14 @@ class InductionPart(Part):
     breakdown_torque: Torque
     """The largest."""
 
+    other_words = {
+        **dict.fromkeys(('power', 'rated_power'), "'rated_torque', power over 'rated_speed'"),
+        **dict.fromkeys(
+            ('frequency', 'poles', 'pole_pairs'),
+            "'synchronous_speed', frequency over pairs of poles, as 1500 rpm",
+        ),
+    }
+
 
 class MotorPart(Part):
     """A motor, by one of three characteristics of its shaft, and the gear to the link."""
@@ -117,6 +126,20 @@ class MotorPart(Part):
     """Turns of the shaft in one of the link; negative if it turns the other way."""
     inertia: AddedInertia = 0.0
     """Of what turns with the shaft; on the link it counts with the square of the ratio."""
+
+    other_words = {
+        **dict.fromkeys(('rotor_inertia', 'J'), "'inertia'"),
+        **dict.fromkeys(('gear_ratio', 'reduction'), "'ratio'"),
+        **dict.fromkeys(
+            ('voltage', 'nominal_voltage', 'torque_constant', 'kt', 'speed_constant',
+             'resistance', 'terminal_resistance'),
+            "'stall_torque', voltage times torque constant over resistance, and 'no_load_speed'",
+        ),
+        **dict.fromkeys(
+            ('inductance', 'terminal_inductance', 'current'),
+            "a current by 'states', and a 'torque' of the drive that names it",
+        ),
+    }  # fmt: skip
 
     @model_validator(mode='after')
     def _one_characteristic(self) -> MotorPart:
@@ -216,6 +239,20 @@ class PointMass(Part):
     """Its mass."""
 
 
+_SPRINGS = {'revolute': ('N m/rad', 'N m s/rad'), 'prismatic': ('N/m', 'N s/m')}
+"""Units of stiffness and damping that other programs have within joints."""
+
+
+def _as_spring(kind: str, key: str, points: Sequence[Any]) -> str:
+    """A clause on a spring or damper about a pin or along a guide; nothing of other keys."""
+    if kind not in _SPRINGS or key not in ('stiffness', 'damping'):
+        return ''
+    links = [str(point).partition('.')[0] for point in points]
+    place = f'between: [{", ".join(links)}]' if kind == 'revolute' else f'coordinate: {links[-1]}'
+    unit = _SPRINGS[kind][key == 'damping']
+    return f'; here that is springs: {{NAME: {{{place}, {key}: 5 {unit}}}}}'
+
+
 class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
 
@@ -227,6 +264,24 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
         **dict.fromkeys(('slider', 'sliding', 'translational'), "'prismatic'"),
         **dict.fromkeys(('play', 'radial'), "'clearance', as in clearance: {radial: 0.1 mm}"),
     }
+
+    @model_validator(mode='before')
+    @classmethod
+    def _of_its_kind(cls, data: Any) -> Any:
+        """Refuse keys of other kinds before their values are read, which these may mean else.
+
+        What is zero or empty is as good as left out: documents have all keys.
+        """
+        kinds = [k for k in KINDS if isinstance(data, dict) and data.get(k) is not None]
+        if len(kinds) != 1:
+            return data
+        (kind,) = kinds
+        others = cls.model_fields.keys() - KINDS[kind].model_fields.keys()
+        for key in (key for key, x in data.items() if key in others and plain(x)):
+            said = f'{key} has no meaning in {a_or_an(kind)} joint'
+            said += _as_spring(kind, key, data[kind])
+            raise ValueError(f'has a key of another kind: {said}')
+        return data
 
     @model_validator(mode='after')
     def _one_kind(self) -> JointPart:
@@ -264,7 +319,14 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
 
     other_words = {
         'body': "'link'",
-        **dict.fromkeys(('rate', 'fs', 'sampling_rate'), "'sample_rate'"),
+        **dict.fromkeys(('rate', 'fs', 'sampling_rate', 'odr'), "'sample_rate'"),
+        'sensitivity': 'left out, as samples are in the unit of what is measured',
+        'noise_density': "'noise.rms', the density times the root of the bandwidth",
+        **dict.fromkeys(('resonance', 'resonant_frequency'), "'transducer.natural_frequency'"),
+        **dict.fromkeys(
+            ('bandwidth', 'frequency_range'), "'amplifier.high_pass' and 'amplifier.low_pass'"
+        ),
+        'iepe': "'instrument: iepe'",
     }
 
     def carrier(self, machine: Any) -> str:

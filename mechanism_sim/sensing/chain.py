@@ -15,10 +15,9 @@ import scipy
 from pydantic import Field
 
 from mechanism_sim.keys.quantities import Angle, Part, Rate, Time, UnitValue, si
+from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.rational import Rational
 from mechanism_sim.units import QuantityValue, to_si_of
-
-TWO_PI = 2.0 * math.pi
 
 Order = Annotated[int, Field(strict=True, ge=1, le=12)]
 QUANTITIES = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Mode
-from mechanism_sim.engine.physics import Physics
+from mechanism_sim.engine.physics import Physics, known_wrench
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
@@ -86,14 +85,18 @@ class JointView:
         return trace(point, self._coordinate, self.count)
 
     @cached_property
+    def _wrench(self) -> Array:
+        return known_wrench(self.physics, self.observed, self.joint.name)
+
+    @property
     def force(self) -> Array:
         """Force (2, N) [N] of the first-named on the second-named link; NaN if not known."""
-        return self._of_forces(self.observed.reaction, (2,))
+        return self._wrench[:2]
 
-    @cached_property
+    @property
     def moment(self) -> Array:
         """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
-        return self._of_forces(self.observed.reaction_moment, ())
+        return np.asarray(self._wrench[2])
 
     @property
     def foot(self) -> Array:
@@ -133,9 +136,3 @@ class JointView:
         i = self.physics.coordinates.index(name)
         place = o.local[i]
         return Trajectory(place, o.velocity[i], o.acceleration[i], o.position[i] - place)
-
-    def _of_forces(self, rows: Array, shape: Sequence[int]) -> Array:
-        if not self.physics.has_forces or self.joint.name in self.physics.undetermined:
-            return np.full((*shape, self.observed.position.shape[1]), np.nan)
-        chosen: Array = rows[self.physics.joints.index(self.joint.name)]
-        return chosen

@@ -16,9 +16,8 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.points import GROUND, Vector2, factors, product
 from mechanism_sim.sensing.chain import Instrument
 from mechanism_sim.sensing.channel import Channel, DirectSource
+from mechanism_sim.vibration.shaken_frame import VelocitySteps
 
-_ROUNDING = 1e-13
-"""Of the speed of a point: steps of it that are smaller are none."""
 _TOGETHER = 512  # pieces at whose nodes the acceleration is computed at once
 
 
@@ -77,7 +76,7 @@ class PointOnLink(DirectSource):
         turn = offset + angle_of(axis)
         self._turn, self._size = turn + math.atan(transverse), math.hypot(1.0, transverse)
         self._gravity = mechanism.gravity if gravity else (0.0, 0.0)
-        self._before: Array | None = None
+        self._steps = VelocitySteps()
 
     @property
     def still(self) -> bool:
@@ -120,19 +119,11 @@ class PointOnLink(DirectSource):
         the call before.
         """
         curve = motion.curve
-        every = np.arange(len(curve))
-        q = curve.local(every, np.zeros(len(curve))).T
+        q = curve.local(np.arange(len(curve)), np.zeros(len(curve))).T
         axis = self._axis(q[self._used])
-        after = self._velocity(curve, every, np.zeros(len(curve)))
-        ends = self._velocity(curve, every, curve.duration)
-        first = after[:, :1] if self._before is None else self._before
-        before = np.concatenate([first, ends[:, :-1]], axis=1)
-        self._before = ends[:, -1:]
-        x, y = after - before
-        step = x * np.cos(axis) + y * np.sin(axis)
-        speed = np.hypot(*after) + np.hypot(*before)
-        step[np.abs(step) <= _ROUNDING * speed] = 0.0
-        return np.asarray(self._size * step)[:, None]
+        steps = self._steps(curve)
+        x, y = self._mechanism.trace((self._link, self._place), q, steps)[1]
+        return np.asarray(self._size * (x * np.cos(axis) + y * np.sin(axis)))[:, None]
 
     def _axis(self, q: Array) -> Array:
         """Direction [rad] of the axis in the world, by the coordinates that are used."""
@@ -140,13 +131,6 @@ class PointOnLink(DirectSource):
         for k, slope in self._turns:
             axis += slope * q[k]
         return axis
-
-    def _velocity(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
-    ) -> Array:
-        """Velocity of the point in the world (2, N) [m/s]."""
-        q, v = (x.T for x in curve.locals(segments, dt, (0, 1)))
-        return np.asarray(self._mechanism.trace((self._link, self._place), q, v)[1])
 
 
 class Attitude(DirectSource):

@@ -160,11 +160,12 @@ def strikes(mechanism: Mechanism, motion: Motion, impacts: Sequence[Impact]) -> 
         if not (impact.normal_impulse > 0.0 and impact.approach_speed > 0.0):
             continue
         joint = joint_of_gap(mechanism, impact.joint)
-        if impact.joint != joint.name and is_stop(impact.joint):
+        if is_stop(joint, impact.joint):
             continue  # spheres that strike along the axes are not heard in the plane
         part = _part(mechanism, joint, motion.curve, impact)
         jump = change * part, change * (1.0 - part)
-        weights = (math.inf if x == GROUND else mechanism.body(x).mass for x in _ends(joint))
+        links = joint.first, joint.second
+        weights = (math.inf if x == GROUND else mechanism.body(x).mass for x in links)
         resisting = (impact.normal_impulse / v if v else 0.0 for v in jump)
         mass = tuple(min(a, b) for a, b in zip(resisting, weights, strict=True))
         found.append(
@@ -180,20 +181,14 @@ def strikes(mechanism: Mechanism, motion: Motion, impacts: Sequence[Impact]) -> 
     return found
 
 
-def _ends(joint: Joint) -> tuple[str, str]:
-    return joint.first, joint.second
-
-
 def _part(mechanism: Mechanism, joint: Joint, curve: PiecewisePolynomial, impact: Impact) -> float:
     """Share of the first link in the change of relative velocity, 0 to 1."""
-    if GROUND in (ends := _ends(joint)):
-        return float(ends.index(GROUND))
-    slack = 4.0 * np.spacing(impact.t)
-    before = int(np.searchsorted(curve.start, impact.t - slack)) - 1
-    after = int(np.searchsorted(curve.start, impact.t + slack, side='right')) - 1
-    if before < 0 or after == before:
+    if GROUND in (joint.first, joint.second):
+        return float(joint.second == GROUND)
+    after = int(curve.begun_by([impact.t])[0])
+    if not 0 < after < len(curve):
         return 0.5
-    segments, dt = np.array([before, after]), np.array([curve.duration[before], 0.0])
+    segments, dt = np.array([after - 1, after]), np.array([curve.duration[after - 1], 0.0])
     q, v = (x.T for x in curve.locals(segments, dt, (0, 1)))
     normal = np.array([math.cos(impact.normal_angle), math.sin(impact.normal_angle)])
     change = impact.approach_speed + impact.rebound_speed

@@ -25,7 +25,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.results.run import Piece, Runner
 from mechanism_sim.results.simulate import simulate
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.drives import drive_of
+from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.scene.plan import restart
 from mechanism_sim.studies.modes import NormalMode, Roots, Station, about, derivatives
 from mechanism_sim.studies.periodic import flow_at_end, without_turns
@@ -136,9 +136,9 @@ def applies(machine: Machine) -> bool:
     """True if a torque turns the main drive of a machine whose joints are ideal."""
     plan = machine.plan
     return (
-        drive_of(plan, plan.main) is not None
-        and machine.plan.main in plan.powered
-        and machine.plan.main not in plan.ideal.displacements
+        plan.main in read_drives(plan)
+        and plan.main in plan.powered
+        and plan.main not in plan.ideal.displacements
         and not machine.has_contacts
         and plan.weighed
         and not plan.frictions(plan.ideal)

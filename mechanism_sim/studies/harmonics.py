@@ -104,6 +104,13 @@ def harmonics(
         found, units = _frame_harmonics(machine, asked, count, length)
     if asked and not own:
         return Harmonics(length, found, units)
+    if not (machine.torque_driven or machine.assembly.freedom):
+        main, seen = machine.plan.main, (*own, 'acceleration.LINK')[0]
+        raise InputError(
+            f'{machine.name}: its drives prescribe the whole motion, so that nothing vibrates: '
+            f"harmonics of it are measures, as cycle --measure '2*mean({seen}*cos(2*position."
+            f"{main}))'"
+        )
     one = linearised(machine, known=derivatives(machine, rigid=True))
     units |= _own_units(one, own)
     steady = _harmonics(one, machine.plan.prescribed, rates, length, count)

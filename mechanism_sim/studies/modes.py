@@ -25,7 +25,7 @@ from mechanism_sim.planar.mechanism import HigherPair
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.scene import Machine
-from mechanism_sim.scene.drives import drive_of
+from mechanism_sim.scene.drives import read_drives
 from mechanism_sim.studies.frames import PARTS, Vibrating
 from mechanism_sim.vibration.systems import ROUNDING, LinearSystem, state_matrix
 
@@ -444,7 +444,7 @@ def _steady(machine: Machine, found: Linearisation, start: Point) -> Point | Non
     start : where it is at rest
     """
     plan = machine.plan
-    if drive_of(plan, plan.main) is None or plan.main in plan.ideal.displacements:
+    if not read_drives(plan) or plan.main in plan.ideal.displacements:
         return None
     paces = [getattr(m.characteristic, 'synchronous_speed', 0.0) / m.ratio
              for m in machine.plan.motors]  # fmt: skip
@@ -635,8 +635,7 @@ def critical_speeds(machine: Machine, stations: Sequence[Station]) -> list[Criti
 def turning(machine: Machine, option: str) -> str:
     """The main drive's coordinate, which an option turns."""
     plan = machine.plan
-    driven = plan.main in plan.prescribed or drive_of(plan, plan.main) is not None
-    if not driven or machine.plan.main in plan.ideal.displacements:
+    if not read_drives(plan) or plan.main in plan.ideal.displacements:
         raise InputError(
             f"{machine.name}: {option} needs a drive of an angle: give 'drive.coordinate', and "
             "'drive.speed' or 'drive.torque'"

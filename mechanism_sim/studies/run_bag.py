@@ -54,9 +54,7 @@ class RunBag:
         laws = machine.drive.laws_until(end)
         for n, (law, later) in enumerate(zip_longest(laws, laws[1:]), 1):
             until = min(later.valid_from if later else math.inf, end)
-            if law.valid_from < end or n == 1:
-                final = until >= end
-                self._write('/drive', events.drive_law(law, n, until, final, 0.0), 0.0)
+            self._write('/drive', events.drive_law(law, n, until, until >= end, 0.0), 0.0)
 
     def add(self, piece: Piece) -> None:
         """Append the piece that follows."""

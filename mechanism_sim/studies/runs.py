@@ -190,9 +190,11 @@ class Workers:
                 show(len(rows.rows), rows.failed)
         return rows.rows
 
-    def do_all(self, tasks: Sequence[Task], show: Show | None = None) -> list[Row]:
+    def do_all(
+        self, tasks: Sequence[Task], show: Show | None = None, rows: FinishedRows | None = None
+    ) -> list[Row]:
         """The rows of tasks in their order; the first that fails raises its error."""
-        rows = FinishedRows()
+        rows = rows or FinishedRows()
         self.do(tasks, rows, show)
         for task in tasks:
             if error := rows.errors.get(task.key):

@@ -23,7 +23,7 @@ from mechanism_sim.studies.design import SIGMAS
 from mechanism_sim.studies.effects import Effect, FactorLevel, number
 from mechanism_sim.studies.plan import SweepPlan
 from mechanism_sim.studies.row import SweepTask
-from mechanism_sim.studies.runs import DONE, Row, Show, Workers
+from mechanism_sim.studies.runs import DONE, FinishedRows, Row, Show, Workers
 
 BENT = 0.1
 """Of three deviations of a measure: so far from a straight line, first order is not enough."""
@@ -133,40 +133,52 @@ def first_order(
             + (f' ({limits[0]})' if limits else '')
             + ': leave out --first-order'
         )
-    # at both ends of each factor, then in both corners of each measure
-    places = [list(means)]
+    around = [list(means)]  # then at both ends of each factor
     for k, pair in enumerate(ends.tolist()):
-        places += [[*means[:k], x, *means[k + 1 :]] for x in pair]
-    up = slopes > 0.0
-    for rises in up:
-        places += [np.where(rises == high, ends[:, 1], ends[:, 0]).tolist() for high in (0, 1)]
-    keys = {tuple(p): str(k) for k, p in enumerate(places)}
-    machines = {place: _run(plan, place) for place in keys}
-    wanted = frozenset(names)
-    tasks = [
-        SweepTask(key, run.name, machines[place].scene, plan.extent, None, (), plan.measures,
-                  wanted)
-        for place, key in keys.items()
-    ]  # fmt: skip
-    rows = (workers or Workers(1)).do_all(tasks, show)
-    by_place = dict(zip(keys, rows, strict=True))
-    values = np.array([[number(by_place[tuple(p)], n) for p in places] for n in names])
-    for k in range(len(paths)):
-        # turns of another drive end at other instants, of which derivatives at fixed times know
-        # nothing: the runs at both ends do
-        low, high = 1 + 2 * k, 2 + 2 * k
-        others = plan.extent.edges(machines[tuple(places[high])])[0]
-        if not np.allclose(others, edges, rtol=1e-9, atol=0.0):
-            slopes[:, k] = (values[:, high] - values[:, low]) / (ends[k, 1] - ends[k, 0])
+        around += [[*means[:k], x, *means[k + 1 :]] for x in pair]
+    rows = FinishedRows()
+    with workers or Workers(1) as makers:
+        values = _measured(plan, around, makers, rows, show)
+        for k in range(len(paths)):
+            # turns of another drive end at other instants, of which derivatives at fixed times
+            # know nothing: the runs at both ends do
+            low, high = 1 + 2 * k, 2 + 2 * k
+            others = plan.extent.edges(_run(plan, around[high]))[0]
+            if not np.allclose(others, edges, rtol=1e-9, atol=0.0):
+                slopes[:, k] = (values[:, high] - values[:, low]) / (ends[k, 1] - ends[k, 0])
+        worst = [
+            np.where(rises == high, ends[:, 1], ends[:, 0]).tolist()
+            for rises in slopes > 0.0
+            for high in (0, 1)
+        ]
+        corners = _measured(plan, worst, makers, rows, show).reshape(len(names), len(names), 2)
     deviations = np.array([float(f.distribution.std()) for f in plan.factors])
     units = {c.name: c.unit for c in plan.measured}
     stacks = [
         _stack(n, units.get(n, ''), paths, slope, deviations, ends - np.array(means)[:, None],
-               y[: 1 + 2 * len(paths)], y[1 + 2 * (len(paths) + k) :][:2])
+               y, corners[k, k])
         for k, (n, slope, y) in enumerate(zip(names, slopes, values, strict=True))
     ]  # fmt: skip
     nominal = replace(plan.runs[0], scene=run.scene, values=dict(zip(paths, means, strict=True)))
-    return FirstOrder(tuple(stacks), 1 + len(tasks), replace(plan, runs=(nominal,)))
+    return FirstOrder(tuple(stacks), 1 + len(rows.rows), replace(plan, runs=(nominal,)))
+
+
+def _measured(
+    plan: SweepPlan,
+    places: Sequence[Sequence[float]],
+    makers: Workers,
+    rows: FinishedRows,
+    show: Show | None,
+) -> Array:
+    """Measures (M, P) of runs with values of the factors at P places; runs already made count."""
+    names, tasks = plan.measure_names, dict[str, SweepTask]()
+    for place in places:
+        run = _run(plan, place)
+        tasks[str(place)] = SweepTask(
+            str(place), run.name, run.scene, plan.extent, None, (), plan.measures, frozenset(names)
+        )
+    makers.do_all([*tasks.values()], show, rows)
+    return np.array([[number(rows.rows[str(p)], name) for p in places] for name in names])
 
 
 def _stack(

@@ -13,6 +13,7 @@ from running import one_of, run
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import analyze
 from mechanism_sim.errors import InputError
+from mechanism_sim.joints.cam.laws import check_smoothness
 from mechanism_sim.joints.cam.outlines import nose_cam
 from mechanism_sim.linkages.nominal import NominalRun
 from mechanism_sim.planar.kinematics import Kinematics
@@ -247,6 +248,18 @@ def test_radii_over_the_angle_make_the_cam():
     right = e * np.cos(x) + np.sqrt(rod - (e * np.sin(x)) ** 2) - (rim - e + 12.0)
     assert 1e3 * joint.cam.law(x) == pytest.approx(right, abs=1e-9)
     assert joint.cam.base_radius == pytest.approx(0.025, abs=1e-12)
+
+
+def test_a_supplier_s_table_of_radii_has_no_jumps_of_rounding():
+    """Radii every 5 deg, rounded to 10 nm: a spline of degree 5, whose acceleration is smooth."""
+
+    def lift(a):  # 20 mm up in 120 deg, as a cycloid, a dwell of 60 deg, and back
+        x = min(a, 120.0, max(300.0 - a, 0.0)) / 120.0
+        return 20.0 * (x - math.sin(2.0 * math.pi * x) / (2.0 * math.pi))
+
+    points = [[f'{a} deg', f'{30.0 + lift(a):.5f} mm'] for a in range(0, 360, 5)]
+    law = cam_pair(made(scene({'profile': {'points': points}}, base_radius=None))).cam.law
+    assert [str(jump) for jump in check_smoothness(law)] == []
 
 
 @pytest.mark.sample(2)
@@ -488,7 +501,7 @@ def test_a_drawing_makes_the_cam_that_it_shows(tmp_path):
 
 
 @pytest.mark.parametrize(('law', 'said'), [
-    ({'file': 'lift.csv'}, 'numbers without a unit are radians'),
+    ({'file': 'lift.csv'}, 'a unit are radians: beside a file write units: [deg, mm]'),
     ({'file': 'lift.csv', 'units': 'deg'}, 'units must be a list of two names'),
     ({'file': 'lift.csv', 'columns': ['1', 'lift']}, "no column 'lift'"),
     ({'file': 'lost.csv'}, "'lost.csv' cannot be read"),

@@ -168,6 +168,19 @@ def test_linkages_of_pylinkage_are_where_it_has_them(file, expected):
         assert places(machine(found), t, x=point)['x'][1] == pytest.approx(place, abs=1e-13)
 
 
+def test_an_arc_of_pylinkage_is_a_swing_between_its_ends():
+    """Half-way, after five of its ten steps, all is where pylinkage 1.3.0 has it."""
+    found = import_machine(INPUTS / 'import' / 'pylinkage_arc.json')
+    point = 'coupler.coupler_1_rocker_0'
+    at = places(machine(found), np.array([0.0, 5.0, 15.0, 20.0]), x=point)['x']
+    assert at[1] == pytest.approx((2.077388666251702, -2.302947168161395), abs=1e-13)
+    assert at[2] == pytest.approx(at[1], abs=1e-13)
+    assert at[3] == pytest.approx(at[0], abs=1e-13)
+    swing = ms.cycle(machine(found), duration=20.0)['position.crank']
+    assert [swing.min(), swing.max()] == pytest.approx([0.5, 1.5], abs=1e-12)
+    assert any('crank swings as a cosine' in note for note in found.notes)
+
+
 # --- what this package exports ------------------------------------------------------------------
 
 EXPORTED = (

@@ -114,6 +114,23 @@ def test_quantities_of_pint_are_as_text():
         ms.load_scene('slider_crank', {'drive.speed': 5 * pint.Hz})
 
 
+def test_points_of_a_data_frame_are_those_of_its_rows():
+    """One of pandas or polars is known by its `to_numpy`; its columns were read as the points."""
+
+    class Frame:
+        def __iter__(self):
+            return iter(('t', 'angle'))
+
+        def to_numpy(self):
+            return np.array([[0.0, 0.0], [1.0, 0.5], [2.0, 0.2], [3.0, 0.0]])
+
+    def scene(points):
+        drive = {'coordinate': 'crank', 'position': {'points': points}}
+        return ms.load_scene('slider_crank', {'drive': drive})
+
+    assert scene(Frame()).fingerprint == scene(Frame().to_numpy().tolist()).fingerprint
+
+
 def test_times_and_angles_have_units_where_they_are_arguments():
     assert ms.simulate('pendulum', duration='1500 ms').duration == 1.5
     assert ms.stream('pendulum', duration='0.5 s').finish().duration == 0.5

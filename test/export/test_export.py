@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from builders import made
 
 import mechanism_sim as ms
 from mechanism_sim.catalogue import config_folder
@@ -508,3 +509,18 @@ def test_what_no_format_has_is_said():
     assert all(name in said for name in named)
     for others in (mjcf.left_out, sdf.left_out):
         assert 'pick_up: this sensor is left out' in others(machine)
+
+
+@pytest.mark.parametrize('drive', [None, {'speed': 0.0}, {'speed': 2.0}, {'torque': 0.0}])
+def test_every_format_has_the_drives_that_the_scene_gives_and_no_other(drive):
+    """Also one that holds a link at rest, of which a law alone does not tell."""
+    machine = made({
+        'links': {'arm': {'length': 0.3, 'cog': 0.1, 'mass': 1.0, 'inertia': 0.01}},
+        'joints': {'pivot': {'revolute': ['ground', 'arm']}}, 'duration': 1.0,
+        **({'drive': {'coordinate': 'arm', **drive}} if drive else {}),
+    })  # fmt: skip
+    told = drive is not None
+    assert any('the drive of arm' in x for x in urdf.left_out(machine)) == told
+    assert any(x.startswith('arm: its drive is left out') for x in sdf.left_out(machine)) == told
+    actuator = ET.fromstring(to_mjcf(machine)).find('actuator')
+    assert (actuator is not None and len(actuator) > 0) == told

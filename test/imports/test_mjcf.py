@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+import mechanism_sim as ms
 from mechanism_sim.imports import import_machine
 
 BODIES = ''.join(
@@ -160,3 +161,45 @@ def test_dampers_between_points_are_no_springs_without_length(tmp_path):
     assert (found['line']['stiffness'], found['line']['damping']) == ('0.0 N/m', '2.0 N s/m')
     assert found['sum'] == {'between': ['ground', 'a'], 'damping': '3.0 N m s/rad'}
     assert not [note for note in notes if 'left out' in note]
+
+
+ARM_ON_BAND = """<mujoco><worldbody><site name="wall" pos="0.1 0 0.3"/><body name="arm">
+<joint name="j" type="hinge" axis="0 1 0"/><site name="tip" pos="0.3 0 0"/>
+<inertial pos="0.15 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody><tendon>
+<spatial name="band" stiffness="200" damping="{}" springlength="{}"><site site="wall"/>
+<site site="tip"/></spatial></tendon></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'damping', 'right', 'parts'),
+    [
+        ('0.35 0.35', 3, -0.0755560, {'band'}),
+        ('0.3 0.4', 0, -0.3307956, {'band_shorter', 'band_longer'}),
+        ('0.3 0.4', 3, -0.3328705, {'band', 'band_shorter', 'band_longer'}),
+        ('0 0.5', 3, -1.0857622, {'band', 'band_longer'}),  # a rope, which only pulls
+    ],
+)
+def test_a_band_that_is_free_between_two_lengths_moves_as_in_mujoco(
+    tmp_path, lengths, damping, right, parts
+):
+    """Angles after 1 s are those of MuJoCo 4.0.0, by Runge and Kutta's steps of 0.1 ms."""
+    file = tmp_path / 'band.xml'
+    file.write_text(ARM_ON_BAND.format(damping, lengths))
+    found = import_machine(file, overrides={'gravity': [0, -9.81]})
+    assert found.data['springs'].keys() == parts
+    solution = ms.simulate(found.data, duration=1.0)
+    assert float(solution.sample([1.0])['position.arm'][0]) == pytest.approx(right, abs=2e-7)
+
+
+def test_a_sum_of_joints_that_is_free_between_two_values_has_two_springs(tmp_path):
+    more = tendon('sum', a=-2).replace(
+        '<fixed', '<fixed stiffness="9" damping="2" springlength="-0.5 0.25"'
+    )
+    found, _ = springs(tmp_path, more)
+    assert found['sum'] == {'between': ['a', 'ground'], 'damping': '8.0 N m s/rad'}
+    for part, side, free in (('sum_shorter', 'below', -0.25), ('sum_longer', 'above', 0.125)):
+        assert found[part]['acts'] == side
+        assert found[part]['stiffness'] == '36.0 N m/rad'
+        assert found[part]['free_angle'] == f'{free} rad'
+    unknown = more.replace('-0.5 0.25', '-1 -1')  # by the file's definition it is not given
+    assert 'sum' not in springs(tmp_path, unknown)[0]

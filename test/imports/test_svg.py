@@ -150,3 +150,59 @@ def test_a_shape_without_extent_is_not_there(tmp_path, nothing):
 def test_shapes_that_cannot_be_read_are_refused_in_words(tmp_path, shape, words):
     with pytest.raises(InputError, match=words):
         arm(tmp_path, shape)
+
+
+PARALLELOGRAM = '<path d="M-20 -10 H80 L120 30 H20 Z"/>'
+
+
+@pytest.mark.parametrize(
+    'same',
+    [
+        '<polyline points="-20,-10 80,-10 120,30 20,30 -20,-10"/>',
+        '<polyline points="80 -10 120 30 20 30"/><line x1="20" y1="30" x2="-20" y2="-10"/>'
+        '<path d="M80-10H-20"/>',
+        '<line x1="-20" y1="-10" x2="80" y2="-10"/><line x1="120" y1="30" x2="80" y2="-10"/>'
+        '<line x1="120" y1="30" x2="20" y2="30"/><line x1="-20" y1="-10" x2="20" y2="30"/>',
+        '<rect x="-10" y="-10" width="100" height="40" transform="skewX(45)"/>',
+        '<g transform="matrix(0 1 1 0 0 0)"><rect x="-10" y="-10" width="40" height="100" '
+        'transform="skewY(45)"/></g>',
+        '<a><use href="#plate" x="-20" y="-10"/></a>'
+        '<defs><path id="plate" d="M0 0H100L140 40H40Z"/></defs>',
+        '<use href="#half" transform="rotate(180 50 10)"/>'
+        '<defs><g id="half" transform="translate(20 30)">'
+        '<path d="M0 0H100L60-40H-40Z"/></g></defs>',
+    ],
+)  # fmt: skip
+def test_the_same_plate_in_other_words(tmp_path, same):
+    """A parallelogram of 100 mm by 40 mm, whose side leans by 45 deg, less a hole of 1 mm."""
+    found = arm(tmp_path, same)
+    assert found[0] == pytest.approx(PLATE * (4000.0 - math.pi), rel=1e-5)
+    assert found == pytest.approx(arm(tmp_path, PARALLELOGRAM), rel=1e-9)
+
+
+def test_a_clone_of_a_link_is_a_link(tmp_path):
+    """Its group has its name, and where it stands is by both transforms."""
+    file = tmp_path / 'm.svg'
+    bar = '<g id="left"><rect x="-5" y="-5" width="60" height="10"/><circle r="1"/></g>'
+    clone = '<g id="right"><use xlink:href="#left" transform="translate(50 20) rotate(90)"/></g>'
+    ground = '<g id="ground"><circle r="1"/><circle cx="50" cy="20" r="1"/></g>'
+    head = HEAD.format(IN_MM)[:-1] + ' xmlns:xlink="http://www.w3.org/1999/xlink">'
+    file.write_text(f'{head}{bar}{clone}{ground}</svg>')
+    found = import_machine(file, thickness='5 mm').data
+    left, right = (found['links'][name] for name in ('left', 'right'))
+    assert float(left['mass'].split()[0]) == pytest.approx(float(right['mass'].split()[0]))
+    along = 25.0 * 600.0 / (600.0 - math.pi)
+    for link, place in ((left, [along, 0.0]), (right, [0.0, -along])):  # y upwards
+        cog = [float(value.split()[0]) for value in link['cog']]
+        assert cog == pytest.approx(place, rel=1e-5, abs=1e-9)
+    assert len(found['joints']) == 2
+
+
+def test_clones_that_cannot_be_drawn_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"the clone of '#nut' has no original in the drawing"):
+        arm(tmp_path, PARALLELOGRAM + '<use href="#nut"/>')
+    with pytest.raises(InputError, match='groups nested more than 100 deep'):
+        arm(tmp_path, '<g id="own"><use href="#own"/></g>')
+    rings = ''.join(f'<g id="r{k}">{f"""<use href="#r{k + 1}"/>""" * 10}</g>' for k in range(9))
+    with pytest.raises(InputError, match='more than 100000 shapes with those of its clones'):
+        arm(tmp_path, f'{rings}<g id="r9"/>')

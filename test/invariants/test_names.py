@@ -7,6 +7,7 @@ the name of a link or a joint; the digests of the motions are equal, bit by bit.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from string import Template
 
 import pytest
@@ -16,7 +17,7 @@ from builders import made
 import mechanism_sim as ms
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.planar.play import is_stop, joint_of_gap
 from mechanism_sim.results.catalogue import catalogue
 
 LINKS = ('one', 'two', 'three', 'block', 'swing')
@@ -113,6 +114,33 @@ def test_joints_called_as_walls_are_kept_apart(plain: ms.Machine) -> None:
     assert len({gap.name for gap in gaps}) == len(gaps) == 3
     for gap in gaps:
         assert joint_of_gap(machine.mechanism, gap.name).name == gap.joint
+
+
+def test_gaps_of_joints_called_as_each_others_gaps_are_kept_apart() -> None:
+    """A guide's corners against the walls of a slot, and a bearing's end against a stop."""
+    play = {'radial': 1e-3, 'restitution': 0.3}
+    block = {'mass': 1.0, 'inertia': 0.01}
+    machine = made({
+        'links': {
+            'ground': {'points': {'pin': [0.0, 1.0]}}, 'block': block,
+            'rod': {'length': 0.5, **block},
+        },
+        'joints': {
+            'guide': {'prismatic': ['ground', 'block'],
+                      'clearance': {**play, 'length': 0.1, 'height': 0.05}},
+            'guide_front': {'slot': ['rod', 'ground.pin'], 'clearance': play},
+        },
+        'gravity': [0.0, -9.81], 'duration': 0.1,
+    })  # fmt: skip
+    gaps = machine.equations.system.gaps
+    assert len({gap.name for gap in gaps}) == len(gaps) == 6
+    for gap in gaps:
+        assert joint_of_gap(machine.mechanism, gap.name).name == gap.joint
+    struck = {i.joint for i in ms.simulate(machine).impacts}
+    assert {joint_of_gap(machine.mechanism, gap).name for gap in struck} >= {'guide'}
+    corner, stop = (replace(machine.mechanism.joint('guide'), name=n) for n in ('x', 'x_stop'))
+    assert is_stop(corner, 'x_stop_front')
+    assert not is_stop(stop, 'x_stop_front')
 
 
 @pytest.mark.parametrize(('slit', 'knee'), [('pin', 'pin_rod'), ('pin', 'pin_left'), ('a', 'a_a')])

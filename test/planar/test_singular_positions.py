@@ -8,9 +8,11 @@ from builders import made, without_work
 from running import run_json
 
 import mechanism_sim as ms
+from mechanism_sim.errors import InputError
 from mechanism_sim.linkages.four_bar import FourBar
 from mechanism_sim.planar import branch
 from mechanism_sim.report.cycle import render
+from mechanism_sim.results.ranges import LoadPeaks
 
 W = 2.0 * np.pi  # 60 rpm
 BESIDE = np.array([-1e-2, -1e-4, -1e-7, -1e-12, 0.0, 4e-16, 1e-12, 1e-7, 1e-4, 1e-2])  # [rev]
@@ -323,3 +325,52 @@ def test_a_run_goes_on_from_a_singular_position():
     second.advance(1.3, final=True)
     motion, *_ = second.drain()
     assert motion.curve(np.array([1.2]))[0] == pytest.approx([1.2 * W, 0.0, 1.2 * W], abs=1e-12)
+
+
+def guided(friction=0.0, speed=0.1, length=0.0, **more):
+    """Two blocks in three guides, which share a moment among them: each force is determined."""
+    rubs = {'friction': {'coefficient': friction, **({'length': length} if length else {})}}
+    joints = {
+        'floor': {'prismatic': ['ground', 'low']},
+        'slope': {'prismatic': ['low', 'high'], 'axis': '30 deg'},
+        'wall': {'prismatic': ['ground', 'high'], 'axis': '90 deg'},
+    }
+    return made({
+        'links': {'low': {'mass': 1.0}, 'high': {'mass': 2.0}}, 'gravity': [0.0, -9.81],
+        'joints': {k: {**joint, **(rubs if friction else {})} for k, joint in joints.items()},
+        'drive': {'coordinate': 'low', 'speed': speed}, 'duration': 1.0, **more,
+    })  # fmt: skip
+
+
+def test_a_moment_that_is_open_leaves_the_force_known_everywhere():
+    """The weights of a wedge and what it lifts, resolved; among guides only a moment is open."""
+    slope = np.radians(30.0)
+    expected = {
+        'floor': 3.0 * 9.81, 'slope': 2.0 * 9.81 / np.cos(slope),
+        'wall': 2.0 * 9.81 * np.tan(slope),
+    }  # fmt: skip
+    cell = {'kind': 'load_cell', 'joint': 'slope', 'direction': '90 deg'}
+    machine = guided(sensors={'cell': {**cell, 'sample_rate': 10.0}})
+    assert set(machine.nominal.undetermined_names) == {f'reaction.{j}.moment' for j in expected}
+    solution = ms.simulate(machine)
+    cycle, peaks, view = ms.cycle(machine), LoadPeaks(machine), solution.view(np.array([0.5]))
+    peaks.add(solution.motion)
+    for joint, force in expected.items():
+        assert cycle[f'reaction.{joint}.size'] == pytest.approx(force, rel=1e-12)
+        assert peaks.forces[joint].value == pytest.approx(force, rel=1e-12)
+        seen = view.joint(machine.mechanism.joint(joint))
+        assert np.hypot(*seen.force) == pytest.approx(force, rel=1e-12)
+        assert np.isnan(seen.moment).all()
+    channel = machine.channel('cell')
+    channel.take(solution.motion)
+    for block in channel.blocks(final=True):  # on the plane, which carries the weight
+        assert np.abs(block.samples) == pytest.approx(2.0 * 9.81, rel=1e-9)
+
+
+def test_guides_that_share_a_moment_rub_by_their_forces():
+    """The wedge that lifts through all of its angles of friction; a block's ends need more."""
+    two = np.radians(30.0) + 2.0 * np.arctan(0.1)
+    torque = ms.cycle(guided(0.1, -0.1))['drive_torque']
+    assert -torque == pytest.approx(2.0 * 9.81 * np.tan(two) + 0.1 * 9.81, rel=1e-9)
+    with pytest.raises(InputError, match=r'joints\.floor\.friction follows from its force, but'):
+        guided(0.1, length=0.1)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -262,6 +263,34 @@ def test_a_motor_shows_in_which_sense_it_turns():
         rest = np.zeros((len(machine.mechanism.coordinates), 1))
         (arrow,) = shapes(skeleton_of(machine, rest), 'drive')
         assert arrow.label == label
+
+
+@pytest.mark.parametrize('speed', [2.0, -2.0])
+def test_the_arrow_of_a_drive_points_along_its_way_in_whichever_order_links_stand(speed):
+    """As the motion itself goes, and on the frame, which rests; a crank's turns on its bearing."""
+    guide = {'prismatic': ['ground', 'block'], 'axis': '30 deg', 'angle': '20 deg'}
+    turned = {'prismatic': ['block', 'ground'], 'axis': '10 deg', 'angle': '-20 deg'}
+    for joint in (guide, turned):
+        machine = made({
+            'links': {'block': {'mass': 1.0}}, 'joints': {'guide': joint},
+            'drive': {'coordinate': 'block', 'speed': speed}, 'duration': 1.0,
+        })  # fmt: skip
+        solution = ms.simulate(machine)
+        (arrow,) = shapes(skeleton_of(machine, solution.view([0.0]).observed.position), 'drive')
+        assert arrow.link == GROUND
+        seen = solution.sample([0.0, 1.0], 'position.block.start.x', 'position.block.start.y')
+        gone = np.diff([seen['position.block.start.x'], seen['position.block.start.y']])[:, 0]
+        assert np.diff(arrow.outline, axis=0)[0] == pytest.approx(gone / abs(speed), abs=1e-12)
+    drawn = []
+    for ends in (['ground', 'arm.end'], ['arm.end', 'ground']):
+        machine = made({
+            'links': {'arm': {'length': 0.3}}, 'joints': {'pin': {'revolute': ends}},
+            'drive': {'coordinate': 'arm', 'speed': speed, 'start_angle': 3.5},
+        })  # fmt: skip
+        drawn += shapes(skeleton_of(machine, np.array([[3.5]])), 'drive')
+    assert [arrow.link for arrow in drawn] == [GROUND, GROUND]
+    assert drawn[0].outline == pytest.approx(drawn[1].outline)
+    assert {arrow.label for arrow in drawn} == {'arc' if speed > 0.0 else 'clockwise'}
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import Any, get_args
 
 import numpy as np
 import pytest
+import yaml
 from pydantic import ValidationError
 from pydantic_core.core_schema import ErrorType
 
@@ -178,6 +180,18 @@ CURVE = 'joints.contact.law.segments.0.curve'
         ('slider_crank', 'sensors.probe.body', 'rod', "here that is 'link'"),
         ('slider_crank', 'sensors.probe.rate', '1 kHz', "here that is 'sample_rate'"),
         ('slider_crank', 'sensors.probe.fs', '1 kHz', "here that is 'sample_rate'"),
+        ('slider_crank', 'sensors.probe.odr', '1 kHz', "here that is 'sample_rate'"),
+        ('slider_crank', 'sensors.probe.noise_density', '25 ug', "here that is 'noise.rms', the"),
+        ('slider_crank', 'sensors.probe.resonance', '2 kHz', "'transducer.natural_frequency'"),
+        ('slider_crank', 'sensors.probe.sensitivity', '100 mV/g', 'in the unit of what is meas'),
+        ('slider_crank', 'drive.motor.torque_constant', '26 mNm/A', 'over resistance, and'),
+        ('slider_crank', 'drive.motor.inductance', '0.1 mH', "here that is a current by 'states'"),
+        ('slider_crank', 'drive.motor.rotor_inertia', '33 gcm^2', "here that is 'inertia'"),
+        ('slider_crank', 'drive.motor.induction.poles', 4, "here that is 'synchronous_speed'"),
+        ('slider_crank', 'joints.crank_rod.damping', '0.1 N m s/rad',
+         'springs: {NAME: {between: [crank, rod], damping: 5 N m s/rad}}'),
+        ('slider_crank', 'joints.ground_piston.stiffness', '1 N/mm',
+         'springs: {NAME: {coordinate: piston, stiffness: 5 N/m}}'),
         ('slider_crank', 'g', 9.81, 'gravity: [0, -9.81 m/s^2]'),
         ('slider_crank', 'bodies', {}, "here that is 'links'"),
         ('slider_crank', 'constraints', {}, "here that is 'joints'"),
@@ -205,6 +219,12 @@ def test_what_stands_for_other_words_is_known_here():
     for load in (Friction.other_words['dry_torque'], Scene.other_words['brakes']):
         text = re.search(r'torque: ([^}]*)', load)[1].replace('LINK', 'crank')
         ms.load_scene('slider_crank', {'loads.brake': {'at': 'crank', 'torque': text}})
+    for joint, key in product(('crank_rod', 'ground_piston'), ('stiffness', 'damping')):
+        with pytest.raises(InputError) as refused:
+            ms.load_scene('slider_crank', {f'joints.{joint}.{key}': 1.0})
+        written = str(refused.value).partition('here that is ')[2].replace('NAME', 'soft')
+        part = yaml.safe_load(written)['springs']['soft']
+        assert ms.load_scene('slider_crank', {'springs.soft': part}).scene.springs['soft']
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,9 @@ import pytest
 from builders import made
 from scipy.interpolate import CubicSpline
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
+from mechanism_sim.scene.check import check
 
 SCENE = {
     'links': {'ground': {}, 'arm': {'length': '1 m'}, 'block': {}},
@@ -18,6 +20,10 @@ SCENE = {
         'pivot': {'revolute': ['ground', 'arm']},
         'guide': {'prismatic': ['ground', 'block']},
     },
+}
+ARM = {
+    'links': {'arm': {'length': '1 m'}},
+    'joints': {'pivot': {'revolute': ['ground', 'arm']}},
 }
 POINTS = [['0 s', '0 deg'], ['1 s', '50 deg'], ['2 s', '0 deg']]
 LIMITS = {'speed': '2 rad/s', 'acceleration': '8 rad/s^2'}
@@ -45,6 +51,11 @@ def refusal(drive):
         ({'position': 'floor(t)'}, ["calls 'floor'", 'not a function of formulas of motions']),
         ({'position': '2*lift(t)'}, ["calls 'lift'", "stand here themselves, as 'points' or"]),
         ({'position': 'sinn(t)'}, ["calls 'sinn'; did you mean 'sin'?"]),
+        ({'position': 'STEP(t, 0, 0, 1, 2)'}, ["calls 'STEP'; here that is 'points' with 'ends:"]),
+        ({'position': '30d*t'}, ["'d' behind 30", "is not a unit; here that is 'deg'"]),
+        ({'speed': '60 rpm + 3'}, ['drive.speed cannot be read: 3 in', 'write 3 rad/s']),
+        ({'speed': '60 rpm*t/(1 s) + 3'}, ['3 in', 'beside what is in rad/s: write 3 rad/s']),
+        ({'speed': 'if(t < 1, 2, 3)'}, ["'if' cannot stand", "write 'A if X > Y else B'"]),
         ({'position': 'abs(t - 1)'}, ['drive.position jumps in place or speed at t = 1 s']),
         ({'position': 'sqrt(t)'}, ['drive.position', 'no derivative at t = 0 s']),
         ({'position': '1/(t - 2)'}, ['drive.position', 'no value or no derivative at t = 2 s']),
@@ -91,12 +102,30 @@ def refusal(drive):
         ({'position': {'points': [*POINTS[:2], ['2 s', '0 deg']], 'ends': 'rest',
                        'periodic': True}}, ["is periodic and has 'ends: rest': keep one"]),
     ],
-    ids=range(40),
+    ids=range(45),
 )  # fmt: skip
 def test_a_mistake_is_a_sentence(drive, said):
     text = refusal(drive)
     for part in said:
         assert part in text, text
+
+
+@pytest.mark.parametrize('unit', ['m', 'mm', 'km'])
+def test_moves_by_decimals_come_back_and_just_reach_their_speed(unit):
+    """0.1 + 0.2 - 0.3 is not 0, and 0.2 to and fro takes full speed for no time but rounding."""
+    scale = {'m': 1.0, 'mm': 1e-3, 'km': 1e3}[unit]
+    steps = [{'by': f'{x} {unit}'} for x in (0.1, 0.2, -0.3)]
+    limits = {'speed': f'1 {unit}/s', 'acceleration': f'5 {unit}/s^2'}
+    run = made({
+        'links': {'block': {'mass': 1.0}},
+        'joints': {'guide': {'prismatic': ['ground', 'block']}},
+        'drive': {'coordinate': 'block', 'moves': {**limits, 'repeat': True, 'steps': steps}},
+    })  # fmt: skip
+    ends = np.cumsum([2.0 * math.sqrt(0.1 / 5.0), 2.0 * math.sqrt(0.2 / 5.0), 0.3 + 0.2])
+    at = [*ends, ends[1] + 0.1, *(ends + ends[-1])]
+    seen = ms.simulate(run, duration=2.5).sample(at, 'position.block')['position.block']
+    turned = [0.1, 0.3, 0.0, 0.3 - 0.5 * 5.0 * 0.1**2, 0.1, 0.3, 0.0]
+    assert seen == pytest.approx(scale * np.array(turned), abs=1e-12 * scale)
 
 
 @pytest.mark.parametrize('begin', [0.0, 0.1])
@@ -117,3 +146,30 @@ def test_periodic_speeds_go_on_by_any_way_in_a_period(how, begin):
     assert late.valid_from - near.valid_from == pytest.approx(4e4, abs=1e-9)
     assert gone == pytest.approx(1e5 * way, rel=1e-14)
     assert late.coefficients[1:] == pytest.approx(near.coefficients[1:], rel=1e-9, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ('how', 'largest'), [('cubic', 6.0), ('quintic', 10.0 / math.sqrt(3.0))]
+)  # fmt: skip
+def test_two_points_at_rest_are_the_step_of_other_programs(how, largest):
+    """90 deg in 2 s by 3 x^2 - 2 x^3, or 10 x^3 - 15 x^4 + 6 x^5: peaks are both of these."""
+    points = [['0 s', '0 deg'], ['2 s', '90 deg']]
+    course = {'points': points, 'interpolation': how, 'ends': 'rest'}
+    machine = made({**ARM, 'drive': {'coordinate': 'arm', 'position': course}})
+    right = largest * 0.5 * math.pi / 4.0
+    notes = '\n'.join(check(machine).notes)
+    assert f'largest acceleration {right:.6g} rad/s^2' in notes
+    assert f'by its points -{right:.6g} (+-' in notes
+
+
+def test_points_at_rest_are_judged_by_the_spline_that_is_driven():
+    """The peaks of the points are those of the motion, not those of a spline with free ends."""
+    t = np.arange(41) / 20.0
+    lean = 30.0 * (1.0 - np.cos(math.pi * t)) + 5.0 * t
+    points = [[f'{x} s', f'{y} deg'] for x, y in zip(t, lean, strict=True)]
+    course = {'points': points, 'ends': 'rest'}
+    report = check(made({**ARM, 'drive': {'coordinate': 'arm', 'position': course}}))
+    known = np.radians(CubicSpline(t, lean, bc_type='clamped')(t, 2))
+    said = next(x for x in (*report.notes, *report.questions) if 'by its points' in x)
+    assert f'points {known.min():.6g} (' in said
+    assert f' {known.max():.6g} (' in said

@@ -252,6 +252,35 @@ def test_degrees_without_a_unit_are_questioned(override, said):
     assert all(said in x and x.endswith('is the unit right?') for x in found)
 
 
+@pytest.mark.parametrize(('keys', 'said'), [
+    ({'drive': {'position': '90 deg + 60*sin(pi*t)'}}, 'drive.position: 60*sin(pi*t) is in rad, '
+     '3437.75 deg: is a unit missing?'),
+    ({'drive': {'position': '-7*cos(2*t)'}}, 'drive.position: -7*cos(2*t) is in rad, 401.07 deg'),
+    ({'drive': {'position': '90 deg + 60 deg*sin(20*t)'}}, ''),
+    ({'drive': {'position': '30*t + 2*pi*sin(t)'}}, ''),
+    ({'loads': {'stop': {'at': 'arm', 'torque': '-5 N m/rad*(arm - 90)'}}},
+     'loads.stop.torque: 90 is in rad, 5156.62 deg: is a unit missing?'),
+    ({'loads': {'stop': {'at': 'arm', 'torque': '-5 if arm > 90 else 0'}}}, ': 90 is in rad'),
+    ({'loads': {'stop': {'at': 'arm', 'torque': '-5 if arm > 90 deg else 30'}}}, ''),
+    ({'loads': {'stop': {'at': 'arm', 'torque': '-5*arm - 90'}}}, ''),
+    ({'loads': {'stop': {'at': 'arm', 'torque': '-0.1*(arm_rate - 90)'}}}, ''),
+    ({'drive': {'coordinate': 'block', 'position': '60*sin(t)'}}, ''),
+])  # fmt: skip
+def test_degrees_without_a_unit_in_formulas_are_questioned(keys, said):
+    arm = {
+        'links': {'arm': {'length': 1.0, 'mass': 1.0, 'inertia': 1.0}, 'block': {'mass': 1.0}},
+        'joints': {'pin': {'revolute': ['ground', 'arm']},
+                   'rail': {'prismatic': ['ground', 'block']}},
+        'drives': {'block': {'position': '30*sin(t)'}},
+    }  # fmt: skip
+    drive = {'coordinate': 'arm', **keys.get('drive', {'torque': {}})}
+    drives = {'arm': {'speed': 1.0}} if drive['coordinate'] == 'block' else arm['drives']
+    machine = made({**arm, **keys, 'drive': drive, 'drives': drives})
+    found = [x for x in plausibility_warnings(machine) if 'in rad' in x]
+    assert len(found) == bool(said)
+    assert all(said in x for x in found)
+
+
 def test_degrees_in_a_guess_are_questioned_but_not_metres_of_what_slides():
     scene = read_yaml(find_scene('slider_crank'), 'scene')
     machine = ms.load_scene(scene | {'guess': {'rod': -12.6}}, name='found')

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+from builders import made
 from running import run, run_json
 
 import mechanism_sim as ms
@@ -84,6 +85,30 @@ def test_points_with_angles_belong_to_instants(tmp_path, monkeypatch):
     rms, share = distances(text, f'{text} / largest_{text}')
     assert rms == pytest.approx(math.sqrt(np.mean(chords**2)), rel=1e-12)
     assert share == pytest.approx(rms / chords.max(), rel=1e-12)
+
+
+def test_points_with_angles_of_several_turns(tmp_path, monkeypatch):
+    """On a wheel that turns half as fast as the drive; a run of one turn tells no more of them."""
+    machine = made({
+        'links': {
+            'ground': {'points': {'b': [0.06, 0.0]}}, 'pinion': {},
+            'wheel': {'points': {'p': [0.02, 0.0]}},
+        },
+        'gears': {'p': {'at': 'pinion', 'teeth': 20, 'module': '2 mm'},
+                  'w': {'at': 'wheel', 'teeth': 40, 'module': '2 mm'}},
+        'joints': {'a': {'revolute': ['ground', 'pinion']}, 'm': {'mesh': ['p', 'w']},
+                   'b': {'revolute': ['ground.b', 'wheel']}},
+        'drive': {'coordinate': 'pinion', 'speed': TURN},
+    })  # fmt: skip
+    angles = np.linspace(0.1, 1.9 * TURN, 13)
+    written(tmp_path, monkeypatch, 0.06 + 0.02 * np.exp(-0.5j * angles), angles)
+    text = 'largest_distance(position.wheel.p, path.csv)'
+    for length in (2.0, 3.4):
+        (found,) = ms.measure(machine, ms.simulate(machine, duration=length), text)
+        assert found.value < 1e-14
+    (short,) = ms.measure(machine, ms.simulate(machine, duration=1.0), text)
+    chords = 2.0 * 0.02 * np.sin(0.25 * TURN)  # of points that are half a turn of the wheel away
+    assert short.value == pytest.approx(chords, rel=1e-12)
 
 
 def test_a_function_of_the_drive_is_a_distance_of_a_coordinate(tmp_path, monkeypatch):

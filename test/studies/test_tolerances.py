@@ -88,6 +88,20 @@ def test_turns_of_another_speed_end_at_other_instants():
     assert stack.enough
 
 
+def test_the_worst_ends_of_a_speed_are_those_of_whole_turns():
+    """At a fixed end of time this mean falls with the speed; over whole turns it grows."""
+    given = CRANK | {
+        'vary': {'drive.speed': ['590 rpm', '610 rpm'], 'links.crank.length': '50 mm +- 0.1 mm'},
+        'measures': {'m': 'mean(acceleration.piston + 0.3*abs(acceleration.piston))'},
+    }
+    (stack,) = first_order(read_plan(given)).stacks
+    speed = stack.contributions[0]
+    assert speed.slope == pytest.approx(2.0 * stack.nominal / (600.0 * np.pi / 30.0), rel=1e-3)
+    assert stack.worst[0] < stack.nominal < stack.worst[1]
+    assert stack.corners == pytest.approx(stack.worst, rel=1e-3)
+    assert stack.enough
+
+
 @pytest.mark.parametrize(
     ('change', 'words'),
     [

@@ -1,5 +1,8 @@
 """Harmonics of periodic forces and of what they shake, against closed forms and quadratures."""
 
+import math
+import re
+
 import numpy as np
 import pytest
 from builders import made
@@ -7,6 +10,7 @@ from running import run, run_json
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+import mechanism_sim as ms
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.fourier import spectrum
 from mechanism_sim.studies.harmonics import harmonics
@@ -314,3 +318,15 @@ def test_a_drive_that_changes_its_speed_has_no_harmonics():
     profile = {'coordinate': 'wheel', 'profile': {'points': [[0.0, 10.0], [1.0, 20.0]]}}
     with pytest.raises(InputError, match='wheel does not turn at a steady speed'):
         harmonics(shaken('sin(wheel)', drive=profile), [], 3)
+
+
+def test_harmonics_of_a_prescribed_motion_are_measures_of_a_cycle():
+    """The measure named gives those of x = r cos + sqrt(l^2 - r^2 sin^2), by quadrature."""
+    with pytest.raises(InputError) as refused:
+        harmonics(ms.load_scene('slider_crank'), ['acceleration.piston'], 5)
+    text = re.search(r"--measure '(.*)'", str(refused.value))[1]
+    (found,) = ms.measure(ms.simulate('slider_crank', revolutions=1), text)
+    r, rod, speed, turn = 0.05, 0.2, 20.0 * math.pi, np.arange(512) * math.pi / 256.0
+    place = r * np.cos(turn) + np.sqrt(rod**2 - (r * np.sin(turn)) ** 2)
+    right = -((2.0 * speed) ** 2) * 2.0 * np.mean(place * np.cos(2.0 * turn))
+    assert found.value == pytest.approx(right, rel=1e-10)

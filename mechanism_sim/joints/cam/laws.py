@@ -25,6 +25,7 @@ from mechanism_sim.numerics.sampled import SampledPeak, acceleration_peaks, spli
 
 TURN = 2.0 * math.pi
 DERIVATIVES = ('displacement', 'velocity', 'acceleration', 'jerk')
+_ROUNDING = 8.0 * np.finfo(float).eps  # of the greatest displacement: of values of a piece
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,12 @@ class LawPiece:
         p = self.polynomial.deriv(order) if order else self.polynomial
         turned = self.frequency * s + self.phase + order * np.pi / 2
         return float(p(s) + self.amplitude * self.frequency**order * np.cos(turned))
+
+    def magnified(self, order: int) -> float:
+        """By what a derivative of its polynomial exceeds the value at most (V. A. Markov)."""
+        square, steps = self.polynomial.degree() ** 2, range(order)
+        ratios = (2.0 / self.length * max(square - k**2, 0) / (2 * k + 1) for k in steps)
+        return math.prod(ratios)
 
     def scaled(self, span: float, height: float) -> LawPiece:
         """The piece drawn `span` times as long and `height` times as high."""
@@ -266,7 +273,8 @@ class MeasuredLaw(PiecewiseLaw):
             x, y = x[:-1], y[:-1]
         if not (np.diff(x) > 0).all() or (x[-1] - x[0] >= TURN and not reciprocating):
             ends = spelled(x[0], x[-1], reciprocating=reciprocating)
-            bare = '; numbers without a unit are radians' if x[-1] - x[0] > 2.0 * TURN else ''
+            bare = '; numbers without a unit are radians: beside a file write units: [deg, mm]'
+            bare = bare if x[-1] - x[0] > 2.0 * TURN else ''
             raise InputError(
                 'measured angles increase, and end before the turn is full, or where it is full '
                 f'at the same displacement: these go from {ends}{bare}'
@@ -383,20 +391,24 @@ def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[
     Parameters
     ----------
     order : the highest derivative that should not jump, 3 at most
-    tolerance : of the greatest value of a derivative over a turn, what counts as a jump
+    tolerance : of the greatest value of a derivative over a turn, what counts as a jump, unless
+        the rounding of polynomials of high degree over short pieces is more
     """
     x = law.breaks
     # where a turn ends the next one begins; the ends of a stroke join nothing
     seam = [] if law.reciprocating else [0]
     start, end = np.append(x[seam], x[1:-1]), np.append(x[::-1][seam], x[1:-1])
+    grid = np.linspace(x[0], x[-1], 1001)
+    rounding = _ROUNDING * float(np.abs(law(grid)).max())
+    pieces = law.function.pieces if isinstance(law, PiecewiseLaw) else ()
     jumps: list[Jump] = []
     for k in range(order + 1):
         after, before = law(start, k), law(end, k, left=True)
-        grid = np.linspace(x[0], x[-1], 1001)
         greatest = max(np.abs(a).max(initial=0.0) for a in (after, before, law(grid, k)))
+        blurred = rounding * max((piece.magnified(k) for piece in pieces), default=0.0)
         jumps += [
             Jump(float(start[i]), k, float(before[i]), float(after[i]), law.reciprocating)
-            for i in np.flatnonzero(np.abs(after - before) > tolerance * greatest)
+            for i in np.flatnonzero(np.abs(after - before) > max(tolerance * greatest, blurred))
         ]
     return sorted(jumps, key=lambda j: (j.angle, j.order))
 

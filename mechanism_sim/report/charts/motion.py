@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechanism_sim.analysis.series import Series, sampled
+from mechanism_sim.engine.physics import is_force_open
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Prismatic
@@ -88,10 +89,10 @@ def elastic(course: ChartedRun) -> ChartSection | None:
 
 def forces(course: ChartedRun) -> ChartSection | None:
     """Forces in all joints: their size, and as vectors."""
-    machine = course.record.machine
-    if not machine.physics.has_forces:
+    physics = course.record.machine.physics
+    if not physics.has_forces:
         return None
-    joints = [j for j in machine.physics.joints if j not in machine.physics.undetermined]
+    joints = [j for j in physics.joints if not is_force_open(physics.undetermined, j)]
     sizes = [f'reaction.{joint}.size' for joint in joints]
     charts = quantities(course, 'forces', 'Force in each joint', sizes, run=True)
     if not charts:
@@ -161,13 +162,14 @@ def guides(course: ChartedRun) -> ChartSection | None:
     """Forces and moments that guides and slots transmit."""
     machine = course.record.machine
     lines = (j for j in machine.mechanism.joints if j.line)
-    joints = [j for j in lines if j.name not in machine.physics.undetermined]
+    open_ = machine.physics.undetermined
+    joints = [j for j in lines if not is_force_open(open_, j.name)]
     if not machine.physics.has_forces or not joints:
         return None
     title, text = 'Force across each guide and slot', ''
     charts = quantities(course, 'guides-force', title, [f'reaction.{j.name}.size' for j in joints])
-    if charts and any(isinstance(j, Prismatic) for j in joints):
-        names = [f'reaction.{j.name}.moment' for j in joints]
+    names = [f'reaction.{j.name}.moment' for j in joints if j.name not in open_]
+    if charts and names and any(isinstance(j, Prismatic) for j in joints):
         charts.append(over_drive(course, 'guides-moment', 'Moment in each guide', names))
         text = 'The moment is that of the first link on the second, about the sliding point.'
     return ChartSection('guides', 'Guides and slots', text, tuple(charts)) if charts else None

@@ -7,9 +7,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.physics import DynamicPhysics, Physics
+from mechanism_sim.engine.physics import DynamicPhysics, is_force_open
 from mechanism_sim.planar.configuration import Poses
-from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Revolute
 from mechanism_sim.planar.points import GROUND
@@ -32,23 +31,13 @@ def of_joints(machine: Machine) -> Iterator[Quantity]:
         friction = rubbing.get(joint.name)
         moment = friction is not None or _transmits_moment(machine, joint)
         open_ = machine.physics.undetermined.get(joint.name, frozenset())
-        if {'x', 'y'} & open_:  # nor are size and direction known
+        if is_force_open(machine.physics.undetermined, joint.name):
             open_ |= {'size', 'direction'}
         yield from (q for q in _of_joint(i, joint.name, moment) if q.part not in open_)
         if friction:
             yield _loss(i, friction)
         if GROUND not in (joint.first, joint.second) and not open_:
             yield _power(joint)
-
-
-def known_reactions(physics: Physics, observed: Observation) -> Array:
-    """Forces x, y and moments (j, 3, N) in joints; NaN where they are not determined."""
-    found = np.concatenate([observed.reaction, observed.reaction_moment[:, None]], axis=1)
-    for joint, parts in physics.undetermined.items():
-        for k, part in enumerate(('x', 'y', 'moment')):
-            if part in parts:
-                found[physics.joints.index(joint), k] = np.nan
-    return found
 
 
 def _of_joint(i: int, joint: str, transmits_moment: bool) -> Iterator[Quantity]:
@@ -104,7 +93,7 @@ def of_links(machine: Machine) -> Iterator[Quantity]:
     if not machine.physics.has_forces:
         return
     for i, joint in enumerate(machine.mechanism.joints):
-        if {'x', 'y'} & machine.physics.undetermined.get(joint.name, frozenset()):
+        if is_force_open(machine.physics.undetermined, joint.name):
             continue
         for link, sign in ((joint.first, -1.0), (joint.second, 1.0)):
             if link != GROUND:
