@@ -166,8 +166,9 @@ class Flows:
     ) -> tuple[Array, tuple[DerivativeLimit, ...]]:
         """State transition matrix (2f + s, 2f + s + P) of a motion, and where it has limits.
 
-        Rows are free coordinates, their rates and states of first order at the end, columns those
-        at the start and P keys. Directions that a closed contact or loop forbids decay to nothing.
+        Rows are free coordinates, their rates and states of first order, in their own units, at
+        the end, columns those at the start and P keys. Directions that a closed contact or loop
+        forbids decay to nothing.
         """
         flow = self.along(motion, impacts, np.eye(self.system.width, self.count))
         return flow.final, flow.limits

@@ -113,7 +113,8 @@ class Audit:
         self._pulled = '', 0.0  # gap with the smallest force, and when [s]
         self._powers: Array | None = None  # the largest so far [W]
         self._exchanged = self._swing = self._error = 0.0  # [J] by powers, by energies
-        self._size = [0.0, 0.0]  # [J] largest kinetic and potential energy
+        # [J] largest kinetic, potential energy; reaction at ends of batches, times the size
+        self._size = [0.0, 0.0, 0.0]
         self._segments = 0
         self._fastest = 0.0  # rate of any coordinate where segments begin or end [rad/s, m/s]
         self._initial: float | None = None
@@ -131,7 +132,7 @@ class Audit:
         motion, made = self._end
         if self._final is None:
             self._final = self._totals(motion, [-1])[0] + made
-        # every segment rounds the state that the next one begins with
+        # every segment rounds the state that the next one begins with: there all forces do work
         size = sum(self._size) + self._physics.lifting_energy
         rounding = _ROUNDING.epsilon * size * (_AUDIT.evaluated + self._segments)
         rounding += _AUDIT.conditioned * self._size[0]
@@ -292,6 +293,8 @@ class Audit:
         seen = self._physics.observe(
             motion, k % len(motion), np.where(k < 0, motion.curve.duration[-1], 0.0)
         )
+        held = np.nan_to_num(np.abs(seen.reaction), posinf=0.0)  # infinite in singular positions
+        self._size[2] = max(self._size[2], float(held.max(initial=0.0)) * self._physics.size)
         found: list[float] = (seen.kinetic_energy + seen.potential_energy).tolist()
         return found
 

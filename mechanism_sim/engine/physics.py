@@ -72,6 +72,10 @@ class Physics(Protocol):
         """True if forces and energies are known, not only motion."""
 
     @property
+    def size(self) -> float:
+        """Of the mechanism [m]: positions round as parts of it."""
+
+    @property
     def lifting_energy(self) -> float:
         """Size [J] of the terms that a potential energy consists of, see `Mechanism`."""
 
@@ -169,7 +173,7 @@ class DynamicPhysics:
         self.driven = (*system.prescribed, *system.powered)
         self._main = system.coordinates.index(main or (*self.driven, *system.coordinates)[0])
         self.displacements = system.mechanism.displacements
-        self.lifting_energy = system.mechanism.lifting_energy
+        self.size, self.lifting_energy = system.mechanism.size, system.mechanism.lifting_energy
         self.clearances = tuple(gap.name for gap in system.gaps)
         self._directed = [e for e in system.elements if isinstance(e, Directed) and e.jumps]
         self._wrapped = [gap for gap in system.gaps if isinstance(gap, WrappedGap)]

@@ -537,7 +537,7 @@ class NominalPhysics:
         self.joints = tuple(joint.name for joint in mechanism.joints)
         self.driven = tuple(self.coordinates[i] for i in ideal.driven)
         self.displacements = mechanism.displacements
-        self.lifting_energy = mechanism.lifting_energy
+        self.size, self.lifting_energy = mechanism.size, mechanism.lifting_energy
         self.has_forces = forces is not None
         self.unknowns = forces.unknowns.units if forces else {}
         self._ideal = ideal

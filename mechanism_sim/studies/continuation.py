@@ -119,8 +119,8 @@ class _Orbit(NamedTuple):
     multipliers: Any
     pieces: list[Piece]
     rows: Array  #: (r, r + 1) derivatives of the change in a period, along the basis and by value
-    basis: Array  #: (2 f, r) of changes that contacts allow, over the scales
-    seat: Array  #: (2 f,) change by value that contacts need, over the scales
+    basis: Array  #: (w, r) of changes that contacts allow, over the scales
+    seat: Array  #: (w,) change by value that contacts need, over the scales
 
     @property
     def impacts(self) -> list[Impact]:
@@ -277,7 +277,7 @@ class _Shooting:
         return _Orbit(state, value, tangent, np.linalg.eigvals(inner), pieces, rows, basis, seat)
 
     def _allowed(self, section: PoincareMap, state: State, M: Array) -> tuple[Array, Array]:
-        """Basis (2 f, r) of changes that contacts allow, over the scales, and M along it."""
+        """Basis (w, r) of changes that contacts allow, over the scales, and M along it."""
         wide = section.scale / self.scale
         basis = np.linalg.qr(wide[:, None] * section.directions(state))[0]
         return basis, basis.T @ (wide[:, None] * M / wide) @ basis
@@ -311,7 +311,7 @@ class _Shooting:
         return BranchPoint(orbit.value, points, multipliers, len(orbit.impacts), returns)
 
     def halves(self, orbit: _Orbit) -> Array:
-        """Change of the state (2 f,) in half of the period, over the scales; empty if it is odd.
+        """Change of the state (w,) in half of the period, over the scales; empty if it is odd.
 
         It vanishes where the branch has come back to the flip of another of half its period.
         """

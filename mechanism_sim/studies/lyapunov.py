@@ -95,7 +95,7 @@ def lyapunov(
     """
     machine = load_scene(scene)
     section = PoincareMap(machine)
-    most = 2 * len(machine.equations.system.free)
+    most = len(section.scale)
     if not 1 <= count <= most:
         raise InputError(f'{machine.name}: it has {most} exponents, not {count}')
     if skip < 0 or revolutions < BATCHES:
@@ -162,10 +162,10 @@ def horizon(run: Solution) -> Horizon:
     machine, curve = run.machine, run.motion.curve
     check_horizon(machine)
     flows = Flows.by_state(machine, float(curve.end))
-    n, free, states = len(curve), flows.free, flows.system.states
+    n, free = len(curve), flows.free
     ends = [curve.local(np.arange(n), np.zeros(n), order)[:, free] for order in (0, 1)]
-    if states:
-        ends.append(run.motion.states[:, :, 0] / [state.scale for state in states])
+    if flows.system.states:
+        ends.append(run.motion.states[:, :, 0])
     ranges = np.ptp(np.concatenate(ends, axis=1), axis=0)
     scale = np.where(ranges > 0.0, ranges, 1.0)
     tolerance = max(machine.scene.solver.rtol, float(np.finfo(float).eps))

@@ -83,7 +83,9 @@ class Roots(tuple[complex, ...]):
     @property
     def damping_ratio(self) -> float | None:
         """``-(s1 + s2)/(2 sqrt(s1 s2))``: above 1 if overdamped; None of a root alone."""
-        return float(-(self[0] + self[1]).real / (2.0 * self.size)) if len(self) == 2 else None
+        if len(self) == 1:
+            return None
+        return float(0.0 - (self[0] + self[1]).real / (2.0 * self.size))  # not -0
 
     @property
     def time_constants(self) -> tuple[float, ...]:

@@ -77,9 +77,15 @@ def without_turns(way: Array, turns: Array) -> Array:
 
 
 def flow_at_end(motion: Motion, free: Sequence[int]) -> Array:
-    """Rates and accelerations (2 f,) of some coordinates at the end of a motion."""
-    curve, last = motion.curve, np.array([len(motion) - 1])
-    return np.concatenate([curve.local(last, curve.duration[last], k)[0, free] for k in (1, 2)])
+    """Rates and accelerations of f coordinates, and rates of the s states, where a motion ends.
+
+    (2 f + s,), those of states of first order in their own units.
+    """
+    last = np.array([len(motion) - 1])
+    dt = motion.curve.duration[last]
+    rates, accelerations = (motion.rows.local(last, dt, k)[0] for k in (1, 2))
+    n = motion.curve.turns.shape[1]
+    return np.concatenate([rates[free], accelerations[free], rates[n:]])
 
 
 class PoincareMap:
@@ -88,6 +94,11 @@ class PoincareMap:
     Parameters
     ----------
     paths : dotted, of P numbers of its scene, by which `sensitivity` has derivatives
+
+    Attributes
+    ----------
+    scale : (w,) sizes of the w numbers of a state: free coordinates, their rates, and states of
+        first order, which a `State` has over these already
     """
 
     def __init__(self, machine: Machine, paths: Sequence[str] = ()) -> None:
@@ -95,11 +106,6 @@ class PoincareMap:
         if not machine.drive.steady or not isinstance(law, DriveLaw) or not machine.drive.fastest:
             raise InputError(
                 f'{machine.name}: a periodic response needs a crank at constant speed; {CLOCK}'
-            )
-        if machine.plan.states:
-            raise InputError(
-                f'{machine.name}: the state {machine.plan.states[0].label} of first order has no '
-                'part in the section of states here: leave states out'
             )
         if not machine.level.dynamic or not machine.equations.system.free:
             raise InputError(f'{machine.name}: without a free motion every turn is like the other')
@@ -116,7 +122,8 @@ class PoincareMap:
         slides = np.array([c in mechanism.displacements for c in machine.equations.system.free])
         size = np.where(slides, mechanism.size, 1.0)  # [m] or [rad]
         self._turns = np.where(slides, 0.0, float(TWO_PI))
-        self.scale = np.concatenate([size, speed * size])
+        states = [state.scale for state in machine.equations.system.states]
+        self.scale = np.concatenate([size, speed * size, states])
 
     def start(self, state: State) -> State:
         """The state itself, brought into contact where it is meant to be."""
@@ -153,7 +160,7 @@ class PoincareMap:
         return state if self._keeps_time else replace(state, time=Fraction(0))
 
     def growth(self, state: State, revolutions: int) -> tuple[Array, State]:
-        """The matrix of `sensitivity` (2f, 2f), and the state later."""
+        """The matrix of `sensitivity` (w, w), and the state later."""
         M, _, end = self.sensitivity(state, revolutions)
         return M, end
 
@@ -168,8 +175,8 @@ class PoincareMap:
 
         Returns
         -------
-        M : (2f, 2f) by the state
-        by : (2f, P) by the keys in SI units, at a fixed state and a crank that has turned as far
+        M : (w, w) by the state
+        by : (w, P) by the keys in SI units, at a fixed state and a crank that has turned as far
         end : the state later
 
         Raises
@@ -183,16 +190,14 @@ class PoincareMap:
         J, limits = self._flows.transition(motion, impacts)
         if ends := [limit for limit in limits if limit.ends]:
             raise RunError(f'{self._machine.name}: {ends[0]}')
-        f = len(state.q)
-        J[:, 2 * f :] += np.outer(
-            flow_at_end(motion, self._flows.free), revolutions * self._longer
-        )
+        w = len(self.scale)
+        J[:, w:] += np.outer(flow_at_end(motion, self._flows.free), revolutions * self._longer)
         J /= self.scale[:, None]
-        return J[:, : 2 * f] * self.scale, J[:, 2 * f :], self.state
+        return J[:, :w] * self.scale, J[:, w:], self.state
 
     def seated(self, state: State) -> Array:
-        """Derivatives (2f, P) of a state that is brought into contact, in that measure."""
-        found: Array = np.zeros((2 * len(state.q), len(self._keys)))
+        """Derivatives (w, P) of a state that is brought into contact, in that measure."""
+        found: Array = np.zeros((len(self.scale), len(self._keys)))
         begin = replace(state, turns=(0,) * len(state.turns))
         for k, key in enumerate(self._keys):
             ends = []
@@ -200,7 +205,7 @@ class PoincareMap:
                 run = machine.start(state=begin)
                 assert isinstance(run, EventLoop)  # noqa: S101 - it has a map
                 q = without_turns(np.array(run.state.q) - np.array(state.q), self._turns)
-                ends.append(np.concatenate([q, run.state.v]))
+                ends.append(np.concatenate([q, run.state.v, run.state.states]))
             found[:, k] = WEIGHTS @ np.array(ends) / key.step / self.scale
         return found
 
@@ -216,9 +221,9 @@ class PoincareMap:
         return np.reshape(periods, (-1, len(WEIGHTS))) @ WEIGHTS / steps
 
     def directions(self, state: State, h: float = 1e-6) -> Array:
-        """Basis (2 f, r) of the directions in which a state can change: contacts stay closed."""
+        """Basis (w, r) of the directions in which a state can change: contacts stay closed."""
         columns = []
-        for direction in np.eye(2 * len(state.q)):
+        for direction in np.eye(len(self.scale)):
             ends = [self.start(self.displace(state, x * direction)) for x in (h, -h)]
             columns.append(self.difference(ends[1], ends[0]))
         u, s, _ = np.linalg.svd(np.array(columns).T)
@@ -228,16 +233,19 @@ class PoincareMap:
     def difference(self, a: State, b: State) -> Array:
         """B - a, rates over the speed of the crank."""
         angle = without_turns(np.array(b.q) - np.array(a.q), self._turns)
-        return np.asarray(np.concatenate([angle, np.array(b.v) - np.array(a.v)]) / self.scale)
+        moved = np.concatenate([angle, np.array(b.v) - np.array(a.v)])
+        states = np.array(b.states) - np.array(a.states)
+        return np.concatenate([moved / self.scale[: len(moved)], states])
 
     def displace(self, state: State, by: Array) -> State:
         """Displace a state by a difference in the same measure."""
         f = len(state.q)
-        step = by * self.scale
+        step = by[: 2 * f] * self.scale[: 2 * f]
         return replace(
             state,
             q=tuple((np.array(state.q) + step[:f]).tolist()),
             v=tuple((np.array(state.v) + step[f:]).tolist()),
+            states=tuple((np.array(state.states) + by[2 * f :]).tolist()),
         )
 
 

@@ -73,12 +73,81 @@ def test_steps_as_long_as_a_part_of_a_turn_end_with_it(speed: float) -> None:
     assert found.state.v[0] == pytest.approx((1j * speed * place).real, rel=1e-9)
 
 
+LAG = 0.2  # [s]
+
+
+def filtered(scale: float, speed: float = 12.0) -> ms.Machine:
+    """The oscillator, whose load is behind a filter of first order."""
+    rate = f'(3*cos(crank) - push)/{LAG}'
+    states = {'push': {'start': 0.0, 'rate': rate, 'scale': scale}}
+    load = {'f': {'at': 'm', 'force': ['push', 0.0]}}
+    return ms.load_scene(
+        OSCILLATOR, {'states': states, 'loads': load, 'drive.speed': f'{speed} rad/s'}
+    )
+
+
+def steady(w: float) -> np.ndarray:
+    """Place and rate of its block, and its filter, where its crank points along x."""
+    push = 3.0 / (1.0 + 1.0j * w * LAG)
+    place = push / (400.0 - w**2 + 6.0j * w)
+    return np.array([place, 1.0j * w * place, push]).real
+
+
+@pytest.mark.parametrize('scale', [1e-3, 1.0, 1e4])
+def test_states_of_first_order_are_of_what_repeats_whatever_their_scale(scale: float) -> None:
+    w, h = 12.0, 1e-4
+    machine = filtered(scale)
+    found = find_periodic(machine)
+    assert found is not None
+    (state,) = machine.equations.system.states
+    assert [*found.state.q, *found.state.v, *np.array(found.state.states) * state.scale] == (
+        pytest.approx(steady(w), rel=1e-7)
+    )
+    turn = 2.0 * np.pi / w
+    decays = np.exp([-3.0 * turn, -3.0 * turn, -turn / LAG])
+    assert np.abs(found.multipliers) == pytest.approx(decays, rel=1e-9)
+    section = PoincareMap(machine, ['drive.speed'])
+    M, by, _ = section.sensitivity(found.state, 1)
+    moved = np.linalg.solve(np.eye(3) - M, by)[:, 0] * section.scale
+    assert moved == pytest.approx((steady(w + h) - steady(w - h)) / (2.0 * h), rel=1e-5)
+    exponents = ms.lyapunov(machine, revolutions=20, skip=2, count=3).values
+    # those of the pair change places within a turn
+    assert np.sum(exponents[:2]) == pytest.approx(-6.0, rel=1e-6)
+    assert exponents[2] == pytest.approx(-1.0 / LAG, rel=1e-6)
+
+
+def test_a_branch_is_followed_with_states_of_first_order() -> None:
+    found = ms.bifurcation(filtered(1e3), {'drive.speed': (10.0, 13.0, 2)}, transient=12, keep=8)
+    (branch,) = ms.branches(found)
+    assert branch.points[0].value == pytest.approx(10.0)
+    assert branch.points[-1].value == pytest.approx(13.0)
+    for point in branch.points:
+        assert point.points[0, 0] == pytest.approx(steady(point.value)[1], rel=1e-6)
+        turn = 2.0 * np.pi / point.value
+        decays = np.exp([-3.0 * turn, -3.0 * turn, -turn / LAG])
+        assert np.abs(point.multipliers) == pytest.approx(decays, rel=1e-6)
+
+
 def test_multipliers_are_known_to_their_last_digits() -> None:
     machine = ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm'})
     response = find_periodic(machine)
     assert response is not None
     assert response.period == 2
     assert response.spread < 1e-9
+
+
+@pytest.mark.slow
+def test_a_filter_that_only_listens_adds_its_decay_to_the_multipliers() -> None:
+    """Of a motion with 158 impacts in its two turns."""
+    states = {'slow': {'start': 0.0, 'rate': '(rocker_rate - slow)/0.2'}}
+    alone, heard = (
+        find_periodic(ms.load_scene('four_bar_clearance', {'drive.speed': '480 rpm', **more}))
+        for more in ({}, {'states': states})
+    )
+    assert alone is not None
+    assert heard is not None
+    expected = [np.exp(-2.0 * 0.125 / 0.2), *np.abs(alone.multipliers)]
+    assert np.abs(heard.multipliers) == pytest.approx(expected, rel=1e-8)
 
 
 def test_fixed_points_move_with_keys_as_those_of_other_machines() -> None:

@@ -170,6 +170,20 @@ def test_thrust_softens_a_beam_until_it_buckles():
     assert stiff[0] == pytest.approx(hertz(PINNED[0]), rel=1e-9)
 
 
+@pytest.mark.parametrize('share', [0.5, 0.999, 1.01, 1.5])
+def test_a_column_that_is_hardly_bent_moves_as_euler_says(share):
+    """``q = q0 cos(w0 sqrt(1 - P/P_cr) t)``, whose energies round less than the thrust's work."""
+    bent, critical = 1e-9, np.pi**2 * EI / L**2
+    machine = ms.load_scene(
+        column(share * critical, modes=1), {'initial.position': {'rod.bend1': bent}}
+    )
+    w = TURN * hertz(PINNED[0]) * np.sqrt(complex(1.0 - share))
+    run = ms.simulate(machine, duration=4.0 / max(abs(w), 50.0))
+    t = np.linspace(0.0, run.duration, 50)
+    q = run.sample(t, 'position.rod.bend1')['position.rod.bend1']
+    assert q / bent == pytest.approx(np.cos(w * t).real, abs=1e-5 * np.cosh(abs(w.imag) * t[-1]))
+
+
 @pytest.mark.parametrize(('spin', 'root'), [(1.0, 3.6816), (3.0, 4.7973), (10.0, 11.2023)])
 def test_a_turning_beam_is_stiffened(spin, root):
     """Wright, Smith, Thresher and Wang (1982): out of the plane; in it less the spin's square."""

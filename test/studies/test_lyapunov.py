@@ -116,6 +116,27 @@ def test_solve_says_until_when_its_digits_hold():
     assert found['left'] == 0.0
 
 
+def test_digits_that_hold_do_not_depend_on_the_scale_of_a_state():
+    """A filter between a crank and a block on a spring: the same run, but for rounding."""
+    left = []
+    for scale in (1.0, 1e-6):
+        machine = made(
+            {
+                'links': {'block': {'mass': 1.0}, 'clock': {'mass': 1.0, 'inertia': 1.0}},
+                'joints': {'guide': {'prismatic': ['ground', 'block']},
+                           'axle': {'revolute': ['ground', 'clock']}},
+                'springs': {'k': {'coordinate': 'block', 'stiffness': 100.0, 'damping': 1.0}},
+                'gravity': [0.0, 0.0],
+                'states': {'push': {'start': 1.0, 'rate': '(cos(clock) - push)/0.3',
+                                    'scale': scale}},
+                'loads': {'f': {'at': 'block', 'force': ['1000*push', 0.0]}},
+                'drive': {'coordinate': 'clock', 'speed': '9 rad/s'},
+            }
+        )  # fmt: skip
+        left.append(horizon(ms.simulate(machine, duration=2.0)).left)
+    assert left[1] == pytest.approx(left[0], abs=0.1)
+
+
 def test_an_interval_that_holds_zero_decides_nothing():
     found = LyapunovExponents(40, 5, 0.1, (0.009,), (0.9,))
     assert found.undecided

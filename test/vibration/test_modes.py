@@ -257,6 +257,13 @@ def test_real_roots_have_a_damping_ratio_where_two_share_a_shape():
         assert roots.time_constants == pytest.approx([-1.0 / roots[0].real])
 
 
+def test_what_is_not_damped_beside_what_grows_has_the_ratio_0_without_a_sign():
+    """A beam under more than its critical load; the linear system is solved by its roots."""
+    K = np.diag([-1.0, 4.0])
+    ratios = [x.damping_ratio for x, _ in natural_modes(np.eye(2), np.zeros((2, 2)), K)]
+    assert [str(x) for x in ratios] == ['None', 'None', '0.0']
+
+
 def test_a_motion_that_only_grows_has_no_damping_ratio():
     """A mass on a spring that pushes it away: one root decays, one grows."""
     found = natural_modes(np.eye(1), np.array([[0.5]]), np.array([[-4.0]]))
