@@ -524,7 +524,7 @@ class MechanismTolerances(NamedTuple):
     parallel: float = 1e-9
     #: spacings of the largest place: from smaller clearances normals are known to five digits at
     #: most, and rounding rules the length of steps
-    least_play: float = 2e5
+    least_clearance: float = 2e5
     #: of its length: what an elastic link bends by is known so well, by 17 times the square
     bends: float = 0.05
     bends_error: float = 0.04

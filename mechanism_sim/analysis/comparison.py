@@ -14,7 +14,7 @@ from mechanism_sim import text_table
 from mechanism_sim.analysis.collectors import Signal
 from mechanism_sim.analysis.record import Record
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.results.ranges import LoadPeaks
 from mechanism_sim.scene.facts import as_written
 from mechanism_sim.scene.schema import Scene

@@ -30,7 +30,7 @@ from mechanism_sim.errors import InputError, RunWarning, check_known
 from mechanism_sim.messages.events import parse_description
 from mechanism_sim.messages.segments import motion_of, row_names
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
-from mechanism_sim.planar.play import gaps_of
+from mechanism_sim.planar.gaps import gaps_of
 from mechanism_sim.recording.inventory import scene_text
 from mechanism_sim.recording.reader import Bag, read_bag
 from mechanism_sim.results.catalogue import flat

@@ -20,7 +20,7 @@ from mechanism_sim.analysis.record import Record, loose_bearing
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.bearing_wear import shared, wear_sums
 from mechanism_sim.results.turns import impact_means, impacts_by_turn
@@ -80,8 +80,8 @@ def impact_rose(record: Record, joint: str, skip: int = 0) -> Rose:
     skip : whole turns at the start that are left out; the part of a turn before them, too
     """
     machine = record.machine
-    play = machine.plan.clearances.get(joint)
-    if not (play and play.film):
+    spec = machine.plan.clearances.get(joint)
+    if not (spec and spec.film):
         loose_bearing(record, joint)
     pin_joint = joint_of_gap(machine.mechanism, joint)
     begin = record.begin(skip)
@@ -231,12 +231,12 @@ def wear_maps(
     Of the bushing and of the pin.
     """
     loose_bearing(record, joint)
-    play = record.machine.plan.clearances[joint_of_gap(record.machine.mechanism, joint).name]
-    radius = play.journal if pin_radius is None else pin_radius
-    if play.friction and radius != play.journal:
+    spec = record.machine.plan.clearances[joint_of_gap(record.machine.mechanism, joint).name]
+    radius = spec.journal if pin_radius is None else pin_radius
+    if spec.friction and radius != spec.journal:
         raise InputError(
             f'{record.machine.name}: the pin of {joint} has friction and a radius of '
-            f'{play.journal:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
+            f'{spec.journal:g} m in the scene; it cannot be taken to be {radius:g} m afterwards'
         )
     if radius < 0.0:
         raise InputError('a wear map needs a pin radius of at least 0')

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mechanism_sim.arrays import Array
-from mechanism_sim.engine.contact.rubbing import Rubs, friction_impulses
+from mechanism_sim.engine.contact.joint_friction import JointFrictionProblem, friction_impulses
 
 _ROUNDS = 200
 _SETTLED = 1e-14
@@ -32,7 +32,10 @@ class ImpactWithJoints(NamedTuple):
 
 
 def beside(
-    solve: Impulses, A: tuple[Array, Array], known: Rubs, slopes: Rubs
+    solve: Impulses,
+    A: tuple[Array, Array],
+    known: JointFrictionProblem,
+    slopes: JointFrictionProblem,
 ) -> ImpactWithJoints | None:
     """Impulses of contacts and joints together; None if they have no derivatives.
 
@@ -83,7 +86,9 @@ def beside(
     return ImpactWithJoints((x, dx), (share, dshare), -(T @ dmean + mean @ dT))
 
 
-def _of_joints(known: Rubs, slopes: Rubs, every: Array, n: int) -> tuple[Array, Array] | None:
+def _of_joints(
+    known: JointFrictionProblem, slopes: JointFrictionProblem, every: Array, n: int
+) -> tuple[Array, Array] | None:
     """Linear equations of the differentials of n and k impulses: rows, right sides (k, P)."""
     k = len(known.rate)
     M, right = np.zeros((k, n + k)), np.zeros((k, slopes.rate.shape[1]))

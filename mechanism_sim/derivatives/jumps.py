@@ -23,7 +23,10 @@ from mechanism_sim.derivatives.influences import NUMBERS, Influence
 from mechanism_sim.derivatives.joint_impulses import beside
 from mechanism_sim.derivatives.linearised import LinearEquations, Points, Selected
 from mechanism_sim.engine.contact.impact import Hypothesis
-from mechanism_sim.engine.contact.rubbing import Rubs, rubs_of
+from mechanism_sim.engine.contact.joint_friction import (
+    JointFrictionProblem,
+    joint_friction_problem,
+)
 from mechanism_sim.engine.events import Impact, Mode
 
 _ALIKE = 1e-7  # of the largest: what differs by less is equal
@@ -135,7 +138,9 @@ class Jumps:
     def _terms_of(self, side: Side, chosen: Selected | None) -> _Terms:
         """Terms of E events."""
         eq, at = self._eq, side.at
-        values, slopes, built_in = eq.rubs(at) if chosen is None else eq.selected(at, chosen)
+        values, slopes, built_in = (
+            eq.joint_friction(at) if chosen is None else eq.selected(at, chosen)
+        )
         shape = at.q.shape[1], -1
         direct = np.zeros((len(values), self._influence.start.shape[1]))
         for column, x in built_in.items():
@@ -361,7 +366,7 @@ class Jumps:
         closed = before.at.parameters[self._system.parameters.closed] > 0.0
         part = self._part(before, closed, struck)
         alone = ~closed[struck, range(count)] & ((part & ~closed).sum(axis=0) == 1)
-        alone &= not self._system.dynamics.rubs
+        alone &= not self._system.dynamics.frictional_joints
         states = 2 * len(self._free) + len(self._system.states)
         state, shift = np.zeros((count, states, C + 1)), np.zeros((count, C))
         log = np.zeros((count, len(NUMBERS), C + 1))
@@ -499,21 +504,21 @@ class Jumps:
             return x[:, :n], dx[:, :n]
 
         lost = np.zeros((E, C))
-        if rubs := self._rubs(now, z[0], own):
-            own_rubs, slopes = rubs
+        if both := self._joint_friction(now, z[0], own):
+            friction, slopes = both
 
             def of_contacts(A: Array, dA: Array) -> tuple[Array, Array]:
                 x, dx = impulses(A[None], dA[None])
                 return x[0], dx[0]
 
-            found = beside(of_contacts, (A[0], dA[0]), own_rubs, slopes)
+            found = beside(of_contacts, (A[0], dA[0]), friction, slopes)
             if found is None:
                 raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
             (x, dx), (share, dshare), lost_ = found
             x, dx, lost = x[None], dx[None], lost_[None]
-            of_joints = [(own_rubs.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
-                         (own_rubs.response, slopes.response),
-                         (own_rubs.drive_response, slopes.drive_response)]  # fmt: skip
+            of_joints = [(friction.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
+                         (friction.response, slopes.response),
+                         (friction.drive_response, slopes.drive_response)]  # fmt: skip
             dA, dW, dD = (
                 (d + np.einsum('kip,kj->jip', w, share) + np.einsum('ki,kjp->jip', u, dshare))[
                     None
@@ -561,17 +566,19 @@ class Jumps:
             rows.append(np.stack([told.get(name, unknown) for name in NUMBERS], axis=1))
         return now._replace(at=now.at._replace(v=v)), later, dt, rows
 
-    def _rubs(self, now: Side, z: Array, own: list[int]) -> tuple[Rubs, Rubs] | None:
+    def _joint_friction(
+        self, now: Side, z: Array, own: list[int]
+    ) -> tuple[JointFrictionProblem, JointFrictionProblem] | None:
         """Friction in ideal joints beside some rows of contacts, and its differentials."""
-        if not self._system.dynamics.rubs:
+        if not self._system.dynamics.frictional_joints:
             return None
-        terms, sizes = self._terms(now, None), self._system.functions.rub_terms[1]
+        terms, sizes = self._terms(now, None), self._system.functions.joint_friction_terms[1]
         rows, k = self._rows, len(sizes)
         kept = [*own, *range(rows, rows + k)]
         p, f = len(self._system.prescribed), len(self._free)
         found = []
         for values in (terms.values, terms.moved(z)):
-            every = rubs_of(values, sizes, rows, f, p)
+            every = joint_friction_problem(values, sizes, rows, f, p)
             found.append(
                 every._replace(compliance=every.compliance[kept], forces=every.forces[:, kept])
             )

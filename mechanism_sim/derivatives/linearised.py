@@ -250,15 +250,17 @@ class LinearEquations:
         return found[0], found[1:], moved
 
     @cached_property
-    def _rubs(self) -> hy.cfunc_dbl:
-        terms, _ = self.system.functions.rub_terms
+    def _joint_friction(self) -> hy.cfunc_dbl:
+        terms, _ = self.system.functions.joint_friction_terms
         unit = [hy.make_vars(f'chosen{i}') for i in range(len(terms))]
         return self._compiled([dot(unit, terms)], unit)
 
-    def rubs(self, at: Points) -> tuple[Array, Array, dict[int, Array]]:
+    def joint_friction(self, at: Points) -> tuple[Array, Array, dict[int, Array]]:
         """Values (N,) of the terms of friction in ideal joints, and their derivatives likewise."""
-        columns = np.eye(len(self.system.functions.rub_terms[0]))
+        columns = np.eye(len(self.system.functions.joint_friction_terms[0]))
         wide = Points(*(np.repeat(x, len(columns), axis=1) for x in at))
-        found = self._call(self._rubs, wide, columns)
-        moved = self._differences(lambda other: other._call(other._rubs, wide, columns)[0])
+        found = self._call(self._joint_friction, wide, columns)
+        moved = self._differences(
+            lambda other: other._call(other._joint_friction, wide, columns)[0]
+        )
         return found[0], found[1:], moved

@@ -123,7 +123,7 @@ def _keys(model: type[Part], value: Mapping[str, Any]) -> list[str]:
     if not name:
         return list(model.model_fields)
     skipped = {'clearance'} if kind.firm else set()
-    skipped |= set() if kind.rubs_by else {'friction'}
+    skipped |= set() if kind.friction_keys else {'friction'}
     return [k for k in dict.fromkeys([name, *kind.model_fields]) if k not in skipped]
 
 

@@ -105,7 +105,7 @@ class ContactState:
             *(0.0 for _ in system.prescribed), *(g.restitution for g in gaps),
             *(g.friction for g in gaps),
         ]  # fmt: skip
-        rubs = system.dynamics.contacts.frictional
+        frictional = system.dynamics.contacts.frictional
         whole = np.full(respond.COUNTERS + 10 * m, -1)
         values, marks = np.zeros(size + present.seen), np.zeros((6, m), dtype=np.bool_)
         whole[: respond.SIZE] = 0
@@ -115,13 +115,13 @@ class ContactState:
         run.counters[respond.GUARDS] = len(system.guards)
         own = [guard.gap >= 0 for guard in system.guards]
         run.counters[respond.WATCHED] = all(own) and not system.compliant
-        smooth = not (rubs or any(system.rated) or system.dynamics.rubs)
+        smooth = not (frictional or any(system.rated) or system.dynamics.frictional_joints)
         run.counters[respond.SMOOTH] = smooth
         run.counters[respond.RELATIONS] = bool(system.relations)
         run.gaps[respond.CLOSED : respond.PRESS + 1] = _flag_index(system)
         run.gaps[respond.HYPOTHESIS] = [Hypothesis(gap.hypothesis).code for gap in gaps]
         run.gaps[respond.GIVEN], run.gaps[respond.RATED] = 0, system.rated
-        run.gaps[respond.RUBS, : len(rubs)] = rubs
+        run.gaps[respond.FRICTIONAL, : len(frictional)] = frictional
         return known, run
 
     @property

@@ -29,15 +29,15 @@ from mechanism_sim.engine.contact.respond import (
     WATCHED,
 )
 from mechanism_sim.engine.contact_state import SLIDING, ContactState, chosen
-from mechanism_sim.engine.events import Mode
-from mechanism_sim.engine.frictional_shocks import stop_jammed_slide, unjam
-from mechanism_sim.engine.guards import Guard
-from mechanism_sim.engine.holding_impulse import ImpulseWork
-from mechanism_sim.engine.rubbing_contacts import (
+from mechanism_sim.engine.contacts_with_joint_friction import (
     add_joint_friction,
     iterate_friction_modes,
     set_trial_modes,
 )
+from mechanism_sim.engine.events import Mode
+from mechanism_sim.engine.frictional_shocks import stop_jammed_slide, unjam
+from mechanism_sim.engine.guards import Guard
+from mechanism_sim.engine.holding_impulse import ImpulseWork
 from mechanism_sim.engine.switching import Switching, jammed_joints
 from mechanism_sim.errors import RunError
 from mechanism_sim.tolerances import TOLERANCES
@@ -85,7 +85,7 @@ class Contacts:
         if slipping:
             self.switching.sides = (1.0,) * len(self._system.parameters.sides)
             if not state.modes:
-                self._begin_to_rub()
+                self._initialise_joint_friction()
         state.set_modes((int(Mode.FREE_FLIGHT),) * len(closed))
         if any(closed):
             state.refresh()
@@ -105,12 +105,12 @@ class Contacts:
             self.switching.hold_or_slide([*loads])
         self.settle()
         if state.modes and slipping:
-            self._begin_to_rub()
+            self._initialise_joint_friction()
         state.changes.count = 0
         for gap, mode in enumerate(state.modes):
             state.changes.enter(self.present.time, gap, mode, Mode.UNKNOWN)
 
-    def _begin_to_rub(self) -> None:
+    def _initialise_joint_friction(self) -> None:
         """Note what presses on ideal joints that rub, and what holds there."""
         self.switching.update_sides()
         for k in range(len(self._system.parameters.towards) // 2):
@@ -226,8 +226,8 @@ class Contacts:
                     f'at t = {self.present.time:.9g} s no impulses satisfy all contacts that touch'
                 )
             else:
-                rubs = bool(self._system.dynamics.rubs)
-                stage = (self._beside_joints if rubs else state.stages.resolve)(stage, guard)
+                frictional = bool(self._system.dynamics.frictional_joints)
+                stage = (self._beside_joints if frictional else state.stages.resolve)(stage, guard)
                 guard = state.stages.fallen
                 if state.stages.changed:
                     state.adopt_modes()
@@ -256,7 +256,7 @@ class Contacts:
         if self._system.relations and not self.present.singular_joints():
             self.present.project()  # another closure may hold from now on
         if any(map(self.state.closed, range(len(self.state.modes)))):
-            steps = self._system.frictional or self._system.dynamics.rubs
+            steps = self._system.frictional or self._system.dynamics.frictional_joints
             if steps or self._jumps:  # a gap may close faster from now on
                 self.settle()
             else:

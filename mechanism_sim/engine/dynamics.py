@@ -34,7 +34,7 @@ from mechanism_sim.numerics.symbolic import (
 )
 from mechanism_sim.planar.equations import Equations
 from mechanism_sim.planar.frames import Jet
-from mechanism_sim.planar.joint_friction import JointFriction, Rub, rubs
+from mechanism_sim.planar.joint_friction import FrictionalJoint, JointFriction, frictional_joints
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import Motor
 from mechanism_sim.planar.protocols import (
@@ -135,7 +135,7 @@ class Dynamics:
     gaps, elements, relations : as given
     free, prescribed, powered : names of coordinates
     flags, contacts, drives : see there
-    rubs : friction in ideal joints
+    frictional_joints : friction in ideal joints
     state_rates : of the states of first order
     depths : of compliant contacts, by the symbols that stand for them
     reduced : the equations without contact forces
@@ -156,7 +156,7 @@ class Dynamics:
     ) -> None:
         self.equations = eq = Equations(mechanism, gaps, relations)
         p, frames, names = eq.parameters, eq.frames, eq.coordinates
-        mass = p('closures.lent', constraint_mass)
+        mass = p('closures.constraint_mass', constraint_mass)
         self.gaps, self.elements = tuple(gaps), tuple(applied.elements)
         self.relations, self.degree = tuple(relations), degree
         self.prescribed, self.powered = tuple(prescribed), tuple(powered)
@@ -188,9 +188,11 @@ class Dynamics:
             engaged, tangent,
         )  # fmt: skip
         loads = [load for element in applied.elements for load in element.loads(frames)]
-        self.rubs: list[Rub] = rubs(applied.frictions, frames)
+        self.frictional_joints: list[FrictionalJoint] = frictional_joints(
+            applied.frictions, frames
+        )
         self.depths: dict[hy.expression, hy.expression] = {}
-        loads += [load for rub in self.rubs for load in rub.loads]
+        loads += [load for joint in self.frictional_joints for load in joint.loads]
         self._pushes = generalised(loads, frames, mechanism)
         torque = dict(zip(powered, self.drives.torques, strict=True))
         for number in range(len(self.states)):
@@ -200,7 +202,7 @@ class Dynamics:
             eq,
             prescribed,
             self.contacts.rows,
-            [rub.slip for rub in self.rubs],
+            [joint.slip for joint in self.frictional_joints],
             [(torque.get(c), self._pushes.get(c)) for c in names],
             [frames.a[c] if degree > 1 else None for c in prescribed],
             alpha,

@@ -46,7 +46,7 @@ def guards_of(dynamics: Dynamics, index: RuntimeParameters) -> list[Guard]:
     guards += [Guard(i, sign) for i in dynamics.contacts.frictional for sign in (1, -1)]
     guards += [Guard(-1, 0, side=k) for k in range(len(index.sides))]
     guards += [Guard(-1, 0, pin=k) for k in range(len(index.towards) // 2)]
-    guards += [Guard(-1, 0)] if dynamics.rubs else []
+    guards += [Guard(-1, 0)] if dynamics.frictional_joints else []
     return guards + [Guard(-1, 0, k) for k in range(len(index.switches))]
 
 

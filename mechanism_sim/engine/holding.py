@@ -54,11 +54,11 @@ def acting(
     components = [dense(c) for b in bounds for p in b for c in p.components]
     every = [*rates, *components]
     n = len(unknowns)
-    rubs = any(T is not None for T in forces)
+    frictional = any(T is not None for T in forces)
     none = dict.fromkeys(unknowns, hy.expression(0.0))
     factors = _factors(switches, rates, unknowns)
     none |= {x: (1.0 - z) * x for x, z in factors.items()}  # known where they do not hold
-    if rubs:
+    if frictional:
         # flanks of teeth bear as they would without
         share = {x: factors.get(x, hy.expression(1.0)) for x in unknowns}
         each = [share[T] * hy.diff(x, T) for x in every for T in unknowns]
@@ -89,7 +89,7 @@ def acting(
             row[k] = row[k] + (1.0 - z)
             rows.append([*row, off - z * A[k]])
         found, pivots = _eliminated(rows)
-        if rubs:
+        if frictional:
             jam = hy.prod(
                 [
                     dense(s.holds) + (1.0 - dense(s.holds)) * p

@@ -93,12 +93,12 @@ class Observer:
         eq, d = self.system.equations, self.system.dynamics
         solved = d.exact
         a, forces = d.accelerations(solved), self.system.set_valued
-        reactions = with_friction(d.rubs, forces.reactions(solved), eq.frames)
+        reactions = with_friction(d.frictional_joints, forces.reactions(solved), eq.frames)
         friction = [
             neg(mul(solved.T[i], d.contacts.tangent[i].rate)) for i in d.contacts.frictional
         ]
         taken = add(*(element.power_lost(eq.frames) for element in self.system.elements))
-        friction += [*(rub.power_lost for rub in d.rubs), eq.strain_loss]
+        friction += [*(joint.power_lost for joint in d.frictional_joints), eq.strain_loss]
         kinetic, potential = energies(eq)
         potential = add(
             potential, *(element.energy(eq.frames) for element in self.system.elements)
@@ -147,7 +147,7 @@ class Observer:
             ],
             'normal_angle': self.system.run.normal_angles,
         }
-        if not d.rubs:
+        if not d.frictional_joints:
             return terms
         acts, parts = forces.acting(solved), forces.parts(solved)
         terms['part'] = [s.flag for s in forces.holding.values()]
@@ -188,9 +188,9 @@ class Observer:
         return SwitchedFunction(frames, groups, variables)
 
     @property
-    def _rubs(self) -> bool:
+    def _has_joint_friction(self) -> bool:
         """True if ideal joints have friction, with which all that holds is found at once."""
-        return bool(self.system.dynamics.rubs)
+        return bool(self.system.dynamics.frictional_joints)
 
     @cached_property
     def _holding_rates(self) -> SwitchedFunction:
@@ -199,13 +199,13 @@ class Observer:
     def _with_parts(self, inputs: Array, rows: Array | None) -> Array | None:
         """The values (r, N) of the switches, with its part for each that holds."""
         flags, holds = self.system.set_valued.holding_rows
-        if rows is None or self._rubs or not flags or not (rows[holds] > 0.0).any():
+        if rows is None or self._has_joint_friction or not flags or not (rows[holds] > 0.0).any():
             return rows
         return with_holding_parts(self._holding_rates, inputs, rows, flags, holds)
 
     @cached_property
     def _observe(self) -> SwitchedFunction:
-        return self._compiled([*_OBSERVED, *(['residual'] if self._rubs else [])])
+        return self._compiled([*_OBSERVED, *(['residual'] if self._has_joint_friction else [])])
 
     @cached_property
     def _account(self) -> SwitchedFunction:
@@ -280,7 +280,7 @@ class Observer:
     def parts(self, at: Instants) -> Array:
         """Parts (h, N) of the h switches that may hold, at the instants of `observe`."""
         inputs = self._inputs(at)
-        if self._rubs:
+        if self._has_joint_friction:
             return self._compiled(['part'])(inputs, at.rows)[0]
         known = self._with_parts(inputs, at.rows)
         flags, _ = self.system.set_valued.holding_rows

@@ -93,32 +93,35 @@ class PresentFunctions:
             *self._run.normal_angles,
             *(d.relief(i) for i in range(len(d.gaps) if d.contacts.compliant else 0)),
         ]
-        if d.rubs:
+        if d.frictional_joints:
             values = self._forces.acting(d.exact).values
-            rubbed = {rub.T: values[rub.T] for rub in d.rubs}
-            terms = substitute([dense(x) for x in terms], rubbed)
+            friction_forces = {joint.T: values[joint.T] for joint in d.frictional_joints}
+            terms = substitute([dense(x) for x in terms], friction_forces)
         return self._compiled(terms)
 
     @cached_property
-    def rub_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
-        """`rub_terms` of `watch`'s vector."""
-        terms, sizes = self.rub_terms
+    def joint_friction_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
+        """`joint_friction_terms` of `watch`'s vector."""
+        terms, sizes = self.joint_friction_terms
         return self._run.compile_now(terms), sizes
 
     @cached_property
-    def rub_terms(self) -> tuple[list[hy.expression], list[list[tuple[int, int]]]]:
-        """Terms that `contact.rubbing.rubs_of` reads; sizes of all bounds.
+    def joint_friction_terms(self) -> tuple[list[hy.expression], list[list[tuple[int, int]]]]:
+        """Terms that `contact.joint_friction.joint_friction_problem` reads; sizes of all bounds.
 
         The latter are how many components each term of each bound has, and its wall.
         """
         d, frames = self._dynamics, self._dynamics.equations.frames
         unit = [hy.make_vars(f'struck{k}') for k in range(len(d.contacts.rows))]
-        impulses = [*unit, *(rub.T for rub in d.rubs)]
+        impulses = [*unit, *(joint.T for joint in d.frictional_joints)]
         carried = self._forces.reactions(d.struck(unit))
-        bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
+        bounds = [
+            joint.friction.pressed(frames, carried[joint.friction.name])
+            for joint in d.frictional_joints
+        ]
         forces = [dense(c) for b in bounds for p in b for c in p.components]
         terms = [
-            *(rub.slip.rate for rub in d.rubs),
+            *(joint.slip.rate for joint in d.frictional_joints),
             *(x for w in d.reduced.joints.response for x in w),
             *(x for row in d.reduced.joints.compliance for x in row),
             *(x for row in d.reduced.joints.drive_response for x in row),

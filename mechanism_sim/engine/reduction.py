@@ -107,13 +107,13 @@ class Reduction:
         ]
         count = len(self.J)
         self.closings = kept[:count]
-        own, rubbed = response[:count], response[count:]
+        own, of_joints = response[:count], response[count:]
         # symmetric: to write each entry once halves what it costs in a step
         half = [[dot(row, w) for w in own[: k + 1]] for k, row in enumerate(self.J)]
         compliance = [[half[max(r, c)][min(r, c)] for c in range(count)] for r in range(count)]
         self.contacts = UnitResponse(own, compliance, drives[:count])
-        along = [[dot(row, w) for w in rubbed] for row in J]
-        self.joints = UnitResponse(rubbed, along, drives[count:])
+        along = [[dot(row, w) for w in of_joints] for row in J]
+        self.joints = UnitResponse(of_joints, along, drives[count:])
 
     def _mass(self) -> Matrix:
         """Mass matrix of the free coordinates, with the constraint mass along the closures."""

@@ -76,7 +76,7 @@ class SetValuedForces:
         """Values of all that steps against the motion, by one of the solutions."""
         if id(solved) not in self._known:
             switches, known = [*self.holding.values()], self._bounds[id(solved)]
-            forces = {rub.switch.flag: rub.T for rub in self._dynamics.rubs}
+            forces = {joint.switch.flag: joint.T for joint in self._dynamics.frictional_joints}
             self._known[id(solved)] = acting(
                 switches,
                 self.rates(solved.a),
@@ -94,15 +94,15 @@ class SetValuedForces:
 
     def _bounds_by(self, solved: Solved) -> dict[hy.expression, list[Pressed]]:
         """The terms of the bounds of all frictions, by the flags of their slips."""
-        if not self._dynamics.rubs:
+        if not self._dynamics.frictional_joints:
             return {}
         carried, frames = self.reactions(solved), self._dynamics.equations.frames
         found: dict[hy.expression, list[Pressed]] = {}
-        for rub in self._dynamics.rubs:
-            name = rub.friction.name
-            key = f'{rub.friction.label}.friction.side'
-            found[rub.switch.flag] = terms = []
-            for i, x in enumerate(rub.friction.pressed(frames, carried[name])):
+        for joint in self._dynamics.frictional_joints:
+            name = joint.friction.name
+            key = f'{joint.friction.label}.friction.side'
+            found[joint.switch.flag] = terms = []
+            for i, x in enumerate(joint.friction.pressed(frames, carried[name])):
                 if len(x.components) > 1:
                     terms.append(x)
                     continue
@@ -119,7 +119,7 @@ class SetValuedForces:
             pressed = gap.wrench(eq.frames, N, T)
             before = cut.get(gap.joint)
             cut[gap.joint] = together(before, pressed) if before else pressed
-        loads = [load for rub in d.rubs for load in rub.loads]
+        loads = [load for joint in d.frictional_joints for load in joint.loads]
         for element in d.elements:
             if isinstance(element, JointForce):
                 carried, before = element.wrench(eq.frames), cut.get(element.name)

@@ -39,7 +39,7 @@ _ROUNDING = TOLERANCES.rounding
 _STEPS = TOLERANCES.steps
 
 
-class StepCourse(NamedTuple):
+class StepMotion(NamedTuple):
     """Sources of what loads see of a step, and places for it, the last two."""
 
     states: Indices  #: (v,) rows of the step's series, -1 of what is none
@@ -55,14 +55,14 @@ class StepCourse(NamedTuple):
 
 _NONE, _PAIRS = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
 _EMPTY = np.zeros(0)
-NOTHING = StepCourse(
+NOTHING = StepMotion(
     _NONE, _EMPTY, np.zeros((0, 3), np.int64), _NONE, _NONE, _PAIRS, 0, np.zeros((0, 0)), _EMPTY
 )
 """The course of a machine without steep loads."""
 
 
 @kernel
-def see(jets: Array, parameters: Array, c: StepCourse, time: float, tau: float, h: float) -> None:
+def see(jets: Array, parameters: Array, c: StepMotion, time: float, tau: float, h: float) -> None:
     """Write what loads see of a step from `tau` on, with `time` [s] at zero."""
     count = c.series.shape[1]
     for k in range(len(c.series)):
@@ -102,7 +102,7 @@ def see(jets: Array, parameters: Array, c: StepCourse, time: float, tau: float, 
 
 @kernel
 def doubts(
-    address: int, jets: Array, parameters: Array, c: StepCourse, time: float, tau: float, h: float,
+    address: int, jets: Array, parameters: Array, c: StepMotion, time: float, tau: float, h: float,
     doubted: Array,
 ) -> int:  # fmt: skip
     """`Enclosure.doubts` about a step, by the machine code of ``Enclosure.doubted``.
@@ -119,7 +119,7 @@ def doubts(
 
 @entry
 def look(
-    addresses: Indices, jets: Array, parameters: Array, c: StepCourse, now: Array, doubted: Array
+    addresses: Indices, jets: Array, parameters: Array, c: StepMotion, now: Array, doubted: Array
 ) -> int:
     """`doubts` now; -1, once `see` has looked, if no machine code is known."""
     time, tau, h = now[0], now[1], now[2]
@@ -156,17 +156,17 @@ class StepCheck:
         self._rates, self._watch = slice(f, width), slice(width + 1, width + 1 + m)
         self._guards = m
         self._few = self._powers(FEW)
-        self.course = _course(system, steep, integrator.order + 1)
+        self.motion = _motion_of(system, steep, integrator.order + 1)
         loads = _STEPS.unfelt * limit * steep.inertia
-        self._loads, ends = len(loads), len(self.course.given) - 1
-        self._scales = self.course.given[ends - len(loads) - steep.enclosure.guards : ends]
+        self._loads, ends = len(loads), len(self.motion.given) - 1
+        self._scales = self.motion.given[ends - len(loads) - steep.enclosure.guards : ends]
         self._scales[: len(loads)] = loads
-        self._fixed = self.course.given[2 * len(steep.moving) + 2 * steep.timed : -1]
+        self._fixed = self.motion.given[2 * len(steep.moving) + 2 * steep.timed : -1]
         self._fixed = self._fixed[: len(self._fixed) - len(self._scales)]
         self._now, doubted, self._addresses = np.zeros(3), np.zeros(2), np.zeros(1, np.int64)
         self._code: Any = None
         self._look = BoundCall(
-            look, self._addresses, self._series, self._pars, self.course, self._now, doubted
+            look, self._addresses, self._series, self._pars, self.motion, self._now, doubted
         )
 
     @property
@@ -190,12 +190,12 @@ class StepCheck:
         self._now[0], self._now[1], self._now[2] = time, tau, h
         doubts = self._look()
         if doubts < 0:
-            doubts = enclosure.doubts_at(self.course.given, pars)
+            doubts = enclosure.doubts_at(self.motion.given, pars)
             if look.is_compiled:
                 _ = self.address
         if doubts == NONE:
             return WHOLE
-        course = MotionSeries(self.course.series, h, self._fixed, pars)
+        motion = MotionSeries(self.motion.series, h, self._fixed, pars)
         grown = h**self._power
         looked: list[Array] = []
 
@@ -203,11 +203,11 @@ class StepCheck:
             looked.append(places)
             return self._defect(self._series[: self._watch.stop] * grown, tau, h, places)
 
-        reach = reach_of(enclosure, course, self._scales, defect, doubts)
+        reach = reach_of(enclosure, motion, self._scales, defect, doubts)
         if not looked or looked[0] is FEW:
             return reach
         # of a load on what a drive moves the accelerations tell nothing
-        share = self._resolved.longest(course, looked, reach, self._scales[: self._loads] / h)
+        share = self._resolved.longest(motion, looked, reach, self._scales[: self._loads] / h)
         known = 1.0 if reach.fault is None else reach.sound
         return Reach(share, share) if share < known else reach
 
@@ -240,7 +240,7 @@ class StepCheck:
         return found
 
 
-def _course(system: System, steep: SteepLoads, count: int) -> StepCourse:
+def _motion_of(system: System, steep: SteepLoads, count: int) -> StepMotion:
     """Where all that loads depend on is found; `count` are the coefficients of a series.
 
     It has no fewer than any law.
@@ -263,7 +263,7 @@ def _course(system: System, steep: SteepLoads, count: int) -> StepCourse:
     turns = np.array([parameters.outside[name] for name in steep.outside], int)
     own_symbols = symbols[steep.symbols]
     fixed = len(turns) + len(own_symbols) + len(steep.inertia) + steep.enclosure.guards
-    return StepCourse(
+    return StepMotion(
         np.array(states + time, int),
         np.array([size for _, size in own] + [1.0] * steep.timed),
         laws, turns, own_symbols, held, steep.enclosure.guards,

@@ -16,7 +16,7 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.dense_output import BLOCK, DenseOutput, floats
-from mechanism_sim.engine.step_check import NOTHING, StepCheck, StepCourse, doubts
+from mechanism_sim.engine.step_check import NOTHING, StepCheck, StepMotion, doubts
 from mechanism_sim.engine.system import System
 from mechanism_sim.numerics import kernels
 from mechanism_sim.numerics.complementarity import Indices
@@ -56,7 +56,7 @@ class RowArrays(NamedTuple):
     taus: Array  #: starts [s] of the steps, from the first on
     lengths: Array  #: [s] likewise
     rows: Array  #: (n, width (order + 1)) their coefficients
-    course: StepCourse  #: what steep loads see of a step
+    motion: StepMotion  #: what steep loads see of a step
     doubted: Array  #: (2,) overwritten
 
 
@@ -240,5 +240,5 @@ class StepRows:
         return RowArrays(
             ta.state, ta.pars, np.zeros(1), self._reals, whole, jets, scaled, shut,
             np.asarray(self._taus), np.asarray(self._lengths), np.zeros((0, 0)),
-            check.course if check else NOTHING, np.zeros(2),
+            check.motion if check else NOTHING, np.zeros(2),
         )  # fmt: skip

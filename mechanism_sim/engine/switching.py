@@ -301,7 +301,7 @@ class Switching:
 
 def jammed_joints(now: PresentState) -> RunError:
     """The error of friction in ideal joints that no finite forces overcome."""
-    joints = dict.fromkeys(rub.friction.name for rub in now.system.dynamics.rubs)
+    joints = dict.fromkeys(joint.friction.name for joint in now.system.dynamics.frictional_joints)
     return RunError(
         f'friction jams at t = {now.time:.9g} s{now.where}: in {", ".join(joints)} no finite '
         'forces can continue the motion; reduce the coefficient of friction or the radius'

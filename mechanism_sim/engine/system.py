@@ -171,7 +171,7 @@ class System:
     @cached_property
     def slides(self) -> bool:
         """True if equations without sticking contacts hold most of the time, and cost less."""
-        set_valued = self.dynamics.rubs or self.set_valued.holding
+        set_valued = self.dynamics.frictional_joints or self.set_valued.holding
         return self.frictional and not (self.compliant or set_valued)
 
     def integrator(

@@ -21,10 +21,10 @@ from mechanism_sim.export.bending import round_below
 from mechanism_sim.export.palette import index
 from mechanism_sim.export.shapes import COIL, Shape
 from mechanism_sim.export.skeleton import Skeleton, bounds, scale_of, skeleton_of
+from mechanism_sim.planar.gaps import SIDES as CORNERS
+from mechanism_sim.planar.gaps import corner_name, gaps_of, wall_name
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Prismatic, Revolute
-from mechanism_sim.planar.play import SIDES as CORNERS
-from mechanism_sim.planar.play import corner_name, gaps_of, wall_name
 from mechanism_sim.planar.view import Side
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView

@@ -144,8 +144,8 @@ def left_out(machine: Machine) -> list[str]:
     forces += [f'the drive of {c}' for c in read_drives(plan)]
     loose = [f'the clearance of {joint}' for joint in plan.clearances]
     stops = [f'the stops of {joint.name}' for joint in plan.joints if joint.name in plan.touching]
-    rubs = [f'the friction of {friction.name}' for friction in plan.frictions(plan.ideal)]
-    rest = [*loose, *stops, *rubs, *forces, *(f'the sensor {name}' for name in scene.sensors)]
+    frictions = [f'the friction of {friction.name}' for friction in plan.frictions(plan.ideal)]
+    rest = [*loose, *stops, *frictions, *forces, *(f'the sensor {name}' for name in scene.sensors)]
     shows = [f'left out, for URDF has links and joints: {", ".join(rest)}'] if rest else []
     return tilted + circles + shows
 

@@ -247,7 +247,7 @@ class ClearanceSpec(Part):
         return laws[contact.law](share * stiffness, self.restitution, contact.exponent)
 
 
-def play_of(given: Any, radial: float) -> ClearanceSpec:
+def clearance_spec_of(given: Any, radial: float) -> ClearanceSpec:
     """The clearance of a joint whose keys give restitution and so on under other names."""
     keys = {'hypothesis', 'friction', 'pin_radius', 'contact'}.intersection(
         type(given).model_fields

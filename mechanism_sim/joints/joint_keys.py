@@ -19,9 +19,9 @@ from mechanism_sim.joints.sheets import JointParts
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Coefficient, Hypothesis, Part
 from mechanism_sim.keys.registry import Registry
+from mechanism_sim.planar.gaps import walls
 from mechanism_sim.planar.joint_friction import JointFriction
 from mechanism_sim.planar.mechanism import Joint, Mechanism
-from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.protocols import ForceElement, Gap, MotionBound
 from mechanism_sim.planar.rotor import Rotor
 
@@ -46,11 +46,11 @@ class JointKeys(Part):
     firm: ClassVar[str] = ''
     #: the keys that its friction may have beside the coefficient, and whether the first, which
     #: says where friction acts, must be given; None of joints without friction
-    rubs_by: ClassVar[tuple[tuple[str, ...], bool] | None] = None
+    friction_keys: ClassVar[tuple[tuple[str, ...], bool] | None] = None
     #: its contacts come after those of other kinds in the order of gaps
     last: ClassVar[bool] = False
     #: its friction acts although it is loose
-    rubs_loose: ClassVar[bool] = False
+    friction_when_loose: ClassVar[bool] = False
     #: where the contacts of `touches` are given, and the key of their law of force
     touches_by: ClassVar[tuple[str, str]] = '.stops', 'contact'
     #: what touches in it, if that has figures and an outline
@@ -78,7 +78,7 @@ class JointKeys(Part):
         """The joint of that name of a mechanism."""
         raise NotImplementedError
 
-    def play(self, joint: Any) -> ClearanceSpec | None:
+    def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
         """Clearance of the joint of a mechanism, if it is loose."""
         return self.clearance
 
@@ -102,10 +102,10 @@ class JointKeys(Part):
         """
         return joints
 
-    def wrong_play(self, given: Clearance) -> str:
+    def clearance_objection(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
         known = {'radial', 'restitution', 'hypothesis'}
-        known |= {'friction', 'pin_radius'} if self.rubs_by else set()
+        known |= {'friction', 'pin_radius'} if self.friction_keys else set()
         wrong = sorted(key for key in given.model_fields_set - known if getattr(given, key))
         said = f'here it has {", ".join(sorted(known))} only'
         return f'has a clearance with {wrong[0]}: {said}' if wrong else ''
@@ -121,22 +121,22 @@ class JointKeys(Part):
         """Those of the ideal joint of a mechanism."""
         return ()
 
-    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The gaps of a loose joint; what it has instead where it is elastic or full of oil."""
         gaps = () if joint.elastic else walls(
-            joint.closure(mechanism), play.radial, play.restitution, play.friction,
-            play.hypothesis, play.law(), play.pin_radius,
+            joint.closure(mechanism), spec.radial, spec.restitution, spec.friction,
+            spec.hypothesis, spec.law(), spec.pin_radius,
         )  # fmt: skip
         return gaps, joint.elements(mechanism)
 
     def seat(
-        self, play: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
+        self, spec: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
     ) -> Array:
         """Offset (r,) [m] along the rows of its closure at which it rests, loose, at the start.
 
         Under a force (2,) [N] of the first on the second link, the links being at a place.
         """
-        law = play.law()
+        law = spec.law()
         return np.array([-(law.resting_depth(float(np.hypot(*force))) if law else 0.0)])
 
     def describe(self, joint: Any) -> str:
@@ -144,7 +144,7 @@ class JointKeys(Part):
         raise NotImplementedError
 
     def bounds(
-        self, play: ClearanceSpec, joint: Any, mechanism: Mechanism
+        self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism
     ) -> Sequence[MotionBound]:
         """The gaps of these contacts."""
         return ()
@@ -196,9 +196,9 @@ def contacts_of(
     """The gaps and the force elements of all loose joints of a mechanism."""
     gaps: list[Gap] = []
     elements: list[ForceElement] = []
-    for name, play in clearances.items():
+    for name, spec in clearances.items():
         keys = joints[name]
-        found = keys.kind_keys.contacts(keys, play, mechanism.joint(name), mechanism)
+        found = keys.kind_keys.contacts(keys, spec, mechanism.joint(name), mechanism)
         gaps += found[0]
         elements += found[1]
     return gaps, elements
@@ -210,9 +210,9 @@ def bounds_of(
     """The gaps of joints of a mechanism that have some beside their constraint or clearance."""
     return [
         gap
-        for name, play in touching.items()
+        for name, spec in touching.items()
         for keys in [joints[name]]
-        for gap in keys.kind_keys.bounds(keys, play, mechanism.joint(name), mechanism)
+        for gap in keys.kind_keys.bounds(keys, spec, mechanism.joint(name), mechanism)
     ]
 
 
@@ -223,5 +223,5 @@ def keys_of(joint: JointKeys) -> list[str]:
         [joint.kind, *(k for k in joint.kind_keys.__annotations__ if k in fields), *fields]
     )
     absent = {'clearance'} if joint.kind_keys.firm else set()
-    absent |= set() if joint.kind_keys.rubs_by else {'friction'}
+    absent |= set() if joint.kind_keys.friction_keys else {'friction'}
     return [key for key in keys if key not in absent]

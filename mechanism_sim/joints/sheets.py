@@ -102,7 +102,7 @@ class JointParts(ABC):
     joint: Any  #: of its mechanism without clearance
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """True if some of their figures depend on friction."""
         return False
 

@@ -15,7 +15,7 @@ import heyoka as hy
 from pydantic import model_validator
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, clearance_spec_of
 from mechanism_sim.joints.joint_keys import JointKeys, Joints
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import (
@@ -30,14 +30,14 @@ from mechanism_sim.keys.quantities import Friction as FrictionCoefficient
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import slid
 from mechanism_sim.planar.frames import Frames, Jet, lift, wrapped
-from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
-from mechanism_sim.planar.play import (
+from mechanism_sim.planar.gaps import (
     BOUNDS,
     FrictionlessGap,
     MeasuredGap,
     bound_name,
     with_turning,
 )
+from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism, Prismatic, Revolute
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw, MotionBound, Wrench, contact_wrench
 from mechanism_sim.planar.rails import along
@@ -125,7 +125,7 @@ class StopKeys(JointKeys):
             raise InputError(f"{where} needs 'friction' and 'pin_radius' together, or neither")
         if given.contact and given.contact.law == 'film':
             raise InputError(f'{where}.contact.law = film is for pins in bushings')
-        return play_of(given, 0.0)
+        return clearance_spec_of(given, 0.0)
 
     def describe(self, joint: Joint) -> str:
         """The limits."""
@@ -139,7 +139,7 @@ class StopKeys(JointKeys):
             moving, still = still, moving
         return f'{", ".join(said)} of {moving[0]} against {still[0]}'
 
-    def bounds(self, play: ClearanceSpec, joint: Joint, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, spec: ClearanceSpec, joint: Joint, mechanism: Mechanism) -> list[MotionBound]:
         """The gaps of its stops."""
         given = self.stops
         assert given is not None  # noqa: S101 - there is a play
@@ -149,17 +149,17 @@ class StopKeys(JointKeys):
             if at is None:
                 continue
             name, sign = bound_name(mechanism, joint, side), -1.0 if side == 'upper' else 1.0
-            law = play.law()
+            law = spec.law()
             if isinstance(joint, Revolute):
                 other = high if side == 'lower' else low
                 found.append(AngleStop(
-                    name, joint.name, mechanism, sign, at, play.restitution, play.hypothesis, law,
+                    name, joint.name, mechanism, sign, at, spec.restitution, spec.hypothesis, law,
                     given.radius or 1.0, other,
                 ))  # fmt: skip
             else:
                 found.append(EndStop(
-                    name, joint.name, mechanism, sign, at, play.restitution, play.hypothesis, law,
-                    play.friction, play.pin_radius,
+                    name, joint.name, mechanism, sign, at, spec.restitution, spec.hypothesis, law,
+                    spec.friction, spec.pin_radius,
                 ))  # fmt: skip
         return found
 

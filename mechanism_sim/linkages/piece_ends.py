@@ -209,7 +209,7 @@ class NominalPiece:
         rates[:, :-1] = scaled[:, 1:] * power[1:] / length
         self._series = (scaled, rates)
 
-    def course(
+    def motion(
         self,
         moving: Sequence[tuple[int, int]],
         timed: bool,
@@ -257,10 +257,10 @@ class LoadsOnPieces:
         """
         steep = self._steep
         symbols = steep.switched(piece.symbols)
-        course = piece.course(steep.moving, steep.timed, self._turning, symbols, self._parameters)
+        motion = piece.motion(steep.moving, steep.timed, self._turning, symbols, self._parameters)
         floor = _FLOOR * max(fastest, 1.0) ** 2 * steep.inertia
         scales = np.append(floor * piece.length, np.full(steep.enclosure.guards, 1e-12))
-        if steep.enclosure.doubts(course, scales) < MUCH:
+        if steep.enclosure.doubts(motion, scales) < MUCH:
             return 1.0
         found: list[Array] = []
 
@@ -268,8 +268,8 @@ class LoadsOnPieces:
             found.append(places)
             return np.zeros(len(places))
 
-        reach = reach_of(steep.enclosure, course, scales, look, MUCH)
-        return self._resolved.longest(course, found, reach, floor)
+        reach = reach_of(steep.enclosure, motion, scales, look, MUCH)
+        return self._resolved.longest(motion, found, reach, floor)
 
 
 class HiddenEdges:
@@ -293,4 +293,4 @@ class HiddenEdges:
         """Shares of a piece at which present rows have ended, though they hold at its nodes."""
         moving, timed, _, ranges = self._guards
         symbols, known = piece.symbols, self._parameters
-        return falls(ranges, piece.course(moving, timed, self._turning, symbols, known))
+        return falls(ranges, piece.motion(moving, timed, self._turning, symbols, known))

@@ -26,9 +26,9 @@ from mechanism_sim.export.skeleton import Skeleton, strung
 from mechanism_sim.export.stage import StageFrames
 from mechanism_sim.export.triangles import triangles
 from mechanism_sim.messages import ColorRGBA, Marker, MarkerArray, Point, message_class, stamp
+from mechanism_sim.planar.gaps import gaps_of
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import Joint
-from mechanism_sim.planar.play import gaps_of
 from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.planar.view import Kind
 

@@ -426,7 +426,7 @@ class Enclosure:
         outputs, inputs = self._terms
         return compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
 
-    def doubts(self, course: MotionSeries, scales: Array) -> int:
+    def doubts(self, motion: MotionSeries, scales: Array) -> int:
         """How little a series of a piece of motion knows of the functions.
 
         `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
@@ -434,10 +434,10 @@ class Enclosure:
         """
         if not self.count:
             return NONE
-        about = np.zeros(2 * len(course.series))
-        about_middle(course.series, about)
+        about = np.zeros(2 * len(motion.series))
+        about_middle(motion.series, about)
         return self.doubts_at(
-            np.concatenate([about, course.fixed, scales, (course.length,)]), course.parameters
+            np.concatenate([about, motion.fixed, scales, (motion.length,)]), motion.parameters
         )
 
     def doubts_at(self, given: Array, parameters: Array) -> int:
@@ -446,7 +446,7 @@ class Enclosure:
         return int(doubt_of(found))
 
     def __call__(
-        self, course: MotionSeries, scales: Array, middle: Array, radius: Array
+        self, motion: MotionSeries, scales: Array, middle: Array, radius: Array
     ) -> Enclosed:
         """Enclosures where what moves is at middles and not farther from there than radii (v, N).
 
@@ -455,8 +455,8 @@ class Enclosure:
         scales : of loads, then guards: a change times the length [s] of a part that is nothing
         """
         count = middle.shape[1]
-        known = course.parameters[: self._function.nparams, None]
-        fixed = np.concatenate([course.fixed, scales])[:, None]
+        known = motion.parameters[: self._function.nparams, None]
+        fixed = np.concatenate([motion.fixed, scales])[:, None]
         given = np.concatenate([middle, radius, np.repeat(fixed, count, axis=1)])
         found = self._function(given, pars=np.repeat(known, count, axis=1))
         return Enclosed(*found.reshape(3, self.count, count))
@@ -493,14 +493,14 @@ class FunctionRanges:
         self._count = len(expressions)
 
     def __call__(
-        self, course: MotionSeries, begin: Array, width: float
+        self, motion: MotionSeries, begin: Array, width: float
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
         """Values in the middles of parts; the least in them; whether there is none inside.
 
         Each (g, N), of parts of a width from 0 to 1. The least is below what is there; it lies at
         an end where the expression rises or falls all the way.
         """
-        series, _, fixed, parameters = course
+        series, _, fixed, parameters = motion
         v, order = len(series), series.shape[1] - 1
         both = np.zeros((2 * v, order + 1))
         both[:v] = series
@@ -525,7 +525,7 @@ class FunctionRanges:
             return values, least, np.abs(slope) > spread
 
 
-def falls(ranges: FunctionRanges, course: MotionSeries) -> list[float]:
+def falls(ranges: FunctionRanges, motion: MotionSeries) -> list[float]:
     """Places from 0 to 1 where an expression is below zero, though it is not at both ends.
 
     At least one in the first stretch where that is so, if there is any that is not a point.
@@ -533,7 +533,7 @@ def falls(ranges: FunctionRanges, course: MotionSeries) -> list[float]:
     begin, width = _ENDS[:1], 1.0
     found: list[float] = []
     for _ in range(_ENCLOSURE.halvings):
-        values, least, straight = ranges(course, begin, width)
+        values, least, straight = ranges(motion, begin, width)
         below = (values < 0.0).any(axis=0)
         found += (begin + 0.5 * width)[below].tolist()
         first = min(found, default=np.inf)
@@ -632,7 +632,7 @@ WHOLE = Reach(1.0, None)
 
 def reach_of(
     enclosure: Enclosure,
-    course: MotionSeries,
+    motion: MotionSeries,
     scales: Array,
     defect: Callable[[Array], Array],
     doubts: int | None = None,
@@ -648,7 +648,7 @@ def reach_of(
     defect : (N,) how wrong something is at places (N,) from 0 to 1; more than 1 is a fault
     doubts : see `Enclosure.doubts`, if they are known
     """
-    doubts = enclosure.doubts(course, scales) if doubts is None else doubts
+    doubts = enclosure.doubts(motion, scales) if doubts is None else doubts
     if doubts == NONE:
         return WHOLE
     if doubts == LITTLE:
@@ -658,7 +658,7 @@ def reach_of(
         fault = float(FEW[~(found <= 1.0)].min())
         sound_places = FEW[(found <= _ENCLOSURE.sound) & (fault > FEW)]
         return Reach(float(sound_places.max(initial=0.0)), fault)
-    order = course.series.shape[1] - 1
+    order = motion.series.shape[1] - 1
     begin, width, shift = _ENDS[:-1], 1.0 / _FIRST, _first_shift(order)
     ends = np.zeros((enclosure.count, 2, _FIRST))  # values where parts begin and end
     lowest, highest = np.inf, -np.inf
@@ -667,7 +667,7 @@ def reach_of(
     for depth in range(_ENCLOSURE.halvings):
         middles = begin + 0.5 * width
         places = np.concatenate([middles, _ENDS]) if depth == 0 else middles
-        parts, values = _enclosed(enclosure, course, scales, shift, width, places)
+        parts, values = _enclosed(enclosure, motion, scales, shift, width, places)
         count = len(begin)
         if depth == 0:
             ends[:, 0], ends[:, 1] = values[:, count:-1], values[:, count + 1 :]
@@ -684,7 +684,7 @@ def reach_of(
             span = (highest - lowest)[:, None]
             off = _off(own, parts, span)
             known = off <= _ENCLOSURE.of_range * span + _ENCLOSURE.of_size * size
-            known |= off * parts.weight * (width * course.length) <= 1.0
+            known |= off * parts.weight * (width * motion.length) <= 1.0
         known |= ~np.isfinite(own).all(axis=0)  # no halving tells more of what is no number
         unknown = ~known.all(axis=0) & (begin < fault)
         if not unknown.any():
@@ -735,18 +735,18 @@ def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
 
 def _enclosed(
     enclosure: Enclosure,
-    course: MotionSeries,
+    motion: MotionSeries,
     scales: Array,
     shift: Array,
     width: float,
     places: Array,
 ) -> tuple[Enclosed, Array]:
     """Enclosures in parts, and values (K, N) at places."""
-    middle, radius = _on_parts(course.series, shift, 0.5 * width)
-    at = course.series @ places ** np.arange(len(shift))[:, None]
+    middle, radius = _on_parts(motion.series, shift, 0.5 * width)
+    at = motion.series @ places ** np.arange(len(shift))[:, None]
     count = middle.shape[1]
     parts = enclosure(
-        course,
+        motion,
         scales,
         np.concatenate([middle, at], axis=1),
         np.concatenate([radius, np.zeros_like(at)], axis=1),

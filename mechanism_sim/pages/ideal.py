@@ -48,7 +48,7 @@ def page(
     needed('sympy', PURPOSE)
     ideal = _ideal(machine)
     drive = PageDrive(ideal)
-    reader = SliderReader(ideal, drive.course)
+    reader = SliderReader(ideal, drive.coordinates)
     _check(ideal, drive, reader)
     reader.read(sliders)
     if any(joint.line for joint in ideal.plan.joints):
@@ -128,12 +128,12 @@ def _widened(
     reader: SliderReader, drive: PageDrive, sliders: Mapping[str, tuple[str, str]]
 ) -> SliderReader:
     """The sliders, drawn with guides that are long enough at both ends of each of them."""
-    courses = [drive.course]
+    every = [drive.coordinates]
     for slider in reader.found:
         for value in (slider.low, slider.high):
             with suppress(InputError):  # it cannot be put together there, or not at the start
-                courses.append(PageDrive(reader.at({slider.path: value})).course)
-    wide = SliderReader(reader.machine, np.concatenate(courses, axis=1), reader.skeleton.size)
+                every.append(PageDrive(reader.at({slider.path: value})).coordinates)
+    wide = SliderReader(reader.machine, np.concatenate(every, axis=1), reader.skeleton.size)
     wide.read(sliders)
     return wide
 
@@ -144,7 +144,7 @@ class PageDrive:
     Attributes
     ----------
     kinematics : closures with the driven coordinates held
-    course : (n, N) coordinates as far as the drives can go from the start
+    coordinates : (n, N) coordinates as far as the drives can go from the start
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -170,7 +170,7 @@ class PageDrive:
         elif self._slides:
             self._range = start, start - size, start + size
         self._speed = self._speed or (0.1 * size if self._slides else _TURN)
-        self.course = self._followed()
+        self.coordinates = self._followed()
 
     def _pieces(self, c: str, end: float) -> list[tuple[float, tuple[float, ...]]]:
         """From when on [s], and powers of the time since then, of a coordinate's laws."""

@@ -54,9 +54,9 @@ class JointImpulses:
         sizes = [hy.make_vars(f'impulse{i}') for i in range(len(jets))]
         cut = {name: Wrench(None, None) for name in mechanism.cut}
         rubbing = sizes[len(jets) - len(slips) :]
-        rubs = {gap.name: T for (gap, _), T in zip(slips, rubbing, strict=True)}
+        along = {gap.name: T for (gap, _), T in zip(slips, rubbing, strict=True)}
         for gap, N in zip(gaps, sizes, strict=False):
-            pressed = gap.wrench(frames, N, rubs.get(gap.name))
+            pressed = gap.wrench(frames, N, along.get(gap.name))
             cut[gap.joint] = together(cut.get(gap.joint, Wrench(None, None)), pressed)
         closing = sizes[len(gaps) :]
         for relation in relations:

@@ -19,7 +19,12 @@ from mechanism_sim.numerics.compiled import COLUMNS
 from mechanism_sim.numerics.polynomials import TWO_PI
 from mechanism_sim.numerics.symbolic import Term, add, dense, dot, neg
 from mechanism_sim.planar.equations import Equations
-from mechanism_sim.planar.joint_friction import JointFriction, rubs, solve_friction, with_friction
+from mechanism_sim.planar.joint_friction import (
+    JointFriction,
+    frictional_joints,
+    solve_friction,
+    with_friction,
+)
 from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement, Relation
 from mechanism_sim.planar.reactions import energies, generalized_forces, tree_reactions
@@ -143,8 +148,8 @@ class InverseDynamics:
         self.unknowns = Unknowns(mechanism, frames, unknowns, efforts or {}, driven)
         supplied = [e for e in (efforts or {}).values() if isinstance(e, ForceElement)]
         self._given = [*elements, *supplied]
-        self._rubs = rubs(frictions, frames)
-        self._loads += [load for rub in self._rubs for load in rub.loads]
+        self._frictional_joints = frictional_joints(frictions, frames)
+        self._loads += [load for joint in self._frictional_joints for load in joint.loads]
 
     @property
     def outside(self) -> tuple[str, ...]:
@@ -182,7 +187,7 @@ class InverseDynamics:
     @property
     def loses_more(self) -> bool:
         """True if friction in joints, or loads whose sizes follow, take power beside these."""
-        return bool(self._rubs or self.unknowns.sizes)
+        return bool(self._frictional_joints or self.unknowns.sizes)
 
     @cached_property
     def _load_power(self) -> SwitchedFunction:
@@ -210,31 +215,35 @@ class InverseDynamics:
         sizes = self.unknowns.sizes
         loads = [*self._loads, *self.unknowns.acting]
         carried = tree_reactions(eq, accelerated, cut, loads)
-        wrenches = with_friction(self._rubs, carried, frames).values()
+        wrenches = with_friction(self._frictional_joints, carried, frames).values()
         forces = [x for w in wrenches for x in (w.x, w.y)]
         moments = [w.moment for w in wrenches]
         kinetic, potential = energies(eq)
         potential = add(potential, *(e.energy(frames) for e in self.elements))
         lost = add(
-            *(x.power_lost(frames) for x in self.elements), *(x.power_lost for x in self._rubs)
+            *(x.power_lost(frames) for x in self.elements),
+            *(x.power_lost for x in self._frictional_joints),
         )
         motion = [*frames.q.values(), *frames.v.values(), *a.values(), *frames.outside.values()]
-        motion += [rub.T for rub in self._rubs]
+        motion += [joint.T for joint in self._frictional_joints]
         groups = [supplied, eq.rows, self.unknowns.terms] if sizes else [supplied, eq.rows]
         first = SwitchedFunction(frames, groups, motion)
         balance = [kinetic, potential, lost]
         groups = [forces, moments, balance]
-        if self._rubs:
-            bounds = [r.friction.pressed(frames, carried[r.friction.name]) for r in self._rubs]
+        if self._frictional_joints:
+            bounds = [
+                r.friction.pressed(frames, carried[r.friction.name])
+                for r in self._frictional_joints
+            ]
             self._sizes = [[(len(p.components), p.wall) for p in bound] for bound in bounds]
             groups += [
                 [x for bound in bounds for p in bound for x in p.components],
                 [x for bound in bounds for p in bound for x in (p.coefficient, p.resolution)],
-                [1.0 - 2.0 * dense(rub.switch.flag) for rub in self._rubs],
-                [rub.slip.rate for rub in self._rubs],
+                [1.0 - 2.0 * dense(joint.switch.flag) for joint in self._frictional_joints],
+                [joint.slip.rate for joint in self._frictional_joints],
                 [
                     add(r.slip.curvature, dot(r.slip.row(eq.coordinates), [*a.values()]))
-                    for r in self._rubs
+                    for r in self._frictional_joints
                 ],
             ]
         second = SwitchedFunction(frames, groups, [*motion, *closing, *sizes])
@@ -289,7 +298,11 @@ class InverseDynamics:
             ]
             return Observation(*(np.concatenate(x, axis=-1) for x in zip(*parts, strict=True)))
         motion = np.concatenate([q, v, a, given])
-        T = self._rubbed(motion, rows) if self._rubs else np.zeros((0, count))
+        T = (
+            self._friction_forces(motion, rows)
+            if self._frictional_joints
+            else np.zeros((0, count))
+        )
         unknown, sizes, (forces, moments, balance, *_) = self._solved(motion, T, rows)
         closures = len(self.equations.relation_jets)
         joints = len(self.mechanism.joints)
@@ -337,7 +350,7 @@ class InverseDynamics:
             found[2][2] -= np.where(np.isnan(fed), balanced, fed)
         return unknown, sizes, found
 
-    def _rubbed(self, motion: Array, rows: Array | None) -> Array:
+    def _friction_forces(self, motion: Array, rows: Array | None) -> Array:
         """Every T (m, N): ``-b sign(rate)``, zero where a joint rests for longer than an instant.
 
         Raises
@@ -345,7 +358,7 @@ class InverseDynamics:
         RunError
             Where the friction is so large that no forces keep up the motion.
         """
-        m, count = len(self._rubs), motion.shape[1]
+        m, count = len(self._frictional_joints), motion.shape[1]
         none = np.zeros((m, count))
         *_, (*_, start, numbers, ways, rates, onward) = self._solved(motion, none, rows)
         ways = np.where(
@@ -363,7 +376,9 @@ class InverseDynamics:
         )  # fmt: skip
         if not sound.all():
             worst = motion[self._driven[0], np.flatnonzero(known)[sound.argmin()]]
-            joints = ', '.join(dict.fromkeys(rub.friction.name for rub in self._rubs))
+            joints = ', '.join(
+                dict.fromkeys(joint.friction.name for joint in self._frictional_joints)
+            )
             name = self.mechanism.coordinates[self._driven[0]]
             place = (
                 f'{1e3 * worst:.6g} mm'
@@ -382,7 +397,7 @@ class InverseDynamics:
         self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
     ) -> Array:
         """Generalised forces (n, N) that closures and drives together must supply."""
-        none = np.zeros((len(self._rubs), q.shape[1]))
+        none = np.zeros((len(self._frictional_joints), q.shape[1]))
         supplied: Array = self._functions[0](np.concatenate([q, v, a, outside, none]), rows)[0]
         return supplied
 
@@ -400,7 +415,7 @@ class InverseDynamics:
         """
         first, second = self._functions
         n, closures = len(q), len(self.equations.relation_jets)
-        motion = np.zeros((3 * n + len(self.outside) + len(self._rubs), 1))
+        motion = np.zeros((3 * n + len(self.outside) + len(self._frictional_joints), 1))
         motion[:n, 0] = q
         transposed = self._matrix(first(motion)[1], 1)[0, :, :closures]
         slides = [c in self.mechanism.displacements for c in self.mechanism.coordinates]
@@ -421,7 +436,7 @@ class InverseDynamics:
         self, q: Array, v: Array, a: Array, outside: Array, rows: Array | None = None
     ) -> Array:
         """See `Unknowns.work`, (N,)."""
-        none = np.zeros((len(self._rubs), q.shape[1]))
+        none = np.zeros((len(self._frictional_joints), q.shape[1]))
         motion = np.concatenate([q, v, a, outside, none])
         _, closing, terms = self._functions[0](motion, rows)
         matrix = self._matrix(closing, q.shape[1])

@@ -426,7 +426,7 @@ def _along(wrench: Wrench, nx: Term, ny: Term) -> Term:
     return add(mul(wrench.x, nx), mul(wrench.y, ny))
 
 
-class Rub(NamedTuple):
+class FrictionalJoint(NamedTuple):
     """A friction in the equations of a mechanism."""
 
     friction: JointFriction
@@ -441,14 +441,14 @@ class Rub(NamedTuple):
         return neg(mul(self.T, self.slip.rate))
 
 
-def rubs(frictions: Sequence[JointFriction], frames: Frames) -> list[Rub]:
+def frictional_joints(frictions: Sequence[JointFriction], frames: Frames) -> list[FrictionalJoint]:
     """The frictions of joints that move, each with a symbol and a switch of its own."""
     found = []
     for k, friction in enumerate(frictions):
         slip, T = friction.slip(frames), hy.make_vars(f'friction{k}')
         if slip.rate is not None:
             switch = frames.slip(f'joints:{friction.label}.friction', slip.rate)
-            found.append(Rub(friction, T, switch, slip, friction.loads(frames, T)))
+            found.append(FrictionalJoint(friction, T, switch, slip, friction.loads(frames, T)))
     return found
 
 
@@ -538,11 +538,11 @@ def _bounds(
 
 
 def with_friction(
-    rubs: Sequence[Rub], reactions: Mapping[str, Wrench], frames: Frames
+    frictional_joints: Sequence[FrictionalJoint], reactions: Mapping[str, Wrench], frames: Frames
 ) -> dict[str, Wrench]:
     """The wrenches of all joints, with what rubs in them."""
     found = dict(reactions)
-    for rub in rubs:
-        name = rub.friction.name
-        found[name] = together(found[name], rub.friction.wrench(frames, rub.T))
+    for joint in frictional_joints:
+        name = joint.friction.name
+        found[name] = together(found[name], joint.friction.wrench(frames, joint.T))
     return found

@@ -124,7 +124,7 @@ class HigherPair(Connection, ABC):
     parts: ClassVar[str] = 'pin between the walls of a slot'
 
     @property
-    def angular_play(self) -> bool:
+    def angular_clearance(self) -> bool:
         """True if its play is an angle [rad]."""
         return False
 
@@ -196,7 +196,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def rubbing_wall(self) -> type | None:
-        """Of walls that rub, a class of its own if they do so unlike others, see `planar.play`."""
+        """Of walls that rub, a class of its own if they do so unlike others, see `planar.gaps`."""
         return None
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:
@@ -620,10 +620,10 @@ class Mechanism(Tree):
         point = place if isinstance(place, dict) else self.point(*place)
         index = {c: i for i, c in enumerate(self.coordinates)}
 
-        def course(name: str) -> list[NDArray[np.float64]]:
+        def trajectory(name: str) -> list[NDArray[np.float64]]:
             return [u[index[name]] for u in motion]
 
-        return trace(point, course, motion[0].shape[1], len(motion))
+        return trace(point, trajectory, motion[0].shape[1], len(motion))
 
     def angle_all(self, link: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
         """Angle (N,) [rad] of a link's frame in the world, likewise."""

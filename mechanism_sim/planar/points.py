@@ -41,20 +41,20 @@ def factors(slide: _Slide) -> tuple[str, ...]:
     return () if slide is None else (slide,) if isinstance(slide, str) else slide
 
 
-def product(slide: Any, course: Callable[[Any], Sequence[Any]]) -> tuple[Any, Any, Any]:
+def product(slide: Any, trajectory: Callable[[Any], Sequence[Any]]) -> tuple[Any, Any, Any]:
     """Scale of an arm, with its first two time derivatives, from those of coordinates."""
     names = factors(slide)
     if not names:
         return 1.0, 0.0, 0.0
-    s, ds, dds = course(names[0])
+    s, ds, dds = trajectory(names[0])
     for name in names[1:]:
-        r, dr, ddr = course(name)
+        r, dr, ddr = trajectory(name)
         s, ds, dds = s * r, ds * r + s * dr, dds * r + 2.0 * ds * dr + s * ddr
     return s, ds, dds
 
 
 def trace(
-    point: Point, course: Callable[[str], Sequence[Any]], count: int, orders: int = 3
+    point: Point, trajectory: Callable[[str], Sequence[Any]], count: int, orders: int = 3
 ) -> Array:
     """A point at N instants with its time derivatives, (orders, 2, N) [m, s].
 
@@ -67,13 +67,14 @@ def trace(
 
     Parameters
     ----------
-    course : value, rate and acceleration (N,) of a coordinate by name, at least the first `orders`
+    trajectory : value, rate and acceleration (N,) of a coordinate by name, at least the first
+        `orders`
     orders : 1 for the position, 2 for the velocity beside it, 3 for the acceleration
     """
     found = np.zeros((orders, 2, count))
 
     def known(name: str) -> tuple[Any, ...]:
-        return (*(() if name == GROUND else course(name)[:orders]), 0.0, 0.0, 0.0)[:3]
+        return (*(() if name == GROUND else trajectory(name)[:orders]), 0.0, 0.0, 0.0)[:3]
 
     for (frame, slide), (x, y) in point.items():
         (angle, w, alpha), (s, rate, second) = known(frame), product(slide, known)

@@ -132,7 +132,7 @@ class ResolvedLoads:
         return compiled.function(self._steep.loads, self._steep.variables)
 
     def longest(
-        self, course: MotionSeries, looked: Sequence[Array], reach: Reach, floor: Array
+        self, motion: MotionSeries, looked: Sequence[Array], reach: Reach, floor: Array
     ) -> float:
         """The last of places from 0 to 1 whose interpolant is right at all of them before it.
 
@@ -144,7 +144,7 @@ class ResolvedLoads:
         places = np.sort(np.concatenate([[0.0], *looked]))
         if reach.fault is not None:
             places = places[places <= max(reach.fault, places[1])]
-        values = self._values(course, places)
+        values = self._values(motion, places)
         finite = np.asarray(np.isfinite(values).all(axis=0))
         if not finite[0]:  # whoever asks for forces there is told so
             return 1.0
@@ -152,7 +152,7 @@ class ResolvedLoads:
         low, high = 1, count + 1
         tried = count  # mostly it is all of it
         while high - low > 1:
-            if self._is_resolved(course, places[:tried], values[:, :tried], floor):
+            if self._is_resolved(motion, places[:tried], values[:, :tried], floor):
                 low = tried
             else:
                 high = tried
@@ -163,24 +163,24 @@ class ResolvedLoads:
         end = 0.5 * float(places[1])
         while end > _MECHANISM.shortest_part:
             places = np.linspace(0.0, end, _CLOSE)
-            if self._is_resolved(course, places, self._values(course, places), floor):
+            if self._is_resolved(motion, places, self._values(motion, places), floor):
                 return end
             end *= 0.5
         return _MECHANISM.shortest_part
 
     def _is_resolved(
-        self, course: MotionSeries, places: Array, values: Array, floor: Array
+        self, motion: MotionSeries, places: Array, values: Array, floor: Array
     ) -> bool:
         end = places[-1]
-        known = self._values(course, end * self._nodes)
+        known = self._values(motion, end * self._nodes)
         between = _interpolant(len(self._nodes), (places / end).tobytes())
         size = np.maximum(np.abs(values).max(axis=1), np.abs(known).max(axis=1))
         off = np.abs(known @ between - values).max(axis=1)
         return bool((off <= _MECHANISM.load * size + floor).all())
 
-    def _values(self, course: MotionSeries, places: Array) -> Array:
+    def _values(self, motion: MotionSeries, places: Array) -> Array:
         """The loads (l, N) at places."""
-        series, _, fixed, parameters = course
+        series, _, fixed, parameters = motion
         count = len(places)
         given = np.concatenate([
             series @ places ** np.arange(series.shape[1])[:, None],

@@ -86,7 +86,7 @@ TOOTH_PARTS = 'tangential', 'radial', 'axial'
 class PairView(Protocol):
     """A joint at N instants of a machine."""
 
-    def course(self, link: str, at: Vector2 | None = None) -> Trajectory:
+    def trajectory(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """How a link moves: its displacement if a guide carries it, else its angle."""
 
     def turning(self, link: str, at: Vector2 | None = None) -> Trajectory:

@@ -29,7 +29,7 @@ from mechanism_sim.planar.virtual_work import generalised
 from mechanism_sim.report.symbols import Expression, Symbol, Symbols
 from mechanism_sim.scene import Level, Machine
 from mechanism_sim.scene.drives import drive_of
-from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
+from mechanism_sim.scene.motion_keys import MotionProfile, SpeedPart
 
 _SHORT = 5
 """Nodes of an expression up to which a position needs no symbol of its own."""
@@ -59,7 +59,7 @@ class _Derivation:
         self._elements = () if machine.level is Level.KINEMATIC else model.elements
         ideal, plan = machine.plan.ideal, machine.plan
         self._unknowns = plan.unknowns(ideal)
-        self._rubs: list[str] = []
+        self._friction_laws: list[str] = []
         self._efforts = {c: effort(ideal) for c, effort in plan.efforts.items()}
         self._symbols = Symbols(self._equations, plan.states)
         self._vectors = Vectors(self._equations, self._symbols)
@@ -84,7 +84,9 @@ class _Derivation:
             EquationGroup('gap_rates', 'Gaps, differentiated once', gaps[1]),
             EquationGroup('gap_accelerations', 'Gaps, differentiated twice', gaps[2]),
             EquationGroup('forces', 'Forces', self._abridged()),
-            EquationGroup('motion', 'Equations of motion', self._motion(), tuple(self._rubs)),
+            EquationGroup(
+                'motion', 'Equations of motion', self._motion(), tuple(self._friction_laws)
+            ),
             EquationGroup('states', 'States of first order', self._states()),
         ]
         parts.insert(1, EquationGroup('switches', 'Parts of the cycle', self._switches(parts)))
@@ -230,7 +232,9 @@ class _Derivation:
             T = self._symbols.make('T', (name,), f'{name}.friction', meaning, unit)
             for c, term in found.items():
                 self._on[c].append(sympy.Mul(T, self._in_symbols(term)))
-            self._rubs.append(f'{name}: {friction.law.format(f"T_{name}", friction.name)}.')
+            self._friction_laws.append(
+                f'{name}: {friction.law.format(f"T_{name}", friction.name)}.'
+            )
         for load in self._unknowns:
             found = generalised(load.loads(self._vectors.frames), self._vectors.frames, mechanism)
             self._vectors.use_seen()
@@ -314,15 +318,15 @@ class _Derivation:
     def _formula(self, c: str) -> list[Equation]:
         """Motion of a drive by its own formula of the time, if it has one without conditions."""
         drive = drive_of(self._machine.plan, c)
-        course = drive and (drive.position or drive.profile or drive.speed)
-        if not isinstance(course, CoursePart) or course.formula is None:
+        profile = drive and (drive.position or drive.profile or drive.speed)
+        if not isinstance(profile, MotionProfile) or profile.formula is None:
             return []
-        tree, symbols = course.tree(), self._symbols
+        tree, symbols = profile.tree(), self._symbols
         if any(n.kind == 'if' or n.name in CORNERED for n in tree.walk()):
             return []
         value = symbols.translate(formula.of_tree(tree, Words({'t': hy.make_vars(_TIME)}), ''))
         value = value.xreplace({x: symbols.time for x in value.free_symbols if str(x) == _TIME})
-        by_rate = isinstance(course, SpeedPart)
+        by_rate = isinstance(profile, SpeedPart)
         lines = [Equation(c, ((symbols.v if by_rate else symbols.q)[c],), (value,))]
         if self._machine.level is not Level.KINEMATIC:
             more = sympy.diff(value, symbols.time, 1 if by_rate else 2)

@@ -42,7 +42,7 @@ def profile(
             f"{machine.name}: the joint '{name}' {wrong}{nearest(name, every)}; joints with a cam "
             f'or teeth: {", ".join(every) or "none"}'
         )
-    if friction is not None and not parts.rubs:
+    if friction is not None and not parts.has_friction:
         raise InputError(
             f'{machine.name}: no figure of {name} depends on friction, only those of gears in '
             'mesh and of worms do'

@@ -23,7 +23,7 @@ from mechanism_sim.errors import InputError, check_known
 from mechanism_sim.export.palette import ACCENT, INK, colour, tint
 from mechanism_sim.export.skeleton import bounds
 from mechanism_sim.export.stage import HALF, PLAY, Stage, StageFrames, Swaying, stage_of
-from mechanism_sim.planar.play import gaps_of
+from mechanism_sim.planar.gaps import gaps_of
 from mechanism_sim.report.drawing import PATHS, Brush, Labels, Move, rule, trace
 from mechanism_sim.report.picture import Picture
 from mechanism_sim.results.quantities.motion import choose_points

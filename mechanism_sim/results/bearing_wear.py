@@ -14,15 +14,15 @@ import numpy as np
 
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.quadrature import SMOOTH
+from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.planar.inverse_dynamics import Observation
-from mechanism_sim.planar.play import joint_of_gap
 from mechanism_sim.planar.protocols import BearingGap
 from mechanism_sim.results.run import Piece
 from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
 _BLOCK = 2048  # parts of segments at once
-LOAD, LOAD_WAY, WORK, STRUCK_WAY, STRUCK_WORK = range(5)
+LOAD, LOAD_SLIP, WORK, IMPACT_SLIP, IMPACT_WORK = range(5)
 """Rows: integrals of normal force [N s], of it times slip speed [N m], of friction times slip
 speed [J]; of impacts, sums of normal impulse times slip speed [N m], and of friction [J]."""
 
@@ -77,17 +77,17 @@ def wear_sums(
             normal = length * seen.normal_force[gap]
             tangential = length * seen.friction_force[gap]
             rows = {
-                LOAD: normal, LOAD_WAY: normal * np.abs(slip), WORK: np.abs(tangential * slip),
+                LOAD: normal, LOAD_SLIP: normal * np.abs(slip), WORK: np.abs(tangential * slip),
             }  # fmt: skip
             enter(
                 np.full(len(weights), part), places,
                 {row: weights * values for row, values in rows.items()},
             )  # fmt: skip
     inside = [i for i in piece.impacts if i.joint == joint]
-    struck = [i for i in inside if times[0] <= i.t < times[-1]]
-    if struck and len(motion):
+    impacts = [i for i in inside if times[0] <= i.t < times[-1]]
+    if impacts and len(motion):
         t, normal, tangential = np.array(
-            [(i.t, i.normal_impulse, i.tangential_impulse) for i in struck]
+            [(i.t, i.normal_impulse, i.tangential_impulse) for i in impacts]
         ).T
         begun = motion.curve.begun_by(t)
         before, after = np.maximum(begun - 1, 0), np.minimum(begun, len(motion) - 1)
@@ -98,7 +98,7 @@ def wear_sums(
         normal, tangential = both[0][2] * normal, both[0][2] * tangential
         part_of = np.searchsorted(times, t, 'right') - 1
         enter(
-            part_of, both[0][0], {STRUCK_WAY: normal * way, STRUCK_WORK: np.abs(tangential) * way}
+            part_of, both[0][0], {IMPACT_SLIP: normal * way, IMPACT_WORK: np.abs(tangential) * way}
         )
     return sums.reshape(2, 5, parts, count)
 

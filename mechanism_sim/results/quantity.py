@@ -86,7 +86,7 @@ class View:
         """Accelerations, forces and energies."""
         return self._physics.observe(self._motion, self._segments, self._dt)
 
-    def course(self, derivatives: int) -> tuple[Array, ...]:
+    def trajectory(self, derivatives: int) -> tuple[Array, ...]:
         """Coordinates (n, N) without whole turns and so many derivatives, at most two.
 
         The first needs no forces, which the second follows from.
@@ -109,7 +109,7 @@ class View:
     def position(self) -> Array:
         """Coordinates (n, N), with their whole turns."""
         turns = self._motion.curve.turns_at(self._segments, self._dt).T
-        (place,) = self.course(0)
+        (place,) = self.trajectory(0)
         return place + TWO_PI * turns if turns.any() else place
 
     def states(self, derivative: int = 0) -> Array:

@@ -221,7 +221,7 @@ def _check_joints(machine: Machine) -> None:
     between = [math.dist(a, b) for p in places.values() for a, b in combinations(p, 2)]
     shortest = min((x for x in between if x > 0.0), default=math.inf)
     soft = any(c.wall == 'soft' for c in (*loose.values(), *touching.values()))
-    least = _MECHANISM.least_play * float(np.spacing(machine.mechanism.reach))
+    least = _MECHANISM.least_clearance * float(np.spacing(machine.mechanism.reach))
     for joint, clearance in loose.items():
         given = machine.scene.joints[joint]
         keys = (k for k in ('lift_off', 'groove', 'backlash') if getattr(given, k))
@@ -239,7 +239,7 @@ def _check_joints(machine: Machine) -> None:
                 f'{np.spacing(machine.mechanism.reach):.1g} m, which allows for {least:.2g} m or '
                 'more; leave it out, or give more'
             )
-        _check_play(where, 'contact', clearance, soft)
+        _check_clearance(where, 'contact', clearance, soft)
         of_materials = clearance.contact and clearance.contact.materials
         shaped = isinstance(clearance, Clearance) and (clearance.profile or clearance.wear)
         if clearance.pin_radius and not (clearance.friction or of_materials or shaped):
@@ -249,10 +249,10 @@ def _check_joints(machine: Machine) -> None:
             )
     for joint, contact in touching.items():
         key, law = machine.scene.joints[joint].kind_keys.touches_by
-        _check_play(f'joints.{joint}{key}', law, contact, soft)
+        _check_clearance(f'joints.{joint}{key}', law, contact, soft)
 
 
-def _check_play(where: str, law: str, play: ClearanceSpec, soft: bool) -> None:
+def _check_clearance(where: str, law: str, spec: ClearanceSpec, soft: bool) -> None:
     """Refuse contacts of a joint that do not go together, or not with those of others.
 
     Parameters
@@ -260,29 +260,29 @@ def _check_play(where: str, law: str, play: ClearanceSpec, soft: bool) -> None:
     law : the key of their law of force
     soft : whether any contact of the machine gives way
     """
-    if soft and play.wall == 'rigid':
-        key = f'{law}.stiffness' if play.film else law
+    if soft and spec.wall == 'rigid':
+        key = f'{law}.stiffness' if spec.film else law
         raise InputError(
             f"{where} has no '{key}', but another joint has: either all loose joints and stops "
             'are compliant or none is'
         )
-    _check_contact(f'{where}.{law}', where, play)
-    if play.wall == 'soft' and math.isinf(play.friction):
+    _check_contact(f'{where}.{law}', where, spec)
+    if spec.wall == 'soft' and math.isinf(spec.friction):
         raise InputError(f'{where}.friction = rough is for rigid contacts only')
-    axial = play.axial if isinstance(play, Clearance) else None
-    dead = not play.restitution or (axial and axial.restitution == 0.0)
-    if play.contact and play.contact.law == 'flores' and dead:
+    axial = spec.axial if isinstance(spec, Clearance) else None
+    dead = not spec.restitution or (axial and axial.restitution == 0.0)
+    if spec.contact and spec.contact.law == 'flores' and dead:
         raise InputError(f'{where}: the law of Flores needs a restitution above 0')
-    if play.friction > 10.0 and not math.isinf(play.friction):
+    if spec.friction > 10.0 and not math.isinf(spec.friction):
         raise InputError(
-            f'{where}.friction = {play.friction:g} is more than 10: for contacts that never slip '
+            f'{where}.friction = {spec.friction:g} is more than 10: for contacts that never slip '
             "write 'friction: rough'"
         )
 
 
 def _is_angular(machine: Machine, name: str) -> bool:
     joint = machine.mechanism.joint(name)
-    return isinstance(joint, HigherPair) and joint.angular_play
+    return isinstance(joint, HigherPair) and joint.angular_clearance
 
 
 _OF_FILMS = (

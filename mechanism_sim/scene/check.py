@@ -24,7 +24,7 @@ from mechanism_sim.scene.drives import drive_key, drive_of
 from mechanism_sim.scene.elastic_links import elastic_notes
 from mechanism_sim.scene.level import Level
 from mechanism_sim.scene.machine import Machine
-from mechanism_sim.scene.motion_keys import CoursePart, SpeedPart
+from mechanism_sim.scene.motion_keys import MotionProfile, SpeedPart
 from mechanism_sim.scene.motion_notes import Limit, motion_notes
 from mechanism_sim.scene.remarks import plausibility_warnings, unused
 from mechanism_sim.scene.schema import SensorPart
@@ -210,7 +210,7 @@ def _gap(joint: Joint, c: ClearanceSpec, machine: Machine) -> str:
     """The clearance of a joint, in words."""
     contact = _surfaces(c)
     if isinstance(joint, HigherPair):
-        unit = 'rad' if joint.angular_play else 'm'
+        unit = 'rad' if joint.angular_clearance else 'm'
         room = (
             f'play {c.radial:g} {unit} to either side' if len(joint.sides) > 1 else 'may lift off'
         )
@@ -306,9 +306,9 @@ def _drive(machine: Machine, coordinate: str) -> str:
     effort = given.effort if given else None
     shown = f'{effort.value:g} {force}' if isinstance(effort, QuantityValue) else effort
     with_effort = '' if effort is None else f', with {shown}'
-    course = given and (given.position or given.profile or given.speed)
-    if isinstance(course, CoursePart):
-        return f'prescribed, {course.words}{with_effort}'
+    profile = given and (given.position or given.profile or given.speed)
+    if isinstance(profile, MotionProfile):
+        return f'prescribed, {profile.words}{with_effort}'
     if given and given.moves:
         again = ', again and again' if given.moves.repeat else ''
         return f'prescribed, {len(given.moves.steps)} moves and dwells{again}{with_effort}'
@@ -442,25 +442,25 @@ def render(report: Report) -> str:
 
 def _acceleration_notes(machine: Machine) -> Iterator[str]:
     """The largest acceleration of each drive that is given over time."""
-    for c, key, course in _courses(machine):
+    for c, key, profile in _profiles(machine):
         size, at = _largest(machine, c)
         yield f'{key}: largest acceleration {abs(size):.6g} {_unit(machine, c)} at t = {at:.6g} s'
-        if (peaks := _peaks(course)) and determined(peaks):
+        if (peaks := _peaks(profile)) and determined(peaks):
             yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
 
 
 def _undetermined_accelerations(machine: Machine) -> Iterator[str]:
     """A question for each drive whose acceleration its points do not determine."""
-    for c, key, course in _courses(machine):
-        if isinstance(course, SpeedPart) and course.ramp == 'smooth':
-            rises = np.diff([x.value for _, x in course.given])
+    for c, key, profile in _profiles(machine):
+        if isinstance(profile, SpeedPart) and profile.ramp == 'smooth':
+            rises = np.diff([x.value for _, x in profile.given])
             if (stops := int((rises[1:] * rises[:-1] > 0.0).sum())) >= _CURVE:
                 yield (
                     f'{key}.ramp: smooth takes the acceleration to zero at {stops} points '
                     'between which the speed continues: through points of a curve take '
                     "'interpolation: cubic'"
                 )
-        if (peaks := _peaks(course)) and not determined(peaks):
+        if (peaks := _peaks(profile)) and not determined(peaks):
             yield f'{key}: {describe_peaks(peaks, _unit(machine, c))}'
 
 
@@ -468,7 +468,7 @@ def _unit(machine: Machine, c: str) -> str:
     return 'm/s^2' if c in machine.mechanism.displacements else 'rad/s^2'
 
 
-def _courses(machine: Machine) -> Iterator[tuple[str, str, CoursePart | None]]:
+def _profiles(machine: Machine) -> Iterator[tuple[str, str, MotionProfile | None]]:
     """Coordinates whose motion is given over time, by which key, and its course, if no moves."""
     for c in machine.plan.prescribed:
         drive, key = drive_of(machine.plan, c), drive_key(machine.plan, c)
@@ -476,25 +476,25 @@ def _courses(machine: Machine) -> Iterator[tuple[str, str, CoursePart | None]]:
         if drive.moves:
             yield c, f'{key}.moves', None
         for name in ('position', 'speed', 'profile'):
-            if isinstance(course := getattr(drive, name), CoursePart):
-                yield c, f'{key}.{name}', course
+            if isinstance(profile := getattr(drive, name), MotionProfile):
+                yield c, f'{key}.{name}', profile
 
 
-def _peaks(course: CoursePart | None) -> tuple[SampledPeak, SampledPeak] | None:
+def _peaks(profile: MotionProfile | None) -> tuple[SampledPeak, SampledPeak] | None:
     """Extreme accelerations by points; None of formulas, moves and ramps."""
-    if course is None or not course.given:
+    if profile is None or not profile.given:
         return None
-    rate = isinstance(course, SpeedPart)
-    how = course.interpolation or ('linear' if rate else 'cubic')
+    rate = isinstance(profile, SpeedPart)
+    how = profile.interpolation or ('linear' if rate else 'cubic')
     if how == 'linear':
         return None
-    t, y = np.array([(t, x.value) for t, x in course.given]).T
-    if course.periodic:  # what turns on has the same accelerations without its turns
+    t, y = np.array([(t, x.value) for t, x in profile.given]).T
+    if profile.periodic:  # what turns on has the same accelerations without its turns
         y = y - (y[-1] - y[0]) * (t - t[0]) / (t[-1] - t[0])
         y[-1] = y[0]
     degree = {'cubic': 3, 'quintic': 5}[how]
-    rest = course.ends == 'rest'
-    return acceleration_peaks(t, y, degree, course.periodic, rest=rest, order=2 - rate)
+    rest = profile.ends == 'rest'
+    return acceleration_peaks(t, y, degree, profile.periodic, rest=rest, order=2 - rate)
 
 
 def _largest(machine: Machine, c: str) -> tuple[float, float]:

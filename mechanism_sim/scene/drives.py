@@ -30,7 +30,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.motor import InductionMotor, Motor, PointsOfTorque
 from mechanism_sim.scene.formula_keys import check_formula, scope_of
 from mechanism_sim.scene.motion_keys import (
-    CoursePart,
+    MotionProfile,
     MovePart,
     MovesPart,
     SpeedPart,
@@ -146,12 +146,12 @@ def read_laws(
                     f'{where}.position gives every position, that at the start, too: leave '
                     f"out '{key}'"
                 )
-        laws, source = _course_laws(names, f'{where}.position', drive.position, first, straight)
+        laws, source = _profile_laws(names, f'{where}.position', drive.position, first, straight)
     elif drive.moves:
         laws, source = moves(names, f'{where}.moves', drive.moves, first, straight)
-    elif isinstance(course := drive.profile or drive.speed, SpeedPart):
+    elif isinstance(profile := drive.profile or drive.speed, SpeedPart):
         key = 'profile' if drive.profile else 'speed'
-        laws, source = _course_laws(names, f'{where}.{key}', course, first, straight)
+        laws, source = _profile_laws(names, f'{where}.{key}', profile, first, straight)
     else:
         laws, source = (_steady(names, where, drive, first),), None
     turns, (value, *rates) = laws[0].about(Fraction(0))
@@ -163,13 +163,13 @@ def _check_ways(where: str, c: str, drive: DrivePart, straight: bool) -> None:
     ways = [way for way in _WAYS if getattr(drive, way) is not None]
     if len(ways) > 1:
         raise InputError(f'{where}.{ways[0]} and {where}.{ways[1]} exclude each other: keep one')
-    course = ways[0] if ways and ways[0] in _WAYS[:3] else ''
-    if course and drive.speed is not None:
+    timed = ways[0] if ways and ways[0] in _WAYS[:3] else ''
+    if timed and drive.speed is not None:
         raise InputError(
-            f'{where}.speed and {where}.{course} exclude each other: a profile gives every speed, '
+            f'{where}.speed and {where}.{timed} exclude each other: a profile gives every speed, '
             'the first at its first point'
-            if course == 'profile'
-            else f'{where}.speed and {where}.{course} exclude each other: keep one'
+            if timed == 'profile'
+            else f'{where}.speed and {where}.{timed} exclude each other: keep one'
         )
     if drive.acceleration is not None and (ways or isinstance(drive.speed, SpeedPart)):
         other = ways[0] if ways else 'speed over time'
@@ -185,7 +185,7 @@ def _check_ways(where: str, c: str, drive: DrivePart, straight: bool) -> None:
             "supplies whose motion is prescribed, by 'position', 'speed', 'moves' or 'profile'"
         )
     reason = _POWERED if powered else 'a displacement takes none' if straight else ''
-    if course in ('position', 'moves') or isinstance(drive.speed, SpeedPart):
+    if timed in ('position', 'moves') or isinstance(drive.speed, SpeedPart):
         reason = 'they change a steady speed, and this one is given over time'
     _check_commands(where, drive.commands, reason)
 
@@ -268,8 +268,8 @@ def _motor_law(where: str, coordinate: str, motor: MotorPart) -> TorqueLaw:
     return TorqueLaw(coordinate, (torque * ratio, 0.0, -torque / motor.no_load_speed * ratio**2))
 
 
-def _course_laws(
-    names: Names, where: str, course: CoursePart, start: DriveLaw, straight: bool
+def _profile_laws(
+    names: Names, where: str, profile: MotionProfile, start: DriveLaw, straight: bool
 ) -> Motion:
     """The laws of a coordinate by its position or its speed over time.
 
@@ -277,15 +277,15 @@ def _course_laws(
     ----------
     start : where a coordinate whose speed is given is at time zero
     """
-    rate = isinstance(course, SpeedPart)
-    if course.unit and (course.unit.startswith('m') != straight):
+    rate = isinstance(profile, SpeedPart)
+    if profile.unit and (profile.unit.startswith('m') != straight):
         kind = 'slides' if straight else 'turns'
         raise InputError(
-            f'{where} is in {course.unit}, but {start.coordinate} {kind}: give it in '
-            f'{course.units()[straight]}'
+            f'{where} is in {profile.unit}, but {start.coordinate} {kind}: give it in '
+            f'{profile.units()[straight]}'
         )
-    if course.formula is not None:
-        series = TimeSeries(course.tree(), course.formula)
+    if profile.formula is not None:
+        series = TimeSeries(profile.tree(), profile.formula)
         try:
             laws = FormulaLaws(start.coordinate, series, straight, rate)
             first = laws.first(start.coefficients[0], start.turns)
@@ -293,13 +293,13 @@ def _course_laws(
         except InputError as error:
             raise InputError(f'{where}: {error}') from error
     try:
-        course.check_rising()
-        found = _through_points(course, start, straight)
+        profile.check_rising()
+        found = _through_points(profile, start, straight)
     except ValueError as error:
         raise InputError(f'{where} {error}') from error
-    if not course.periodic:
+    if not profile.periodic:
         return tuple(found), None
-    begin, end = course.given[0][0], course.given[-1][0]
+    begin, end = profile.given[0][0], profile.given[-1][0]
     cycle = [law for law in found if begin <= law.valid_from < end]
     way, period = _place(found[-1], end) - _place(cycle[0], begin), Fraction(end) - Fraction(begin)
     if not rate:
@@ -321,16 +321,16 @@ def _place(law: DriveLaw, t: float) -> Fraction:
     return turns * TWO_PI + Fraction(place)
 
 
-def _through_points(course: CoursePart, start: DriveLaw, straight: bool) -> list[DriveLaw]:
+def _through_points(profile: MotionProfile, start: DriveLaw, straight: bool) -> list[DriveLaw]:
     """The laws by points; speeds without a spline are joined by ramps."""
-    ramped = isinstance(course, SpeedPart) and course.interpolation in (None, 'linear')
-    if isinstance(course, SpeedPart) and ramped:
+    ramped = isinstance(profile, SpeedPart) and profile.interpolation in (None, 'linear')
+    if isinstance(profile, SpeedPart) and ramped:
         return speed_profile(
-            start.coordinate, start.coefficients[0], [(t, x.value) for t, x in course.given],
-            course.ramp == 'smooth', straight, start.turns,
+            start.coordinate, start.coefficients[0], [(t, x.value) for t, x in profile.given],
+            profile.ramp == 'smooth', straight, start.turns,
         )  # fmt: skip
-    breaks, rows = course.spline()
-    rate = isinstance(course, SpeedPart)
+    breaks, rows = profile.spline()
+    rate = isinstance(profile, SpeedPart)
     return curve_laws(start.coordinate, breaks, rows, start if rate else None, straight)
 
 

@@ -155,7 +155,12 @@ class EquationsOfMotion:
         tabulated = any(isinstance(s, SwitchTable) for s in system.switches)
         many = len(system.free) + rows >= _COMPACT_FROM
         flexible = any(x.flexible for x in self.plan.loose.extensions.values())
-        more = system.elements or system.constraint_mass or system.dynamics.rubs or flexible
+        more = (
+            system.elements
+            or system.constraint_mass
+            or system.dynamics.frictional_joints
+            or flexible
+        )
         worn = any(getattr(c, 'profile', None) for c in self.plan.clearances.values())
         # few of them may be long, as of a loose Geneva wheel with friction: 40 s of compilation
         return bool(more) or tabulated or many or worn or system.taylor(True).terms.long

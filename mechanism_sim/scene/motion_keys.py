@@ -58,7 +58,7 @@ def _positive(value: QuantityValue) -> QuantityValue:
 _POSITIVE_VALUE = AfterValidator(_positive)
 
 
-class CoursePart(Part):
+class MotionProfile(Part):
     """A quantity over time: a formula, or points in the scene or in a file."""
 
     of_files: ClassVar[tuple[str, ...]] = FROM_FILE
@@ -97,7 +97,7 @@ class CoursePart(Part):
         raise NotImplementedError
 
     @model_validator(mode='after')
-    def _is_course(self) -> CoursePart:
+    def _is_profile(self) -> MotionProfile:
         points = self.given
         if (self.formula is None) == (not points):
             both = 'both' if points else 'none'
@@ -215,7 +215,7 @@ def _unit_of_formula(root: ExpressionNode, text: str, units: tuple[str, str]) ->
     raise said
 
 
-class PositionPart(CoursePart):
+class PositionPart(MotionProfile):
     """A position over time: a formula, or points in the scene or in a file."""
 
     points: list[tuple[Time, AnyPosition]] | None = Field(None, min_length=2)
@@ -257,7 +257,7 @@ class PositionPart(CoursePart):
         return value, speed
 
 
-class SpeedPart(CoursePart):
+class SpeedPart(MotionProfile):
     """Speeds over time: a formula, or points joined by ramps or by a spline."""
 
     points: list[tuple[Time, Pace]] | None = Field(None, min_length=1)

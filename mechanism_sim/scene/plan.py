@@ -116,15 +116,15 @@ class ScenePlan(Names):
         )
         self.begins |= {c: (positions.get(c, 0.0), 0.0) for c in tree.deformations}
         self.clearances: dict[str, ClearanceSpec] = {
-            joint.name: play
+            joint.name: spec
             for joint in sorted(self.joints, key=lambda x: scene.joints[x.name].kind_keys.last)
             for keys in [scene.joints[joint.name]]
-            if (play := keys.kind_keys.play(keys, joint)) is not None
+            if (spec := keys.kind_keys.clearance_spec(keys, joint)) is not None
         }
         self.touching: dict[str, ClearanceSpec] = {
-            name: play
+            name: spec
             for name, keys in scene.joints.items()
-            if (play := keys.kind_keys.touches(keys, name)) is not None
+            if (spec := keys.kind_keys.touches(keys, name)) is not None
         }
         self._loads = read_loads(self, tree)
         self.states = [x for x in self._loads(tree) if isinstance(x, FormulaState)]

@@ -67,27 +67,27 @@ def read_frictions(
     names: Names, loose: Container[str]
 ) -> Callable[[Mechanism], list[JointFriction]]:
     """Friction in ideal joints, of a tree of the mechanism."""
-    rubs = []
+    frictional = []
     for name, joint in names.scene.joints.items():
         given, own = joint.friction, joint.kind_keys
-        if given is None or own.rubs_by is None:
+        if given is None or own.friction_keys is None:
             continue
-        where, (keys, needed) = f'joints.{name}.friction', own.rubs_by
+        where, (keys, needed) = f'joints.{name}.friction', own.friction_keys
         for key in given.model_fields_set - {'coefficient', *keys}:
             if getattr(given, key) is not None:
                 raise InputError(f'{where}.{key} has no meaning in {a_or_an(joint.kind)} joint')
         if needed and getattr(given, keys[0]) is None:
             raise InputError(f"{where} needs a '{keys[0]}', as {keys[0]}: 10 mm")
-        if given.coefficient and name in loose and not own.rubs_loose:
+        if given.coefficient and name in loose and not own.friction_when_loose:
             raise InputError(
                 f'{where}: the joint is loose: give the friction of its walls in its '
                 "'clearance', 'lift_off', 'groove' or 'backlash'"
             )
         if given.coefficient or given.efficiency:
-            rubs.append((name, joint, given))
+            frictional.append((name, joint, given))
     return lambda m: [
         x
-        for name, joint, given in rubs
+        for name, joint, given in frictional
         for x in joint.kind_keys.frictions(joint, given, m.joint(name), m)
     ]
 

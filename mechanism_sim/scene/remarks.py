@@ -215,9 +215,9 @@ def _masses(machine: Machine) -> Iterator[str]:
 
 def _plays(machine: Machine) -> Iterator[str]:
     size = machine.mechanism.size
-    for joint, play in machine.plan.clearances.items():
-        radial, pair = play.radial, machine.mechanism.joint(joint)
-        if isinstance(pair, HigherPair) and pair.angular_play:
+    for joint, spec in machine.plan.clearances.items():
+        radial, pair = spec.radial, machine.mechanism.joint(joint)
+        if isinstance(pair, HigherPair) and pair.angular_clearance:
             continue
         if radial and not _LEAST_PLAY <= radial <= _MOST_PLAY * size:
             part = machine.scene.joints[joint]
@@ -228,10 +228,10 @@ def _plays(machine: Machine) -> Iterator[str]:
 
 
 def _oils(machine: Machine) -> Iterator[str]:
-    for joint, play in machine.plan.clearances.items():
-        if play.contact and (play.contact.viscosity or 0.0) > _THICKEST:
+    for joint, spec in machine.plan.clearances.items():
+        if spec.contact and (spec.contact.viscosity or 0.0) > _THICKEST:
             yield (
-                f'joints.{joint}.clearance.contact.viscosity = {play.contact.viscosity:g} Pa s is '
+                f'joints.{joint}.clearance.contact.viscosity = {spec.contact.viscosity:g} Pa s is '
                 'that of honey or more, those of oils are given in mPa s: is the unit right?'
             )
 

@@ -292,12 +292,12 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
                 'rod.start]'
             )
         c, own = self.clearance, self.kind_keys
-        if self.friction and not own.rubs_by:
-            rubbing = ', '.join(name for name, k in KINDS.items() if k.rubs_by)
+        if self.friction and not own.friction_keys:
+            rubbing = ', '.join(name for name, k in KINDS.items() if k.friction_keys)
             raise ValueError(f'cannot have friction: a {self.kind} has none here, only {rubbing}')
         if c and own.firm:
             raise ValueError(f'cannot have a clearance: {own.firm}')
-        if c and (wrong := own.wrong_play(self, c)):
+        if c and (wrong := own.clearance_objection(self, c)):
             raise ValueError(wrong)
         return self
 

@@ -107,11 +107,11 @@ class Start:
 
     def _starts_closed(self, gap: Gap, value: Array) -> bool:
         """Pins are on their bushings but in oil, and what can only lift off is in contact."""
-        play, pin = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
+        spec, pin = self.plan.clearances[gap.joint], self._loose.joint(gap.joint)
         end = gap if isinstance(gap, EndGap) else None
-        if not isinstance(pin, Revolute) or play.film or (end and end.thrust):
-            return play.radial == 0.0
-        near = max(1e-9 * play.radial, 1e-14 * self._loose.size)
+        if not isinstance(pin, Revolute) or spec.film or (end and end.thrust):
+            return spec.radial == 0.0
+        near = max(1e-9 * spec.radial, 1e-14 * self._loose.size)
         return not end or float(gap.distance(value)[0]) <= near
 
     def _check_inside(self, gap: Gap, value: Array, seated: bool) -> None:
@@ -175,7 +175,7 @@ class Start:
         Where they do, ideal joints stay closed, and the pins are as little off their seats as can
         be, measured in their clearances.
         """
-        loose, plays = self._loose, self.plan.clearances
+        loose, specs = self._loose, self.plan.clearances
         names = loose.coordinates
         guess = np.array([given.get(c, x) for c, x in zip(names, near, strict=True)])
         fixed = [c for c in names if c in held or c in given]
@@ -188,9 +188,9 @@ class Start:
             for name, force in pressed.items():
                 keys, joint = self.plan.scene.joints[name], loose.joint(name)
                 rigid = {'contact': None} if self.plan.placed_outright else {}
-                play = plays[name].model_copy(update=rigid)
+                spec = specs[name].model_copy(update=rigid)
                 rows = [i for i, row in enumerate(every.rows) if row == name]
-                targets[rows] = keys.kind_keys.seat(keys, play, joint, loose, force, place)
+                targets[rows] = keys.kind_keys.seat(keys, spec, joint, loose, force, place)
 
         if self.plan.scene.start == 'seated' and self.equations.system.gaps:
             pressed = self._pressing(start.q[:, None], start.v[:, None])
@@ -210,9 +210,9 @@ class Start:
             if not given:
                 centred = "; or write 'start: centred'" if targets.any() else ''
                 raise InputError(f'{error}{centred}') from error
-        soft = np.array([row in plays for row in every.rows])
-        play = np.array([plays[row].radial if row in plays else 0.0 for row in every.rows])
-        weight = np.where(soft, _SOFT * loose.size / np.where(play, play, loose.size), 1.0)
+        soft = np.array([row in specs for row in every.rows])
+        spec = np.array([specs[row].radial if row in specs else 0.0 for row in every.rows])
+        weight = np.where(soft, _SOFT * loose.size / np.where(spec, spec, loose.size), 1.0)
         for _ in range(_ROUNDS):
             off, J = every.closure(guess[:, None])
             left = weight * (off[0] - targets)

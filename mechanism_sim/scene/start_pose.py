@@ -81,7 +81,7 @@ def check_start(machine: Machine, link: str, pose: Planar | None, velocity: Plan
     found_pose, found_velocity = pose_and_velocity(machine, link)
     pace = max(math.hypot(*found_velocity.at) / size, abs(found_velocity.angle), 1.0)
     if floats := link in machine.mechanism.floating:  # its bearings say where it lies in them
-        loose = 2.0 * max(play.radial for play in machine.plan.clearances.values())
+        loose = 2.0 * max(spec.radial for spec in machine.plan.clearances.values())
     for what, asked, found, scale, units in (
         ('pose', pose, found_pose, 1.0, ('m', 'rad')),
         ('velocity', velocity, found_velocity, pace, ('m/s', 'rad/s')),

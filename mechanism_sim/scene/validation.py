@@ -339,7 +339,7 @@ def _check_stops(machine: Machine, duration: float) -> None:
     distances = [gap.distance(x) for gap, x in zip(gaps, values(inputs)[0], strict=True)]
     room = _ROUNDING * mechanism.size
     if known:  # play gives way to the drive a little
-        room += _PLAYS * sum(play.radial for play in plan.clearances.values())
+        room += _PLAYS * sum(spec.radial for spec in plan.clearances.values())
     else:
         for gap, distance in zip(gaps, distances, strict=True):
             check_apart(gap, float(distance[0]), mechanism.size)

@@ -13,9 +13,9 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Mode
 from mechanism_sim.engine.physics import Physics, known_wrench
 from mechanism_sim.planar.elastic import Beam
+from mechanism_sim.planar.gaps import wall_name
 from mechanism_sim.planar.inverse_dynamics import Observation
 from mechanism_sim.planar.mechanism import HigherPair, Joint, Mechanism
-from mechanism_sim.planar.play import wall_name
 from mechanism_sim.planar.points import GROUND, Point, Vector2, trace
 from mechanism_sim.planar.view import Side, Trajectory
 
@@ -40,7 +40,7 @@ class JointView:
         """Number N of instants."""
         return int(self.observed.position.shape[1])
 
-    def course(self, link: str, at: Vector2 | None = None) -> Trajectory:
+    def trajectory(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """How a link moves: its displacement if a guide carries it, else its angle."""
         if link in self.mechanism.sliding:
             return self._coordinate(link)

@@ -23,8 +23,8 @@ from mechanism_sim.engine.dense_output import Motion
 from mechanism_sim.engine.events import Impact
 from mechanism_sim.errors import InputError
 from mechanism_sim.numerics.polynomials import PiecewisePolynomial
+from mechanism_sim.planar.gaps import is_stop, joint_of_gap
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
-from mechanism_sim.planar.play import is_stop, joint_of_gap
 from mechanism_sim.planar.points import GROUND
 
 _HEARING = 20e-6  #: [Pa] to which sound pressure levels refer

@@ -306,7 +306,7 @@ def follow(
     """
     state: State | None = None
     before: Machine | None = None
-    course = _Course()
+    trend = _Trend()
     found: list[dict[str, Any]] = []
     for change in changes:
         value, why = change[path], ''
@@ -318,12 +318,12 @@ def follow(
             why = str(error)
         if why:
             found.append(_NOTHING | {'note': why, 'value': value, 'branch': branch, 'state': None})
-            state, course = None, _Course()
+            state, trend = None, _Trend()
             continue
         if state and before:
             state = _carried(state, before, machine)
         shift = None if before is None else own - _begin(before)
-        for begin, seen in _starts(state, shift, course.step()):
+        for begin, seen in _starts(state, shift, trend.step()):
             try:
                 near = shared if shared and begin else plan
                 settled = _settled(machine, own, near, begin, seen)
@@ -334,7 +334,7 @@ def follow(
                 response, state, ends = _NOTHING | {'note': str(error)}, None, None
         found.append(response | {'value': value, 'branch': branch, 'state': state})
         state, before = None if branch == START else state, machine
-        course.enter(ends)
+        trend.enter(ends)
     return {'responses': found}
 
 
@@ -356,7 +356,7 @@ def _starts(
     yield None, _SEEN
 
 
-class _Course:
+class _Trend:
     """A parabola through three responses of a branch: where the next one is nearly."""
 
     def __init__(self) -> None:
@@ -519,12 +519,12 @@ class _SectionAccumulator:
         self._states: list[Array] = []
         self._ends: list[Array] = []
         self._points: list[Array] = []
-        self._struck: list[Impact] = []
+        self._impacts: list[Impact] = []
 
     def add(self, piece: Piece) -> None:
         """Enter the piece that follows."""
         curve = piece.motion.curve
-        self._struck += piece.impacts
+        self._impacts += piece.impacts
         if not len(curve):
             return
         seen = self._due(self._edges[1:] - APART * self._turn, self._states, curve)
@@ -551,7 +551,7 @@ class _SectionAccumulator:
         kept = p or keep
         # impacts at the very end of a turn are in that turn or in the next: count between turns
         end = turns - APART
-        last = [i for i in self._struck if end - kept < i.t / self._turn <= end]
+        last = [i for i in self._impacts if end - kept < i.t / self._turn <= end]
         own = [i for i in last if i.joint == self._plan.joint][-_MOST_POINTS:]
         points = (
             np.array([[getattr(i, n) for n in self._plan.of] for i in own])

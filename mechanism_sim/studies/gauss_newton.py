@@ -134,7 +134,7 @@ class LeastSquares:
         self.low = np.array([p.to_scale(p.low) for p in parameters])
         self.width = np.array([p.to_scale(p.high) for p in parameters]) - self.low
         self.runs = self.failed = self.differences = 0
-        self._seed, self._struck = seed, False
+        self._seed, self._has_impacts = seed, False
         for p in parameters:
             if p.choices:
                 raise InputError(f'{p.name} has values of a list, by which there is no derivative')
@@ -222,7 +222,7 @@ class LeastSquares:
         """The fit of the longest window whose residuals are like those of the ones before."""
         longer = _LONGER
         while fit.part < 1.0 and longer > _LEAST_LONGER:
-            if self._struck and fit.widths().max() < _ENOUGH:
+            if self._has_impacts and fit.widths().max() < _ENOUGH:
                 break
             sizes = self._sizes(fit, [m.noise for m in self.measurements])
             part = min(1.0, longer * fit.part)
@@ -451,7 +451,7 @@ class LeastSquares:
                 raise
             self.failed += 1
             return None
-        self._struck = bool(run.impacts)
+        self._has_impacts = bool(run.impacts)
         return run
 
     def _cost(self, fit: WindowFit) -> float:

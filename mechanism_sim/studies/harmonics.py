@@ -405,10 +405,10 @@ class _Excitation:
             own = np.flatnonzero(kind.ravel() == n)
             fixed = np.append(np.zeros(len(steep.outside)), steep.switched(kinds[:, n]))
             parameters = np.asarray(steep.parameters, float)
-            course = MotionSeries(np.zeros((len(moving), 1)), 1.0, fixed, parameters)
-            parts = steep.enclosure(course, scales, middle[:, own], radius[:, own])
+            motion = MotionSeries(np.zeros((len(moving), 1)), 1.0, fixed, parameters)
+            parts = steep.enclosure(motion, scales, middle[:, own], radius[:, own])
             places = moving[:, own].reshape(len(moving), -1)
-            seen = steep.enclosure(course, scales, places, np.zeros_like(places)).middle
+            seen = steep.enclosure(motion, scales, places, np.zeros_like(places)).middle
             seen = seen.reshape(len(seen), len(own), -1)
             with np.errstate(all='ignore'):  # what is not finite is not known
                 over = np.maximum(

@@ -39,9 +39,9 @@ from mechanism_sim.joints.contact_keys import Clearance, WearPart
 from mechanism_sim.keys.names import listed
 from mechanism_sim.numerics.batch_means import batches
 from mechanism_sim.results.bearing_wear import (
-    LOAD_WAY,
-    STRUCK_WAY,
-    STRUCK_WORK,
+    IMPACT_SLIP,
+    IMPACT_WORK,
+    LOAD_SLIP,
     WORK,
     wear_sums,
 )
@@ -362,11 +362,11 @@ def wear_in(
     times[-1] *= 1.0 + 1e-12  # what happens at the very end counts
     row: Row = {'depths': {}, 'scatter': {}, 'impacts': []}
     for joint in joints:
-        play = machine.plan.clearances[joint]
-        assert isinstance(play, Clearance) and play.wear  # noqa: S101, PT018 - it wears
-        sums = wear_sums(machine, solution, joint, PLACES, times, play.journal) / size
-        degree = play.profile.harmonics if play.profile else 16
-        worn = [_smooth(_depth(s, play, play.wear, k), degree) for k, s in enumerate(sums)]
+        spec = machine.plan.clearances[joint]
+        assert isinstance(spec, Clearance) and spec.wear  # noqa: S101, PT018 - it wears
+        sums = wear_sums(machine, solution, joint, PLACES, times, spec.journal) / size
+        degree = spec.profile.harmonics if spec.profile else 16
+        worn = [_smooth(_depth(s, spec, spec.wear, k), degree) for k, s in enumerate(sums)]
         row['depths'][joint], row['scatter'][joint] = np.transpose(worn, (1, 0, 2)).tolist()
         struck = sum(i.joint == joint and i.t >= times[0] for i in solution.impacts)
         row['impacts'].append(struck / (count * size))
@@ -376,12 +376,12 @@ def wear_in(
     return row
 
 
-def _depth(sums: Array, play: Clearance, wear: WearPart, surface: int) -> Array:
+def _depth(sums: Array, spec: Clearance, wear: WearPart, surface: int) -> Array:
     """Depths (B, 180) [m] worn off a surface (bushing 0, pin 1) in each part of a run."""
-    rows = (LOAD_WAY, STRUCK_WAY) if wear.law == 'archard' else (WORK, STRUCK_WORK)
+    rows = (LOAD_SLIP, IMPACT_SLIP) if wear.law == 'archard' else (WORK, IMPACT_WORK)
     volume = (wear.bushing, wear.pin)[surface] * (sums[rows[0]] + sums[rows[1]])
-    radius = play.journal + (0.0 if surface else play.radial)
-    width = wear.width or (play.contact and play.contact.width)
+    radius = spec.journal + (0.0 if surface else spec.radial)
+    width = wear.width or (spec.contact and spec.contact.width)
     assert width  # noqa: S101 - checked
     return np.asarray(volume * PLACES / (2.0 * math.pi * radius * width))
 
@@ -475,14 +475,14 @@ def _roomy(
     """Depths of bearings by joint, with room for the pin beside each wall that wears."""
     found = {}
     for joint, both in depths.items():
-        play = loose[joint]
-        assert isinstance(play, Clearance) and play.wear  # noqa: S101, PT018 - it wears
-        rooms = [play.reach + float(both[other].mean()) for other in (1, 0)]
+        spec = loose[joint]
+        assert isinstance(spec, Clearance) and spec.wear  # noqa: S101, PT018 - it wears
+        rooms = [spec.reach + float(both[other].mean()) for other in (1, 0)]
         found[joint] = np.array(
             [
                 room_for_pin(depth, room, roundest) if wears else depth
                 for depth, room, wears in zip(
-                    both, rooms, (play.wear.bushing, play.wear.pin), strict=True
+                    both, rooms, (spec.wear.bushing, spec.wear.pin), strict=True
                 )
             ]
         )

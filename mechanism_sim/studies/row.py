@@ -109,7 +109,9 @@ class _Figures:
         self._digest = MotionDigest() if task.wants('digest') else None
         loads = task.wants('largest_force', 'largest_torque')
         self._peaks = LoadPeaks(machine, self.since) if loads else None
-        self._struck: dict[str, list[float]] = {joint: [] for joint in machine.physics.clearances}
+        self._impulses: dict[str, list[float]] = {
+            joint: [] for joint in machine.physics.clearances
+        }
         self._taken = Measurement(machine, task.measures, self.since) if task.measures else None
 
     def add(self, piece: Piece) -> None:
@@ -130,7 +132,7 @@ class _Figures:
             self._crank[inside] = curve(at)[:, self._main]
         for impact in piece.impacts:
             if impact.t >= self.since:
-                self._struck[impact.joint].append(impact.normal_impulse)
+                self._impulses[impact.joint].append(impact.normal_impulse)
 
     def row(self, run: Stream) -> Row:
         """The figures of the whole run."""
@@ -146,7 +148,7 @@ class _Figures:
             means = self._accumulator.means(self._skip, turned)
             found = [x for m in means for x in (m.mean, m.half_width)]
             figures |= zip((f.name for f in FIGURES), [*found, turns], strict=False)
-        largest = {j: max(x, default=0.0) for j, x in self._struck.items()}
+        largest = {j: max(x, default=0.0) for j, x in self._impulses.items()}
         figures['largest_impulse'] = max(largest.values(), default=0.0)
         if self._peaks:
             forces, torques = self._peaks.forces, self._peaks.torques
@@ -155,7 +157,7 @@ class _Figures:
             figures |= {f'largest_torque.{c}': peak.value for c, peak in torques.items()}
         figures['max_penetration'] = run.max_penetration
         figures['energy_residual'] = run.energy.residual if run.energy else math.nan
-        figures |= {f'impacts.{joint}': len(x) for joint, x in self._struck.items()}
+        figures |= {f'impacts.{joint}': len(x) for joint, x in self._impulses.items()}
         figures |= {f'largest_impulse.{joint}': x for joint, x in largest.items()}
         figures |= {
             m.name: m.value for m in (self._taken.found(silent=True) if self._taken else ())

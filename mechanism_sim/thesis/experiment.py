@@ -325,14 +325,14 @@ def _condition(bag: Path, machine: Machine) -> Condition:
             f'{bag}: the experiment is that of a four_bar of rigid links whose joint {JOINT} has '
             'clearance'
         )
-    play = machine.plan.clearances[JOINT]
+    spec = machine.plan.clearances[JOINT]
     if machine.torque_driven or not machine.drive.steady:
         raise InputError(f'{bag}: the experiment is that of a crank at constant speed')
     viscosity = 0.0
-    if play.contact and play.film:
-        viscosity = play.contact.viscosity or 0.0
-    bearing = BearingContact(play.restitution, play.friction, viscosity)
-    return Condition(machine.drive.start[1], play.radial, bearing)
+    if spec.contact and spec.film:
+        viscosity = spec.contact.viscosity or 0.0
+    bearing = BearingContact(spec.restitution, spec.friction, viscosity)
+    return Condition(machine.drive.start[1], spec.radial, bearing)
 
 
 def _cycle(record: Record, ideal: Record, turn: int) -> CrankTurn:

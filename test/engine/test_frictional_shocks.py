@@ -194,8 +194,8 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
     machine = ms.load_scene(name, {f'joints.{j}.clearance': c for j, c in clearances.items()})
     system = machine.equations.system
     dynamics, m = system.dynamics, len(system.gaps)
-    mu, rubs = np.array(dynamics.contacts.friction), dynamics.contacts.frictional
-    assert 0 < len(rubs) < m
+    mu, frictional = np.array(dynamics.contacts.friction), dynamics.contacts.frictional
+    assert 0 < len(frictional) < m
     margin = system.run.compile_now([dynamics.exact.jam_margin])
     sliding = dynamics.sliding
     assert not sliding.sticks
@@ -208,8 +208,8 @@ def test_forces_of_many_contacts_are_those_of_a_dense_solution(name):
         modes[((mu == 0.0) | (k % 2 == 0)) & (modes == 1)] = 2
         slips = np.choose(modes, [0.0, 0.0, 1.0, -1.0])
         parameters[system.parameters.closed] = modes > 0
-        parameters[system.parameters.sticks] = modes[rubs] == 1
-        parameters[system.parameters.slips] = slips[rubs]
+        parameters[system.parameters.sticks] = modes[frictional] == 1
+        parameters[system.parameters.slips] = slips[frictional]
         inputs = np.array([*state, *parameters, 0.3])
         seen = system.functions.contact_function(inputs)
         terms = problem_of(

@@ -495,14 +495,14 @@ def test_what_no_format_has_is_said():
         'sensors': {'pick_up': {
         'link': 'rod', 'at': '10 mm', 'axis': 'across', 'sample_rate': '10 kHz'}}})  # fmt: skip
     (said,) = [x for x in urdf.left_out(machine) if x.startswith('left out, for URDF')]
-    rubs = [
+    frictions = [
         f'the friction of {friction.name}'
         for friction in machine.plan.frictions(machine.plan.ideal)
     ]
     named = (
         'gravity',
         'the clearance of rod_piston',
-        *rubs,
+        *frictions,
         *(e.name for e in machine.plan.elements(machine.plan.ideal)),
         'pick_up',
     )

@@ -49,13 +49,13 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
     touching = [i for i in range(count) if run.state.closed[i] or abs(terms.value[i]) < near]
     friction = np.minimum(terms.friction[touching], 1e4)
     rows = [*touching, *(count + i for i in touching)]
-    rubs = bool(machine.equations.system.dynamics.rubs)
+    frictional = bool(machine.equations.system.dynamics.frictional_joints)
 
     def ends() -> bool:
         terms = run.contact_terms
         v = np.array([terms.rate[r] if r < len(terms.rate) else 0.0 for r in rows])
         v[np.abs(v) < _NEAR * max(speed, 1.0)] = 0.0
-        if rubs:
+        if frictional:
             return no_forces(run, machine.equations.system, touching, v[len(touching) :], friction)
         A = np.array([[terms.compliance[r][c] for c in rows] for r in rows])
         b = np.array([terms.free_acceleration[r] for r in rows])

@@ -33,46 +33,56 @@ class JointForces:
 
     Attributes
     ----------
-    rows, normals, rubs : how many rows there are, of these normals, and frictions
+    rows, normals, frictions : how many rows there are, of these normals, and frictions
     slips : (rubs,) rates at which joints slide, exactly zero where they are at rest
     """
 
     def __init__(self, run: EventLoop, system: System) -> None:
         d, frames = system.dynamics, system.equations.frames
         struck = [hy.make_vars(f'struck{k}') for k in range(len(d.contacts.rows))]
-        x = [*struck, *(rub.T for rub in d.rubs)]
+        x = [*struck, *(joint.T for joint in d.frictional_joints)]
         solved = d.struck(struck)
         carried = system.set_valued.reactions(solved)
-        bounds = [rub.friction.pressed(frames, carried[rub.friction.name]) for rub in d.rubs]
+        bounds = [
+            joint.friction.pressed(frames, carried[joint.friction.name])
+            for joint in d.frictional_joints
+        ]
         self._terms = [[(len(p.components), p.wall) for p in b] for b in bounds]
         parts = [
             dense(add(a, dot(line, struck)))
             for a, line in zip(d.free_acceleration, d.reduced.contacts.compliance, strict=True)
         ]
-        parts += [system.set_valued._rate(dense(rub.slip.rate), solved.a) for rub in d.rubs]
+        parts += [
+            system.set_valued._rate(dense(joint.slip.rate), solved.a)
+            for joint in d.frictional_joints
+        ]
         parts += [dense(c) for b in bounds for p in b for c in p.components]
         outputs = [*parts, *(hy.diff(y, z) for y in parts for z in x)]
-        outputs += [dense(rub.slip.rate) for rub in d.rubs]
+        outputs += [dense(joint.slip.rate) for joint in d.frictional_joints]
         outputs += [dense(p.coefficient) for b in bounds for p in b]
         none = dict.fromkeys(x, hy.expression(0.0))
         seen = run._present.evaluate(system.run.compile_now(hy.subs(outputs, none)))
         size = len(parts)
         self._start, slopes, rest = np.split(seen, [size, size * (1 + len(x))])
         self._slopes = slopes.reshape(size, len(x))
-        self.rows, self.normals, self.rubs = len(struck), len(d.contacts.normal), len(d.rubs)
-        self.slips, self._mu = np.split(rest, [self.rubs])
+        self.rows, self.normals, self.frictions = (
+            len(struck),
+            len(d.contacts.normal),
+            len(d.frictional_joints),
+        )
+        self.slips, self._mu = np.split(rest, [self.frictions])
         self.slips[np.abs(self.slips) < _SWITCHES.rest] = 0.0
 
     def accelerations(self, x: Array) -> Array:
         """Of all rows, then of the slips of joints."""
-        n = self.rows + self.rubs
+        n = self.rows + self.frictions
         found: Array = self._start[:n] + self._slopes[:n] @ x
         return found
 
     def bounds(self, x: Array) -> Array:
         """Largest frictions (rubs,) that joints have under such forces."""
-        n = self.rows + self.rubs
-        c, found, i, j = self._start[n:] + self._slopes[n:] @ x, np.zeros(self.rubs), 0, 0
+        n = self.rows + self.frictions
+        c, found, i, j = self._start[n:] + self._slopes[n:] @ x, np.zeros(self.frictions), 0, 0
         for k, terms in enumerate(self._terms):
             for size, wall in terms:
                 own = c[i : i + size]
@@ -117,13 +127,16 @@ def no_forces(
     for modes in product(*contacts, *joints):
         for start in _STARTS:
             x = scipy.optimize.root(
-                f.laws, np.full(f.rows + f.rubs, start), (modes, touching, friction), tol=1e-13
+                f.laws,
+                np.full(f.rows + f.frictions, start),
+                (modes, touching, friction),
+                tol=1e-13,
             ).x
             most = max(1.0, float(np.abs(x).max()))
             solved = np.abs(f.laws(x, modes, touching, friction)).max() <= _SOLVED * most
             if solved and _obeys(f, x, modes, touching, friction, [*rates, *f.slips]):
                 return False
-    return m > 0 or f.rubs > 0
+    return m > 0 or f.frictions > 0
 
 
 def _obeys(

@@ -136,10 +136,10 @@ def _block(random: Random, k: int) -> tuple[Draft, Route | None]:
         'loads': {'spring': {'at': 'block', 'force': [f'-{stiffness}*x', f'-{stiffness}*y']}},
         'initial': {'position': {'block': start}, 'velocity': {'block': rate}},
     }  # fmt: skip
-    rubs = k // 8 % 4 == 3
-    if rubs:
+    frictional = k // 8 % 4 == 3
+    if frictional:
         scene['joints']['g']['friction'] = {'coefficient': float(random.uniform(0.05, 0.5))}
-    if rubs or 'contact' in e:
+    if frictional or 'contact' in e:
         return Draft(scene, duration=1.0), None
     one = np.ones(1)
     return Draft(scene, duration=1.0), Route(
@@ -158,8 +158,8 @@ def _detent(random: Random, k: int) -> tuple[Draft, Route | None]:
     joint: Scene = {'contact': ['lever.end', 'arm.end'], 'radii': [r1, r2], **e}
     if 'contact' in e:
         joint['contact'], joint['compliance'] = ['lever.end', 'arm.end'], e['contact']
-    rubs = k // 8 % 4 == 1
-    if rubs:
+    frictional = k // 8 % 4 == 1
+    if frictional:
         joint['friction'] = {'coefficient': float(random.uniform(0.05, 0.5))}
     scene: Scene = {
         'title': 'a detent', 'mechanism': 'linkage', 'gravity': [0.0, -_G],
@@ -171,7 +171,7 @@ def _detent(random: Random, k: int) -> tuple[Draft, Route | None]:
         'initial': {'position': {'lever': start[0], 'arm': start[1]},
                     'velocity': {'lever': rate}},
     }  # fmt: skip
-    if rubs or 'contact' in e:
+    if frictional or 'contact' in e:
         return Draft(scene, duration=0.5), None
     m, s = (np.array([x[key] for x in (one, two)]) for key in ('mass', 'cog'))
     J = np.array([x['inertia'] for x in (one, two)]) + m * s * s

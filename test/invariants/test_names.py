@@ -17,7 +17,7 @@ from builders import made
 import mechanism_sim as ms
 from mechanism_sim.engine.digest import MotionDigest
 from mechanism_sim.errors import InputError
-from mechanism_sim.planar.play import is_stop, joint_of_gap
+from mechanism_sim.planar.gaps import is_stop, joint_of_gap
 from mechanism_sim.results.catalogue import catalogue
 
 LINKS = ('one', 'two', 'three', 'block', 'swing')

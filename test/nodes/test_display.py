@@ -24,8 +24,8 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.messages import seconds
 from mechanism_sim.messages.topics import topics_of
 from mechanism_sim.nodes.force_markers import SHORTEST, ForceMarkers
+from mechanism_sim.planar.gaps import ENDS
 from mechanism_sim.planar.mechanism import HigherPair, Revolute
-from mechanism_sim.planar.play import ENDS
 from mechanism_sim.report.layouts import plots, to_foxglove, to_rviz
 from ros_interfaces.definitions import field_descriptions
 

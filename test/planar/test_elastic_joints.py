@@ -263,8 +263,8 @@ def test_a_stiff_rail_moves_as_a_rigid_one():
 @pytest.mark.slow
 @pytest.mark.parametrize('friction', [0.0, 0.1])
 def test_energy_is_balanced_in_a_loose_slot_of_an_elastic_link(friction):
-    rubs = {'friction': friction, 'pin_radius': 5e-3, 'hypothesis': 'stronge'}
-    play = {'radial': 1e-4, 'restitution': 0.5, **(rubs if friction else {})}
+    rough = {'friction': friction, 'pin_radius': 5e-3, 'hypothesis': 'stronge'}
+    play = {'radial': 1e-4, 'restitution': 0.5, **(rough if friction else {})}
     solution = ms.simulate(quick_return(play, elastic=BEAM), duration=0.1)
     assert len(solution.impacts) > 20
     assert abs(solution.energy.residual) < 1e-9 * solution.energy.dissipated

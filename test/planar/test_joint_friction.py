@@ -146,9 +146,9 @@ def test_a_slot_is_a_clutch(share):
 @pytest.mark.sample(2)
 @pytest.mark.parametrize('mu', [0.0, 0.05, 0.1, 0.17])
 def test_a_wedge_lifts_and_lowers_and_holds(mu):
-    rubs = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
+    frictions = {f'joints.{n}.friction.coefficient': mu for n in ('bed', 'guide', 'face')}
     for speed in (0.02, -0.02):
-        scene = variant('wedge', {**rubs, 'drive.speed': speed})
+        scene = variant('wedge', {**frictions, 'drive.speed': speed})
         cycle = ms.cycle(made(scene, 'wedge'), duration=1.0)
         way = math.copysign(1.0, speed)
         assert cycle['drive_torque'] == pytest.approx(lifted(mu, way), rel=1e-9)
@@ -216,9 +216,9 @@ def by_hand(q, v, a, mu, radii, wall, load):
     def cross(x, y):
         return x[0] * y[1] - x[1] * y[0]
 
-    def left(z, rubs):
+    def left(z, frictions):
         R1, R2, R3, N, M, torque = z[:2], z[2:4], z[4:6], z[6], z[7], z[8]
-        T1, T2, T3, F = rubs
+        T1, T2, T3, F = frictions
         return np.array([
             *(R1 - R2 + 0.8 * weight - 0.8 * a2),
             T1 - T2 + torque + cross(-g2 * e2, R1) - cross((r - g2) * e2, R2) - 7e-4 * dw,
@@ -227,7 +227,7 @@ def by_hand(q, v, a, mu, radii, wall, load):
             R3[0] + F + load - 0.5 * ds, R3[1] + N - 0.5 * G, T3 + M,
         ])  # fmt: skip
 
-    def rubbed(z):
+    def friction_forces(z):
         ways, arms = np.sign([w, u - w, -u]), [mu / math.hypot(1.0, mu) * x for x in radii]
         T = [
             -x * s * np.hypot(*z[k : k + 2]) for x, s, k in zip(arms, ways, (0, 2, 4), strict=True)
@@ -237,9 +237,9 @@ def by_hand(q, v, a, mu, radii, wall, load):
 
     z = np.zeros(9)
     for _ in range(200):  # friction of the forces that friction changes
-        rubs = rubbed(z)
-        none = left(np.zeros(9), rubs)
-        matrix = np.array([left(unit, rubs) - none for unit in np.eye(9)]).T
+        frictions = friction_forces(z)
+        none = left(np.zeros(9), frictions)
+        matrix = np.array([left(unit, frictions) - none for unit in np.eye(9)]).T
         z = np.linalg.solve(matrix, -none)
     return z
 

@@ -435,14 +435,14 @@ def test_overestimation_shortens_no_step():
     enclosure = Enclosure([hy.exp(-(x * x + y * y)) + hy.sqrt(x * x + y * y)], [], [x, y], [])
     power = np.arange(21)
     wave = 2.0**power / np.array([math.factorial(k) for k in power])
-    course = fixed([wave * np.cos(0.5 * np.pi * power), wave * np.sin(0.5 * np.pi * power)])
+    motion = fixed([wave * np.cos(0.5 * np.pi * power), wave * np.sin(0.5 * np.pi * power)])
     looks = []
 
     def defect(at):
         looks.append(len(at))
         return np.zeros(len(at))
 
-    assert reach_of(enclosure, course, np.full(1, 1e-12), defect).fault is None
+    assert reach_of(enclosure, motion, np.full(1, 1e-12), defect).fault is None
     assert sum(looks) < 1000
 
 

@@ -19,8 +19,8 @@ from mechanism_sim.engine.events import Mode
 from mechanism_sim.errors import InputError
 from mechanism_sim.pages.charts import figure, sections
 from mechanism_sim.report.charts import bands, impacts
-from mechanism_sim.report.charts import course as course_module
-from mechanism_sim.report.charts.course import ChartedRun
+from mechanism_sim.report.charts import charted_run as charted_run_module
+from mechanism_sim.report.charts.charted_run import ChartedRun
 from mechanism_sim.report.charts.thinning import MOST, SampledLine, thin, thinned
 
 JOINT = 'coupler_rocker'
@@ -195,7 +195,7 @@ def test_a_run_is_looked_at_in_blocks_that_do_not_grow_with_it(monkeypatch):
     """Of places, for long segments have many; the lines are those of any other blocks."""
     record, found = simulated('slider_crank', revolutions=12), []
     for most in (256, 10**6):
-        monkeypatch.setattr(course_module, '_BLOCK', most)
+        monkeypatch.setattr(charted_run_module, '_BLOCK', most)
         window, sizes = ChartedRun(record).run, []
         blocks = window._blocks
         window._blocks = lambda *a, f=blocks, n=sizes: (n.append(len(b[0])) or b for b in f(*a))
@@ -210,8 +210,8 @@ def test_a_run_is_looked_at_in_blocks_that_do_not_grow_with_it(monkeypatch):
 
 def test_of_many_impacts_the_hardest_are_drawn(loose, monkeypatch):
     monkeypatch.setattr(impacts, 'STEMS', 30)
-    course = ChartedRun(loose)
-    section = impacts.impacts(course, 0)
+    charted = ChartedRun(loose)
+    section = impacts.impacts(charted, 0)
     (c,) = curves(section.charts[1], JOINT)
     assert len(c.x) <= 30
     hardest = max(i.normal_impulse for i in loose.piece.impacts)

@@ -26,7 +26,7 @@ from mechanism_sim.messages.units import units, units_of
 from mechanism_sim.recording.reader import read_bag
 from mechanism_sim.report import lines
 from mechanism_sim.report.charts.chart import Axis, Chart, ChartCurve, Panel
-from mechanism_sim.report.charts.course import ChartedRun
+from mechanism_sim.report.charts.charted_run import ChartedRun
 from mechanism_sim.report.charts.curves import over_drive
 from mechanism_sim.report.charts.lines import against, against_recorded, chart
 from mechanism_sim.report.charts.motion import over
@@ -425,10 +425,10 @@ def four_stroke():
 def test_pages_show_as_many_turns_as_bring_all_again(revolutions, said):
     """It was the last one alone, without the force of the other stroke."""
     solution = ms.simulate(four_stroke(), revolutions=revolutions)
-    course = ChartedRun(ms.open_run(solution))
-    chart = over_drive(course, 'forces', '', ['reaction.rod_piston.size'])
-    assert chart.panels[0].x.high == 360.0 * course.again
-    assert over(course) == said
+    charted = ChartedRun(ms.open_run(solution))
+    chart = over_drive(charted, 'forces', '', ['reaction.rod_piston.size'])
+    assert chart.panels[0].x.high == 360.0 * charted.again
+    assert over(charted) == said
     peak = np.nanmax(np.concatenate([c.y for c in chart.panels[0].curves]))
     t = np.linspace(0.0, solution.duration, 4001)
     sizes = solution.sample(t, 'reaction.rod_piston.size')['reaction.rod_piston.size']

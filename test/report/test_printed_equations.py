@@ -419,12 +419,14 @@ def test_printed_equations_of_motion_are_those_of_the_engine(variant):
             name = element.name.partition('.')[2] or element.name
             rows[f'Q_{name}_{c.replace(".", "_")}'] = np.array([d == c for d in eq.coordinates])
     model = model_of(machine)
-    for rub in model.dynamics.rubs if machine.level.dynamic else model._rubs:
+    for joint in (
+        model.dynamics.frictional_joints if machine.level.dynamic else model._frictional_joints
+    ):
         found = generalised(
-            rub.friction.loads(eq.frames, hy.expression(1.0)), eq.frames, eq.mechanism
+            joint.friction.loads(eq.frames, hy.expression(1.0)), eq.frames, eq.mechanism
         )
         terms = [found.get(c) for c in eq.coordinates]
-        rows[f'T_{rub.friction.label}'] = engine(machine, terms, state)
+        rows[f'T_{joint.friction.label}'] = engine(machine, terms, state)
     for load in machine.plan.unknowns(eq.mechanism):
         found = generalised(load.loads(eq.frames), eq.frames, eq.mechanism)
         terms = [found.get(c) for c in eq.coordinates]

@@ -9,7 +9,7 @@ from running import run as command
 
 import mechanism_sim as ms
 from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
-from mechanism_sim.report.charts.course import ChartedRun
+from mechanism_sim.report.charts.charted_run import ChartedRun
 from mechanism_sim.report.charts.subjects import loads
 from mechanism_sim.report.charts.thinning import HeldLevels
 from mechanism_sim.report.summary import load_rows, peaks_of

@@ -5,7 +5,7 @@ import pytest
 from builders import made
 
 import mechanism_sim as ms
-from mechanism_sim.results.bearing_wear import LOAD_WAY, wear_sums
+from mechanism_sim.results.bearing_wear import LOAD_SLIP, wear_sums
 
 RADIUS, WEIGHT = 8e-3, 20.0 * 9.81
 HANGER = {
@@ -30,7 +30,7 @@ def test_a_shaft_wears_evenly_that_turns_under_a_weight(speed, count):
     machine = made(HANGER, drive={'coordinate': 'shaft', 'speed': speed})
     run = ms.simulate(machine, revolutions=3)
     turns = np.array([1.0, 3.0]) * machine.drive.period
-    bushing, pin = wear_sums(machine, run, 'bearing', count, turns, RADIUS)[:, LOAD_WAY, 0]
+    bushing, pin = wear_sums(machine, run, 'bearing', count, turns, RADIUS)[:, LOAD_SLIP, 0]
     way = 2.0 * 2.0 * np.pi * RADIUS * WEIGHT
     assert pin == pytest.approx(np.full(count, way / count), rel=0.003)
     assert bushing[count // 4] == pytest.approx(way, rel=1e-9)

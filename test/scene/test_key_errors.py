@@ -328,5 +328,5 @@ class Bare(JointKeys):
 
 def test_friction_in_the_clearance_of_what_does_not_rub_is_refused() -> None:
     given = {'radial': '0.1 mm', 'restitution': 0.5}
-    assert not Bare().wrong_play(Clearance(**given))
-    assert 'friction' in Bare().wrong_play(Clearance(**given, friction=0.1))
+    assert not Bare().clearance_objection(Clearance(**given))
+    assert 'friction' in Bare().clearance_objection(Clearance(**given, friction=0.1))

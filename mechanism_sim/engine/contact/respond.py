@@ -74,7 +74,7 @@ TIME, HORIZON, FLOOR, MARGIN, LIMITS, DRIVES = 0, 1, 2, 3, 4, 10
 """Columns of the reals: time [s], longest next step [s], what guards of friction may be below
 zero, two roundings of a place [m]; then limits, rates of the drives, restitutions, frictions."""
 
-MODE, BEFORE, HYPOTHESIS, GIVEN, CLOSED, STICK, SLIP, PRESS, RUBS, RATED = range(10)
+MODE, BEFORE, HYPOTHESIS, GIVEN, CLOSED, STICK, SLIP, PRESS, FRICTIONAL, RATED = range(10)
 """Rows of the integers of every gap: mode, that before the event, hypothesis, sign of a slip to
 be; parameters of its four flags or -1; the gaps with friction; whether it has a rate only."""
 
@@ -210,7 +210,7 @@ def _opens(run: EventArrays, gap: int) -> bool:
 def slips(run: EventArrays) -> int:
     """A guard of friction fell through zero: sticking gives way, sliding ends or jams."""
     k = run.counters[GUARD] - len(run.gaps[MODE])
-    gap, sign = run.gaps[RUBS, k // 2], 1 - 2 * (k % 2)
+    gap, sign = run.gaps[FRICTIONAL, k // 2], 1 - 2 * (k % 2)
     run.gaps[BEFORE] = run.gaps[MODE]
     run.marks[TOUCHING] = run.marks[SHUT]
     run.marks[RESTING] = run.marks[SHUT]
@@ -356,9 +356,9 @@ def projected(run: EventArrays) -> int:
     first = size // 2 if stage == TURNED else 0
     for k in range(first, size):
         run.x[k] = run.seen[k]
-    rubs = run.gaps[STICK, 0] >= 0 or run.gaps[STICK].max() >= 0
+    frictional = run.gaps[STICK, 0] >= 0 or run.gaps[STICK].max() >= 0
     # what moved positions by a rounding turned the normals of fine clearances
-    if stage == PROJECTED and rubs and run.marks[SHUT].any():
+    if stage == PROJECTED and frictional and run.marks[SHUT].any():
         return TURNED
     if run.counters[BEGINS]:  # to slide, from a slip of exactly zero
         run.counters[BEGINS] = 0

@@ -44,8 +44,8 @@ class BeltKeys(PhaseKeys):
     """Link that carries both shafts; the ground if not given."""
 
     firm = 'belts and chains have strands'
-    rubs_by = ('groove', 'efficiency'), False
-    rubs_loose = True
+    friction_keys = ('groove', 'efficiency'), False
+    friction_when_loose = True
 
     def read(self, names: Names, name: str) -> Belt:
         """Between two pulleys on a carrier."""
@@ -114,7 +114,7 @@ class BeltKeys(PhaseKeys):
         arms = 0.5 * r1, 0.5 * s * r2
         return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
 
-    def play(self, joint: Any) -> ClearanceSpec | None:
+    def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
         """Strands that give way, or slip."""
         soft = self.stiffness or self._held() is not None
         return ClearanceSpec(radial=0.0, restitution=0.0) if soft else None

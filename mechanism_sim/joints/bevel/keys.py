@@ -62,7 +62,7 @@ class BevelKeys(SpatialKeys):
 
     firm = 'the backlash of bevel gears is not modelled'
     parts = BevelParts
-    rubs_by = (), False
+    friction_keys = (), False
 
     def read(self, names: Names, name: str) -> BevelPair:
         """A bevel pair."""

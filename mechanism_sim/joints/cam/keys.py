@@ -36,7 +36,7 @@ from mechanism_sim.joints.cam.laws import (
 from mechanism_sim.joints.cam.outlines import Edge, edge_cam, nose_cam, radii_cam
 from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, find_flaws
 from mechanism_sim.joints.cam.sheet import CamParts
-from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, clearance_spec_of
 from mechanism_sim.joints.joint_keys import KINDS, Reference
 from mechanism_sim.joints.transmission.keys import PhaseKeys
 from mechanism_sim.keys.names import Names
@@ -320,7 +320,7 @@ class CamKeys(PhaseKeys):
 
     firm = "write 'lift_off' or 'groove'"
     parts = CamParts
-    rubs_by = ('radius',), False
+    friction_keys = ('radius',), False
 
     def read(self, names: Names, name: str) -> CamPair:
         """A cam and its follower."""
@@ -333,13 +333,13 @@ class CamKeys(PhaseKeys):
                 raise
             raise InputError(f'{reader.where}: {error}') from error
 
-    def play(self, joint: Any) -> ClearanceSpec | None:
+    def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
         """The play of a cam that its follower may leave, or of a groove with clearance."""
         off, groove = self.lift_off, self.groove
         if off:
-            return play_of(off, 0.0)
+            return clearance_spec_of(off, 0.0)
         if groove and groove.clearance:
-            return play_of(groove, 0.5 * groove.clearance)
+            return clearance_spec_of(groove, 0.5 * groove.clearance)
         return None
 
     def frictions(
@@ -515,13 +515,13 @@ class _CamReader:
 
     def _check_friction(self) -> None:
         """A roller rubs on its pin, which must be smaller; nothing else has one."""
-        joint, rubs = self.joint, []
+        joint, radii = self.joint, []
         if joint.friction:
-            rubs.append((f'{self.where}.friction', 'radius', joint.friction.radius))
-        for key, play in (('lift_off', joint.lift_off), ('groove', joint.groove)):
-            if play and (play.friction or play.pin_radius):
-                rubs.append((f'{self.where}.{key}', 'pin_radius', play.pin_radius or None))
-        for where, key, radius in rubs:
+            radii.append((f'{self.where}.friction', 'radius', joint.friction.radius))
+        for key, spec in (('lift_off', joint.lift_off), ('groove', joint.groove)):
+            if spec and (spec.friction or spec.pin_radius):
+                radii.append((f'{self.where}.{key}', 'pin_radius', spec.pin_radius or None))
+        for where, key, radius in radii:
             if joint.follower == 'roller' and radius is None:
                 raise InputError(
                     f"{where} needs a '{key}', that of the roller's pin, as {key}: 4 mm"

@@ -39,8 +39,8 @@ class CamParts(JointParts):
         """Sizes and limits of the cam, and what is wrong with it; its outline on its link."""
         joint, clearance = self.joint, None
         if joint.grooved:
-            play = self.machine.plan.clearances.get(joint.name)
-            clearance = 2.0 * (play.radial or 0.0) if play else 0.0
+            spec = self.machine.plan.clearances.get(joint.name)
+            clearance = 2.0 * (spec.radial or 0.0) if spec else 0.0
         sense = 1 if joint.distance.slides else joint.sense
         cam, law = joint.cam, joint.cam.law
         remarks = [str(flaw) for flaw in (*find_flaws(cam, clearance), *find_cut_away(cam))]

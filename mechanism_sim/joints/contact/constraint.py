@@ -20,8 +20,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.gaps import with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
-from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import LinkPoint, Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
 from mechanism_sim.planar.view import Draft, Side, circle

@@ -26,7 +26,7 @@ class ContactKeys(TouchingKeys):
     """Of a contact, another point LINK.POINT of its second link; from disc to disc between both
     points there is a bar, with the second radius as half of its thickness."""
     firm = 'links in contact separate by themselves'
-    rubs_by = (), False
+    friction_keys = (), False
 
     def read(self, names: Names, name: str) -> DiscPair:
         """Two discs, or a disc and a bar."""
@@ -53,8 +53,8 @@ class ContactKeys(TouchingKeys):
             f'{two:g} m'
         )
 
-    def bounds(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """Their distance."""
         return [
-            DiscGap(joint, mechanism, play.restitution, play.friction, play.hypothesis, play.law())
+            DiscGap(joint, mechanism, spec.restitution, spec.friction, spec.hypothesis, spec.law())
         ]

@@ -18,8 +18,8 @@ from typing import ClassVar
 from mechanism_sim.joints.transmission.constraint import Transmission, TransmissionClosure
 from mechanism_sim.numerics.symbolic import dense
 from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.gaps import Wall
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.view import Draft, Side
 
 

@@ -52,11 +52,11 @@ class OneWayKeys(PhaseKeys):
         kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
         return f'{kind}: {joint.first} takes {joint.second} along {way}'
 
-    def bounds(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The one that holds."""
         side: Side = 'right' if joint.sense > 0.0 else 'left'
-        closure, law = joint.closure(mechanism), play.law()
-        return [Overrun(closure, side, 0.0, play.restitution, 0.0, play.hypothesis, law)]
+        closure, law = joint.closure(mechanism), spec.law()
+        return [Overrun(closure, side, 0.0, spec.restitution, 0.0, spec.hypothesis, law)]
 
 
 @KINDS.add('freewheel')

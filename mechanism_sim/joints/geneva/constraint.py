@@ -83,7 +83,7 @@ class IndexingPair(HigherPair):
     def _read(
         self, view: PairView, engaged: NDArray[np.bool_], centre: Array, effort: Array
     ) -> GenevaReading:
-        driver, driven = view.turning(self.first), view.course(self.second)
+        driver, driven = view.turning(self.first), view.trajectory(self.second)
         (fx, fy), torque = view.force, view.moment_on_first(centre)
         return GenevaReading(
             engaged, driver.total, *driver[1:3], driven.total, *driven[1:3], fx, fy, effort, torque

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, Contact, Friction, clearance_spec_of
 from mechanism_sim.joints.joint_keys import KINDS, JointKeys, Joints, Reference
 from mechanism_sim.joints.mesh.compliance import Elasticity, middle, touching
 from mechanism_sim.joints.mesh.constraint import GearMesh
@@ -96,8 +96,8 @@ class MeshKeys(JointKeys):
 
     firm = "the clearance of teeth is their 'backlash'"
     parts = MeshParts
-    rubs_by = (), False
-    rubs_loose = last = True
+    friction_keys = (), False
+    friction_when_loose = last = True
 
     def read(self, names: Names, name: str) -> GearMesh:
         """Two gears in mesh; their phase is set by `assembled`."""
@@ -142,11 +142,11 @@ class MeshKeys(JointKeys):
             hand=-1 if one.part.helix_angle < 0.0 else 1, along=(one.part.along, two.part.along),
         )  # fmt: skip
 
-    def play(self, joint: GearMesh) -> ClearanceSpec | None:
+    def clearance_spec(self, joint: GearMesh) -> ClearanceSpec | None:
         """Its backlash; elastic teeth are loose even without one."""
         if joint.elastic:
             return ClearanceSpec(radial=joint.play, restitution=0.0)
-        return play_of(self.backlash, joint.play) if self.backlash else None
+        return clearance_spec_of(self.backlash, joint.play) if self.backlash else None
 
     @classmethod
     def check_all(cls, names: Names, joints: Joints, closing: Collection[str]) -> None:

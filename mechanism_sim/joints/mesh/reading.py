@@ -109,8 +109,8 @@ def _reading(
     passing: Array,
     mode: NDArray[np.uint8],
 ) -> GearReading:
-    first = view.course(joint.first, joint.on_first)
-    second = view.course(joint.second, joint.on_second)
+    first = view.trajectory(joint.first, joint.on_first)
+    second = view.trajectory(joint.second, joint.on_second)
     total = np.sqrt(force.tangential**2 + force.radial**2 + force.axial**2)
     return GearReading(
         first.total, first.velocity, second.total, second.velocity,

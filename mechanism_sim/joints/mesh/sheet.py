@@ -40,7 +40,7 @@ class MeshParts(JointParts):
         return [read_wheel(self.machine.plan, gear) for gear in gears]
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """The efficiency of two gears depends on friction."""
         return not any(w.part.rack for w in self.wheels)
 

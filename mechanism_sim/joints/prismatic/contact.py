@@ -14,8 +14,8 @@ from typing import ClassVar
 
 from mechanism_sim.numerics.symbolic import Term, dense
 from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.gaps import SIDES, MeasuredGap, corner_name
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
-from mechanism_sim.planar.play import SIDES, MeasuredGap, corner_name
 from mechanism_sim.planar.points import Vector2, rotate
 from mechanism_sim.planar.protocols import ForceLaw, Wrench, contact_wrench
 from mechanism_sim.planar.rails import Foot, along, rail_of

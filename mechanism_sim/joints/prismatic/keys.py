@@ -28,7 +28,7 @@ class AxisKeys(StopKeys):
 class PinKeys(JointKeys):
     """A pin in slots that it leaves."""
 
-    rubs_by = (), False
+    friction_keys = (), False
 
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
@@ -46,24 +46,24 @@ class PrismaticKeys(AxisKeys):
     angle: Angle = 0.0
     """Of the second link in the first."""
 
-    rubs_by = ('length',), False
+    friction_keys = ('length',), False
 
     def read(self, names: Names, name: str) -> Prismatic:
         """A guide."""
         (a, on_a), (b, on_b) = names.ends(name)
         return Prismatic(name, a, b, on_a, on_b, self.axis, self.angle)
 
-    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The four corners of the block."""
-        if not isinstance(play, Clearance):  # as a guide has
+        if not isinstance(spec, Clearance):  # as a guide has
             return (), ()
-        size = play.length or 0.0, play.height or 0.0
+        size = spec.length or 0.0, spec.height or 0.0
         return [*corners(
-            mechanism, joint.name, size, play.radial, play.restitution, play.friction,
-            play.hypothesis, play.law(),
+            mechanism, joint.name, size, spec.radial, spec.restitution, spec.friction,
+            spec.hypothesis, spec.law(),
         )], ()  # fmt: skip
 
-    def wrong_play(self, given: Clearance) -> str:
+    def clearance_objection(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
         if not (given.length and given.height):
             return (

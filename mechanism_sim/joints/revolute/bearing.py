@@ -11,8 +11,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.engine.contact.film import JournalMotion, ShortBearing, Vector
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.gaps import with_turning
 from mechanism_sim.planar.mechanism import Mechanism
-from mechanism_sim.planar.play import with_turning
 from mechanism_sim.planar.points import Point
 from mechanism_sim.planar.protocols import ForceLaw, Load, Wrench, contact_wrench
 

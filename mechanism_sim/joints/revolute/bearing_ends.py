@@ -22,8 +22,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.joints.revolute.bearing import BearingClearance
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet, lift
+from mechanism_sim.planar.gaps import ENDS, STOPS, FrictionlessGap, end_name
 from mechanism_sim.planar.mechanism import Mechanism, Revolute
-from mechanism_sim.planar.play import ENDS, STOPS, FrictionlessGap, end_name
 from mechanism_sim.planar.points import GROUND, Point, Vector2
 from mechanism_sim.planar.protocols import ForceLaw, Wrench, moment_of
 

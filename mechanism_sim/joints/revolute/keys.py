@@ -47,7 +47,7 @@ class RevoluteKeys(StopKeys):
     locating: str | None = None
     """The bearing that takes forces along the shaft; required with bearings."""
 
-    rubs_by = ('radius',), True
+    friction_keys = ('radius',), True
 
     def read(self, names: Names, name: str) -> Revolute:
         """A pin or a shaft."""
@@ -73,7 +73,7 @@ class RevoluteKeys(StopKeys):
         """Of the pin in its bearing."""
         return [JournalFriction(joint.name, mechanism, given.coefficient, given.radius or 0.0)]
 
-    def wrong_play(self, given: Clearance) -> str:
+    def clearance_objection(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
         if given.height:
             return 'has a clearance with height, which applies to blocks in guides'
@@ -112,85 +112,85 @@ class RevoluteKeys(StopKeys):
             )
         return ''
 
-    def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
+    def contacts(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The bushing, or both its ends, an oil film, stops along the axis."""
         gaps: list[Gap] = []
         films: list[ForceElement] = []
-        name, soft = joint.name, play.wall == 'soft'
-        if film := _oil_film(play):
-            reach = play.reach if play.wall else 0.0
+        name, soft = joint.name, spec.wall == 'soft'
+        if film := _oil_film(spec):
+            reach = spec.reach if spec.wall else 0.0
             films.append(FilmBearing(name, mechanism, film, reach, soft))
-        if play.wall:
-            leans = leaning(mechanism, name, play)
+        if spec.wall:
+            leans = leaning(mechanism, name, spec)
             gap = BearingClearance(
-                name, mechanism, play.reach, play.restitution, play.friction, play.hypothesis,
-                play.journal, play.law(0.5 if leans else 1.0),
+                name, mechanism, spec.reach, spec.restitution, spec.friction, spec.hypothesis,
+                spec.journal, spec.law(0.5 if leans else 1.0),
             )  # fmt: skip
-            if isinstance(play, Clearance) and (shape := _worn_of(play)):
+            if isinstance(spec, Clearance) and (shape := _worn_of(spec)):
                 known = {field.name: getattr(gap, field.name) for field in fields(gap)}
                 gap = WornBearing(**known, shape=shape)
-                if film and (profile := _film_profile(play, shape)):
+                if film and (profile := _film_profile(spec, shape)):
                     films = [WornFilm(name, mechanism, film, reach, soft, gap, profile)]
             gaps += bearing_ends(gap, *leans) if leans else [gap]
-        if isinstance(play, Clearance) and play.axial:
-            gaps += _stops(mechanism, name, play, play.axial)
+        if isinstance(spec, Clearance) and spec.axial:
+            gaps += _stops(mechanism, name, spec, spec.axial)
         return gaps, films
 
     def seat(
-        self, play: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
+        self, spec: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
     ) -> Array:
         """From the bushing's centre to the pin's; if worn or out of line, it turns with them."""
-        leans = leaning(m, joint.name, play)
+        leans = leaning(m, joint.name, spec)
         axes = (leans.pin, leans.bushing) if leans else ()
-        law = play.law(0.5 if any(map(any, axes)) else 1.0)  # one end of two takes it all
+        law = spec.law(0.5 if any(map(any, axes)) else 1.0)  # one end of two takes it all
         size = float(np.hypot(*force))
-        centred: Array = (play.radial + (law.resting_depth(size) if law else 0.0)) * force / size
+        centred: Array = (spec.radial + (law.resting_depth(size) if law else 0.0)) * force / size
         if place is None:
             return centred
         room, turns = float(np.hypot(*centred)), [m.angle(link, place) for link in joint.links]
         push = centred / room
-        if isinstance(play, Clearance) and (shape := _worn_of(play)):
-            return shape.seat(push, turns) + (room - play.radial) * push  # of a soft contact
+        if isinstance(spec, Clearance) and (shape := _worn_of(spec)):
+            return shape.seat(push, turns) + (room - spec.radial) * push  # of a soft contact
         ends = [np.array(rotate(*turned)) for turned in zip(axes, turns, strict=False)]
         off = 0.5 * leans.length * (ends[0] - ends[1]) if leans else np.zeros(2)
         return seat(room, push, off) if off.any() else centred
 
     def notes(self, machine: Any, joint: Revolute) -> list[str]:
         """Room of the ends of a bearing, and stops along its axis."""
-        play = machine.plan.clearances.get(joint.name)
-        if not isinstance(play, Clearance):
+        spec = machine.plan.clearances.get(joint.name)
+        if not isinstance(spec, Clearance):
             return []
         found = []
-        if play.axial:
-            faces = play.axial.face_radius
+        if spec.axial:
+            faces = spec.axial.face_radius
             found = [
-                f'{joint.name}: stops along the axis, play {play.axial.play:g} m to either, '
+                f'{joint.name}: stops along the axis, play {spec.axial.play:g} m to either, '
                 f'{f"faces of radius {faces:g} m" if faces else "without moments"}'
             ]
-        if play.profile and (shape := _worn_of(play)):
-            worn = zip(('bushing', 'pin'), play.profile.depths(LOOKS), strict=True)
+        if spec.profile and (shape := _worn_of(spec)):
+            worn = zip(('bushing', 'pin'), spec.profile.depths(LOOKS), strict=True)
             deep = ', '.join(f'{x} worn up to {d.max():.4g} m' for x, d in worn if d.any())
             found.append(
-                f'{joint.name}: {deep or "round"}; {play.profile.harmonics} harmonics '
+                f'{joint.name}: {deep or "round"}; {spec.profile.harmonics} harmonics '
                 f'approximate the positions of the pin to {shape.off:.2g} m'
             )
-        if not play.length:
+        if not spec.length:
             return found
-        if leaning(machine.mechanism, joint.name, play) is None:
+        if leaning(machine.mechanism, joint.name, spec) is None:
             return [
                 *found,
                 f'{joint.name}: pin and bushing stay parallel: its length has no effect',
             ]
-        given = play.misalignment or Misalignment()
+        given = spec.misalignment or Misalignment()
         said = [
             f'{name} inclined by {axis.angle:g} rad'
             for name, axis in (('pin', given.pin), ('bushing', given.bushing))
             if axis
         ]
-        most = 2.0 * play.radial / play.length
+        most = 2.0 * spec.radial / spec.length
         return [
             *found,
-            f'{joint.name}: contacts at both ends of {play.length:g} m, '
+            f'{joint.name}: contacts at both ends of {spec.length:g} m, '
             f'{"".join(f"{x}, " for x in said)}room for {most:.4g} rad',
         ]
 

@@ -15,7 +15,7 @@ from mechanism_sim.joints.revolute.bearing import BearingClearance, FilmBearing
 from mechanism_sim.joints.revolute.worn import FilmProfile, WornShape, WornSurface, product
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.frames import Frames, Jet, Parameters
-from mechanism_sim.planar.play import with_turning
+from mechanism_sim.planar.gaps import with_turning
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.protocols import Wrench, contact_wrench
 

@@ -29,8 +29,8 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.symbolic import Term, add, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure, gathered
 from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.gaps import Wall
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism
-from mechanism_sim.planar.play import Wall
 from mechanism_sim.planar.points import LinkPoint
 from mechanism_sim.planar.protocols import Load, Wrench
 from mechanism_sim.planar.view import Draft, Side, circle

@@ -68,12 +68,12 @@ class RopeKeys(TouchingKeys):
         apart = [place for place in others if place[0] != first]
         if not apart:
             raise InputError(f'{where}.rope has points of {first} only: name those of two links')
-        course = tuple(
+        route = tuple(
             Pulley(place, pulleys[x].radius if x in pulleys else 0.0)
             for x, place in zip(given, places, strict=True)
         )
         second, on_second = apart[-1]
-        return Rope(name, first, second, on_first, on_second, course, self.length or 0.0)
+        return Rope(name, first, second, on_first, on_second, route, self.length or 0.0)
 
     def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Rope:
         """Drums remember the turns that they begin with."""
@@ -89,10 +89,10 @@ class RopeKeys(TouchingKeys):
         over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 
-    def bounds(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
+    def bounds(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> list[MotionBound]:
         """The slack that it has left."""
-        closure, law = joint.closure(mechanism), play.law()
-        return [Slack(closure, 'left', 0.0, play.restitution, 0.0, play.hypothesis, law)]
+        closure, law = joint.closure(mechanism), spec.law()
+        return [Slack(closure, 'left', 0.0, spec.restitution, 0.0, spec.hypothesis, law)]
 
     @classmethod
     def assembled(

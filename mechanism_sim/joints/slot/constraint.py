@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from mechanism_sim.numerics.symbolic import Term, dense, mul, neg
 from mechanism_sim.planar.closures import HigherClosure
 from mechanism_sim.planar.frames import Frames, Jet
+from mechanism_sim.planar.gaps import Wall, with_turning
 from mechanism_sim.planar.mechanism import HigherPair, Mechanism, StraightLine
-from mechanism_sim.planar.play import Wall, with_turning
 from mechanism_sim.planar.protocols import Wrench, contact_wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 from mechanism_sim.planar.view import Draft

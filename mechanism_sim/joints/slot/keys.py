@@ -16,14 +16,14 @@ class SlotKeys(AxisKeys):
     slot: Reference | None = None
     """A pin at the first point, in a slot of the second link."""
 
-    rubs_by = (), False
+    friction_keys = (), False
 
     def read(self, names: Names, name: str) -> PinInSlot:
         """A pin on a line of the second link."""
         (a, on_a), (b, on_b) = names.ends(name)
         return PinInSlot(name, a, b, on_a, on_b, self.axis)
 
-    def wrong_play(self, given: Clearance) -> str:
+    def clearance_objection(self, given: Clearance) -> str:
         """An objection to a clearance of it; empty if there is none."""
         if given.length or given.height:
             return 'has a clearance with length or height, which apply to blocks in guides'

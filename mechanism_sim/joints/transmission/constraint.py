@@ -109,7 +109,7 @@ class LooseTransmission(Transmission):
         return Coupling(self, self.carrier, (p / q, 1.0), self._racks, exact=False)
 
     @property
-    def angular_play(self) -> bool:
+    def angular_clearance(self) -> bool:
         """True of links that turn."""
         return not self.guides
 

@@ -7,15 +7,15 @@ from fractions import Fraction
 from typing import Annotated, Any
 
 from mechanism_sim.errors import InputError
-from mechanism_sim.joints.contact_keys import ClearanceSpec, play_of
+from mechanism_sim.joints.contact_keys import ClearanceSpec, clearance_spec_of
 from mechanism_sim.joints.joint_keys import KINDS, Contacts, JointKeys, Reference
 from mechanism_sim.joints.mesh.keys import BacklashPart
 from mechanism_sim.joints.transmission.constraint import LooseTransmission, Transmission
 from mechanism_sim.keys.gear_keys import MOST_TEETH
 from mechanism_sim.keys.names import Names
 from mechanism_sim.keys.quantities import Angle, UnitValue
+from mechanism_sim.planar.gaps import walls
 from mechanism_sim.planar.mechanism import Mechanism, Prismatic
-from mechanism_sim.planar.play import walls
 from mechanism_sim.planar.points import GROUND
 
 
@@ -107,9 +107,9 @@ class TransmissionKeys(CarrierKeys):
             raise InputError(f'{where}.backlash.friction has no meaning: the stops do not slide')
         return 0.5 * float(play)
 
-    def play(self, joint: Any) -> ClearanceSpec | None:
+    def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
         """Its backlash."""
-        return play_of(self.backlash, joint.play) if self.backlash else None
+        return clearance_spec_of(self.backlash, joint.play) if self.backlash else None
 
     def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
         """The stops."""

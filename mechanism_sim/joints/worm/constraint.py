@@ -124,9 +124,9 @@ class WormDrive(SpatialPair):
         speed = view.turning(self.first)[1]
         if self.carrier != GROUND:
             speed = speed - view.turning(self.carrier)[1]
-        rub = self.friction * np.sign(speed) * np.sign(tangential)
+        mu = self.friction * np.sign(speed) * np.sign(tangential)
         across = math.cos(press)
-        F = tangential / (across * math.cos(lead) - hand * rub * math.sin(lead))
-        around = -F * (hand * across * math.sin(lead) + rub * math.cos(lead))
+        F = tangential / (across * math.cos(lead) - hand * mu * math.sin(lead))
+        around = -F * (hand * across * math.sin(lead) + mu * math.cos(lead))
         apart = np.abs(F) * math.sin(press)
         return around, apart, tangential, apart, around

@@ -34,7 +34,7 @@ class WormKeys(SpatialKeys):
 
     firm = 'the backlash of a worm is not modelled'
     parts = WormParts
-    rubs_by = (), False
+    friction_keys = (), False
 
     def read(self, names: Names, name: str) -> WormDrive:
         """A worm and its wheel."""

@@ -9,7 +9,7 @@ class WormParts(JointParts):
     """A worm and its wheel."""
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Their efficiency depends on friction."""
         return True
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from mechanism_sim.export.palette import numbers
 from mechanism_sim.report.charts.chart import Chart
-from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.lines import OVER_TIME, Abscissa, columns, panels
 
 _ROUNDING = {'m': 1e-12, 'rad': 1e-12, 'N': 1e-9, 'N m': 1e-10}
 
 
 def quantities(
-    course: ChartedRun,
+    charted: ChartedRun,
     key: str,
     title: str,
     names: Sequence[str],
@@ -24,48 +24,48 @@ def quantities(
     run: bool = False,
 ) -> list[Chart]:
     """Quantities in one unit over the drive, and over a long run; none if all are rounding."""
-    values = [course.run.series(name) for name in names]
+    values = [charted.run.series(name) for name in names]
     if not any(np.abs(s.values).max() > _ROUNDING.get(s.unit, 0.0) for s in values):
         return []
-    found = [over_drive(course, key, title, names, joint)]
-    if run and course.turns and course.long:
+    found = [over_drive(charted, key, title, names, joint)]
+    if run and charted.turns and charted.long:
         title = f'{title} over the whole run'
-        found.append(over_time(course, f'{key}-run', title, names, joint))
+        found.append(over_time(charted, f'{key}-run', title, names, joint))
     return found
 
 
 def over_drive(
-    course: ChartedRun, key: str, title: str, names: Sequence[str], joint: str = ''
+    charted: ChartedRun, key: str, title: str, names: Sequence[str], joint: str = ''
 ) -> Chart:
     """Quantities in one unit over the angle of the drive in its last turns, their ideal beneath.
 
     Over time, and all over the run, if the drive makes no turns.
     """
-    return _chart(course, key, title, names, joint, course.detail, course.over)
+    return _chart(charted, key, title, names, joint, charted.detail, charted.over)
 
 
 def over_time(
-    course: ChartedRun, key: str, title: str, names: Sequence[str], joint: str = '',
+    charted: ChartedRun, key: str, title: str, names: Sequence[str], joint: str = '',
     window: ChartWindow | None = None,
 ) -> Chart:  # fmt: skip
     """Quantities in one unit over time: of all the run, or of a window of it."""
-    window = window or course.run
-    if window is course.run and course.long:
+    window = window or charted.run
+    if window is charted.run and charted.long:
         # in a long run each covers what is drawn before it: the largest come first
-        names = sorted(names, key=lambda name: -np.abs(course.run.lines[name].values).max())
-    return _chart(course, key, title, names, joint, window, OVER_TIME)
+        names = sorted(names, key=lambda name: -np.abs(charted.run.lines[name].values).max())
+    return _chart(charted, key, title, names, joint, window, OVER_TIME)
 
 
 def _chart(
-    course: ChartedRun, key: str, title: str, names: Sequence[str], joint: str,
+    charted: ChartedRun, key: str, title: str, names: Sequence[str], joint: str,
     window: ChartWindow, over: Abscissa,
 ) -> Chart:  # fmt: skip
-    found, ideal = [window.series(name) for name in names], course.ideal
-    if bool(over.span) == bool(course.turns) and ideal is not None:
+    found, ideal = [window.series(name) for name in names], charted.ideal
+    if bool(over.span) == bool(charted.turns) and ideal is not None:
         found += [ideal.series(name, ideal=True) for name in names if name in ideal.quantities]
     if not over.span:
         over = over._replace(axis=replace(over.axis, low=window.start, high=window.end))
-    struck = course.struck[(course.struck >= window.start) & (course.struck <= window.end)]
-    own = numbers(course.record.machine.mechanism)
-    made = panels(found, over, own, struck, course.run.reach if over.span else {})
+    struck = charted.struck[(charted.struck >= window.start) & (charted.struck <= window.end)]
+    own = numbers(charted.record.machine.mechanism)
+    made = panels(found, over, own, struck, charted.run.reach if over.span else {})
     return Chart(key, title, tuple(made), over.kind, joint, columns(made))

@@ -10,7 +10,7 @@ import numpy as np
 from mechanism_sim.analysis.roses import Rose, impact_rose, wear_maps
 from mechanism_sim.arrays import Array
 from mechanism_sim.engine.events import Impact
-from mechanism_sim.planar.play import joint_of_gap
+from mechanism_sim.planar.gaps import joint_of_gap
 from mechanism_sim.report.charts.bands import Spells, modes
 from mechanism_sim.report.charts.chart import (
     TIME,
@@ -21,7 +21,7 @@ from mechanism_sim.report.charts.chart import (
     Panel,
     polar,
 )
-from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_time
 from mechanism_sim.report.charts.thinning import tallest
 from mechanism_sim.units import counted, written
@@ -34,15 +34,15 @@ _RAYS = 600
 """Impacts that a rose shows: of more, the hardest."""
 
 
-def impacts(course: ChartedRun, skip: int) -> ChartSection | None:
+def impacts(charted: ChartedRun, skip: int) -> ChartSection | None:
     """Impacts over time, by direction, and what wears the bearings."""
-    record = course.record
-    struck = [i for i in record.piece.impacts if i.t >= course.begin]
+    record = charted.record
+    struck = [i for i in record.piece.impacts if i.t >= charted.begin]
     if not struck:
         return None
     charts = [
-        _stems(course, struck, window, f'Impacts in {when}', key)
-        for window, when, key in course.windows('impacts')
+        _stems(charted, struck, window, f'Impacts in {when}', key)
+        for window, when, key in charted.windows('impacts')
         if any(window.start <= i.t <= window.end for i in struck)
     ]
     hit = {i.joint for i in struck}
@@ -50,14 +50,14 @@ def impacts(course: ChartedRun, skip: int) -> ChartSection | None:
         if joint in hit:
             rose = impact_rose(record, joint, skip)
             charts += [
-                rose_chart(rose, on_pin, *_joint(course, joint)) for on_pin in (True, False)
+                rose_chart(rose, on_pin, *_joint(charted, joint)) for on_pin in (True, False)
             ]
         if record.machine.physics.has_forces:
-            charts += _wear(course, joint, skip)
-    return ChartSection('impacts', 'Impacts', _text(course, struck), tuple(charts))
+            charts += _wear(charted, joint, skip)
+    return ChartSection('impacts', 'Impacts', _text(charted, struck), tuple(charts))
 
 
-def _text(course: ChartedRun, struck: list[Impact]) -> str:
+def _text(charted: ChartedRun, struck: list[Impact]) -> str:
     hardest = max(struck, key=lambda i: i.normal_impulse)
     lost = sum(i.energy_loss for i in struck)
     many = counted(len(struck), 'impact', ',')
@@ -69,7 +69,7 @@ def _text(course: ChartedRun, struck: list[Impact]) -> str:
     )
     if max(Counter(i.joint for i in struck).values()) > STEMS:
         text += f' Of the whole run the hardest in each of {STEMS} intervals are drawn.'
-    if any(j in {i.joint for i in struck} for j in course.record.loose_joints):
+    if any(j in {i.joint for i in struck} for j in charted.record.loose_joints):
         text += (
             ' In polar charts each impact is a line to the place it strikes, in the frame of the '
             'part that is struck; the hardest are marked by their rank.'
@@ -78,14 +78,14 @@ def _text(course: ChartedRun, struck: list[Impact]) -> str:
 
 
 def _stems(
-    course: ChartedRun, struck: list[Impact], window: ChartWindow, title: str, key: str
+    charted: ChartedRun, struck: list[Impact], window: ChartWindow, title: str, key: str
 ) -> Chart:
     curves = []
     # the gaps with the number of their joint's colour, and whether it is the joint's second
-    joints = course.record.machine.physics.joints
+    joints = charted.record.machine.physics.joints
     for name, number, twin in [
         (name, joints.index(joint), i > 0)
-        for joint, names in gaps_of(course).items()
+        for joint, names in gaps_of(charted).items()
         for i, name in enumerate(names)
     ]:
         own = [i for i in struck if i.joint == name and window.start <= i.t <= window.end]
@@ -156,10 +156,10 @@ def _rank(i: int) -> str:
     return ('hardest', '2nd', '3rd')[i] if i < 3 else f'{i + 1}th'
 
 
-def _wear(course: ChartedRun, gap: str, skip: int) -> list[Chart]:
+def _wear(charted: ChartedRun, gap: str, skip: int) -> list[Chart]:
     """Archard's measure of wear by direction on bushing and pin."""
-    maps = wear_maps(course.record, gap, skip=skip)
-    joint, number = _joint(course, gap)
+    maps = wear_maps(charted.record, gap, skip=skip)
+    joint, number = _joint(charted, gap)
     if not any(m.load_way.any() for m in maps):
         return []
     found = []
@@ -180,21 +180,21 @@ def wear_chart(
     return polar(key, title, unit, [curve], joint, 'sum')
 
 
-def _joint(course: ChartedRun, gap: str) -> tuple[str, int]:
+def _joint(charted: ChartedRun, gap: str) -> tuple[str, int]:
     """The joint of a gap, and the number of its colour."""
-    name = joint_of_gap(course.record.machine.mechanism, gap).name
-    return name, course.record.machine.physics.joints.index(name)
+    name = joint_of_gap(charted.record.machine.mechanism, gap).name
+    return name, charted.record.machine.physics.joints.index(name)
 
 
-def contacts(course: ChartedRun) -> ChartSection | None:
+def contacts(charted: ChartedRun) -> ChartSection | None:
     """Gap and mode of every joint with clearance."""
-    gaps = gaps_of(course)
+    gaps = gaps_of(charted)
     if not gaps:
         return None
     charts = [
-        _chart(course, window, joint, names, f'{joint}: gap over {when}', key)
+        _chart(charted, window, joint, names, f'{joint}: gap over {when}', key)
         for joint, names in gaps.items()
-        for window, when, key in course.windows(f'gap-{joint}')
+        for window, when, key in charted.windows(f'gap-{joint}')
     ]
     text = (
         'The gap is zero while the contact is closed. The band below shows the contact mode; '
@@ -203,9 +203,9 @@ def contacts(course: ChartedRun) -> ChartSection | None:
     return ChartSection('contact', 'Contact', text, tuple(charts))
 
 
-def gaps_of(course: ChartedRun) -> dict[str, list[str]]:
+def gaps_of(charted: ChartedRun) -> dict[str, list[str]]:
     """The gaps of each loose joint: of one with two walls there are two."""
-    machine = course.record.machine
+    machine = charted.record.machine
     found: dict[str, list[str]] = {}
     for name in machine.physics.clearances:
         found.setdefault(joint_of_gap(machine.mechanism, name).name, []).append(name)
@@ -213,14 +213,14 @@ def gaps_of(course: ChartedRun) -> dict[str, list[str]]:
 
 
 def _chart(
-    course: ChartedRun, window: ChartWindow, joint: str, names: list[str], title: str, key: str
+    charted: ChartedRun, window: ChartWindow, joint: str, names: list[str], title: str, key: str
 ) -> Chart:
-    found = over_time(course, key, title, [f'gap.{name}' for name in names], joint, window)
+    found = over_time(charted, key, title, [f'gap.{name}' for name in names], joint, window)
     panel = found.panels[0]
     shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
     # do not make a picture of rounding
     y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
-    clearances = course.record.machine.physics.clearances
+    clearances = charted.record.machine.physics.clearances
     rows = {
         name.removeprefix(joint)[1:] if len(names) > 1 else '':
         spells(window, clearances.index(name))

@@ -13,7 +13,7 @@ from mechanism_sim.planar.elastic import Beam
 from mechanism_sim.planar.mechanism import Prismatic
 from mechanism_sim.planar.rotor import Rotor
 from mechanism_sim.report.charts.chart import DIRECTION, Chart, ChartCurve, ChartSection, polar
-from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
@@ -27,27 +27,27 @@ _KINDS = {
 }
 
 
-def over(course: ChartedRun) -> str:
+def over(charted: ChartedRun) -> str:
     """In words, what is to be seen over which turns."""
-    if course.turns is None:
-        return f'Over time, as the {course.record.machine.plan.main} makes no full turn.'
-    first, last = course.turns
-    main, count, again = course.record.machine.plan.main, round(last - first), course.again
-    shown = again if course.run.reach else count
+    if charted.turns is None:
+        return f'Over time, as the {charted.record.machine.plan.main} makes no full turn.'
+    first, last = charted.turns
+    main, count, again = charted.record.machine.plan.main, round(last - first), charted.again
+    shown = again if charted.run.reach else count
     turns = 'The last full turn' if shown == 1 else f'The last {shown} full turns'
     found = f'{turns} of the {main}'
-    if course.run.reach:
+    if charted.run.reach:
         found += '; the pale band is the range over all turns'
     elif count > again:
         found += ', the one before the last faint' if again == 1 else f', all but {again} faint'
-    if course.ideal is not None:
+    if charted.ideal is not None:
         found += '; the thick pale line is the machine with ideal joints'
     return f'{found}.'
 
 
-def motion(course: ChartedRun) -> ChartSection:
+def motion(charted: ChartedRun) -> ChartSection:
     """Angles, rates and accelerations of all coordinates but those of elastic links."""
-    machine = course.record.machine
+    machine = charted.record.machine
     physics, rotors, charts = machine.physics, machine.mechanism.having(Rotor), []
     for kind, titles in _KINDS.items():
         for straight, title in zip((False, True), titles, strict=True):
@@ -57,54 +57,54 @@ def motion(course: ChartedRun) -> ChartSection:
                 if (c in physics.displacements) == straight
                 and (c not in machine.mechanism.deformations or c.partition('.')[0] in rotors)
             ]
-            if kind == 'position' and course.turns:
+            if kind == 'position' and charted.turns:
                 names = [name for name in names if name != f'position.{machine.plan.main}']
             if kind == 'acceleration':  # of a drive at constant speed there is none
-                names = [name for name in names if _varies(course, name)]
-            if any(_varies(course, name) for name in names):
+                names = [name for name in names if _varies(charted, name)]
+            if any(_varies(charted, name) for name in names):
                 key = f'motion-{kind}-{"straight" if straight else "turning"}'
-                charts.append(over_drive(course, key, title, names))
+                charts.append(over_drive(charted, key, title, names))
     speed = f'velocity.{machine.plan.main}'
-    if course.turns and course.long and _varies(course, speed):
+    if charted.turns and charted.long and _varies(charted, speed):
         title = f'Speed of the {machine.plan.main} over the whole run'
-        charts.append(over_time(course, 'motion-speed-run', title, [speed]))
-    return ChartSection('motion', 'Motion', over(course), tuple(charts))
+        charts.append(over_time(charted, 'motion-speed-run', title, [speed]))
+    return ChartSection('motion', 'Motion', over(charted), tuple(charts))
 
 
-def _varies(course: ChartedRun, name: str) -> bool:
-    values = course.detail.lines[name].values
+def _varies(charted: ChartedRun, name: str) -> bool:
+    values = charted.detail.lines[name].values
     return bool(np.ptp(values) > _NOTHING * np.abs(values).max())
 
 
-def elastic(course: ChartedRun) -> ChartSection | None:
+def elastic(charted: ChartedRun) -> ChartSection | None:
     """Deflection and stress of elastic links."""
-    beams = course.record.machine.mechanism.having(Beam)
-    known, charts = course.run.quantities, []
+    beams = charted.record.machine.mechanism.having(Beam)
+    known, charts = charted.run.quantities, []
     for kind, title in (('deflection', 'Deflection in the middle'), ('stress', 'Largest stress')):
         names = [name for link in beams if (name := f'{kind}.{link}') in known]
-        charts += quantities(course, f'elastic-{kind}', title, names)
+        charts += quantities(charted, f'elastic-{kind}', title, names)
     text = 'Deflection is across the link; stress is that at the outer fibres.'
     return ChartSection('elastic', 'Elastic links', text, tuple(charts)) if charts else None
 
 
-def forces(course: ChartedRun) -> ChartSection | None:
+def forces(charted: ChartedRun) -> ChartSection | None:
     """Forces in all joints: their size, and as vectors."""
-    physics = course.record.machine.physics
+    physics = charted.record.machine.physics
     if not physics.has_forces:
         return None
     joints = [j for j in physics.joints if not is_force_open(physics.undetermined, j)]
     sizes = [f'reaction.{joint}.size' for joint in joints]
-    charts = quantities(course, 'forces', 'Force in each joint', sizes, run=True)
+    charts = quantities(charted, 'forces', 'Force in each joint', sizes, run=True)
     if not charts:
         return None
-    lines = course.detail.lines
+    lines = charted.detail.lines
     moments = [name for joint in joints if (name := f'bearing_moment.{joint}.size') in lines]
     if moments:
         title = 'Moment of each bearing that holds its pin by both ends'
-        charts.append(over_drive(course, 'bearing-moments', title, moments))
+        charts.append(over_drive(charted, 'bearing-moments', title, moments))
     largest = {joint: lines[f'reaction.{joint}.size'].values.max() for joint in joints}
     charts += [
-        _hodograph(course, joint)
+        _hodograph(charted, joint)
         for joint in joints
         if largest[joint] > _NOTHING * max(largest.values())
     ]
@@ -115,15 +115,15 @@ def forces(course: ChartedRun) -> ChartSection | None:
     return ChartSection('forces', 'Joint forces', text, tuple(charts))
 
 
-def _hodograph(course: ChartedRun, joint: str) -> Chart:
+def _hodograph(charted: ChartedRun, joint: str) -> Chart:
     """The force of a joint over its direction, beneath it that of the ideal machine."""
-    mechanism = course.record.machine.mechanism
+    mechanism = charted.record.machine.mechanism
     own = numbers(mechanism)
     curves: list[ChartCurve] = []
-    for window in (course.ideal, course.detail):
+    for window in (charted.ideal, charted.detail):
         if window is not None and f'reaction.{joint}.size' in window.quantities:
             force, over = _vector(window, joint)
-            force = replace(force, ideal=window is course.ideal)
+            force = replace(force, ideal=window is charted.ideal)
             curves += panels([force], over, own)[0].curves
     curves = [replace(c, label='') for c in curves if len(c.x)]
     pair = mechanism.joint(joint)
@@ -140,9 +140,9 @@ def _vector(window: ChartWindow, joint: str) -> tuple[Series, Abscissa]:
     return force, Abscissa(DIRECTION, lambda _: degrees, of=direction.name)
 
 
-def drive(course: ChartedRun) -> ChartSection | None:
+def drive(charted: ChartedRun) -> ChartSection | None:
     """Torque or force of every drive."""
-    machine = course.record.machine
+    machine = charted.record.machine
     physics, main = machine.physics, machine.plan.main
     if not physics.has_forces or not physics.driven:
         return None
@@ -154,22 +154,24 @@ def drive(course: ChartedRun) -> ChartSection | None:
             if (c in physics.displacements) == straight
         ]
         if names:
-            charts += quantities(course, f'drive-{word}', f'Drive {word}', names, run=True)
+            charts += quantities(charted, f'drive-{word}', f'Drive {word}', names, run=True)
     return ChartSection('drive', 'Drive', '', tuple(charts))
 
 
-def guides(course: ChartedRun) -> ChartSection | None:
+def guides(charted: ChartedRun) -> ChartSection | None:
     """Forces and moments that guides and slots transmit."""
-    machine = course.record.machine
+    machine = charted.record.machine
     lines = (j for j in machine.mechanism.joints if j.line)
     open_ = machine.physics.undetermined
     joints = [j for j in lines if not is_force_open(open_, j.name)]
     if not machine.physics.has_forces or not joints:
         return None
     title, text = 'Force across each guide and slot', ''
-    charts = quantities(course, 'guides-force', title, [f'reaction.{j.name}.size' for j in joints])
+    charts = quantities(
+        charted, 'guides-force', title, [f'reaction.{j.name}.size' for j in joints]
+    )
     names = [f'reaction.{j.name}.moment' for j in joints if j.name not in open_]
     if charts and names and any(isinstance(j, Prismatic) for j in joints):
-        charts.append(over_drive(course, 'guides-moment', 'Moment in each guide', names))
+        charts.append(over_drive(charted, 'guides-moment', 'Moment in each guide', names))
         text = 'The moment is that of the first link on the second, about the sliding point.'
     return ChartSection('guides', 'Guides and slots', text, tuple(charts)) if charts else None

@@ -27,7 +27,7 @@ from mechanism_sim.report.charts.chart import (
     Mark,
     Panel,
 )
-from mechanism_sim.report.charts.course import ChartedRun, ChartWindow
+from mechanism_sim.report.charts.charted_run import ChartedRun, ChartWindow
 from mechanism_sim.report.charts.curves import over_time, quantities
 from mechanism_sim.report.charts.impacts import contacts, impacts
 from mechanism_sim.report.charts.lines import OVER_TIME, panels
@@ -56,28 +56,28 @@ def sections(record: Record, skip: int = 0) -> list[ChartSection]:
     ----------
     skip : whole turns of the main drive at the start that are left out
     """
-    course = ChartedRun(record, skip)
+    charted = ChartedRun(record, skip)
     found = (
-        motion(course),
-        elastic(course),
-        loads(course),
-        forces(course),
-        drive(course),
-        contacts(course),
-        impacts(course, skip),
-        sensors(course, skip),
-        *parts(course),
-        guides(course),
-        energy(course),
-        solver(course),
+        motion(charted),
+        elastic(charted),
+        loads(charted),
+        forces(charted),
+        drive(charted),
+        contacts(charted),
+        impacts(charted, skip),
+        sensors(charted, skip),
+        *parts(charted),
+        guides(charted),
+        energy(charted),
+        solver(charted),
     )
     return [s for s in found if s and (s.charts or s.rows or s.table)]
 
 
-def loads(course: ChartedRun) -> ChartSection | None:
+def loads(charted: ChartedRun) -> ChartSection | None:
     """Largest force in each joint, torque of the drive, and how long they last."""
-    record, run = course.record, course.run
-    peaks = LoadPeaks(record.machine, course.begin, shapes=True, bearings=True)
+    record, run = charted.record, charted.run
+    peaks = LoadPeaks(record.machine, charted.begin, shapes=True, bearings=True)
     peaks.add(record.piece.motion)
 
     def angle(t: float) -> float | None:
@@ -106,9 +106,9 @@ def loads(course: ChartedRun) -> ChartSection | None:
     return ChartSection('loads', 'Largest loads', text + ''.join(notes), (), table=table)
 
 
-def parts(course: ChartedRun) -> list[ChartSection]:
+def parts(charted: ChartedRun) -> list[ChartSection]:
     """A section for each kind of parts that the machine has."""
-    machine, known, found = course.record.machine, course.run.quantities, []
+    machine, known, found = charted.record.machine, charted.run.quantities, []
     for node, kind in kinds_of(machine).items():
         charts: list[Chart] = []
         for joint in kind.joints(machine):
@@ -117,30 +117,30 @@ def parts(course: ChartedRun) -> list[ChartSection]:
                 if not known.keys() >= set(names):
                     continue  # a force, where masses are not known
                 key = f'{node}-{joint.name}-{next(iter(fields))}'.replace('_', '-')
-                charts += quantities(course, key, f'{joint.name}: {title}', names, joint.name)
+                charts += quantities(charted, key, f'{joint.name}: {title}', names, joint.name)
         title = PARTS[kind.topic].title
         if charts:
             title = title[:1].upper() + title[1:]
-            found.append(ChartSection(node.replace('_', '-'), title, over(course), tuple(charts)))
+            found.append(ChartSection(node.replace('_', '-'), title, over(charted), tuple(charts)))
     if machine.scene.oscillators:
-        found.append(_oscillators(course))
+        found.append(_oscillators(charted))
     return found
 
 
-def _oscillators(course: ChartedRun) -> ChartSection:
+def _oscillators(charted: ChartedRun) -> ChartSection:
     charts = []
-    for name in course.record.machine.scene.oscillators:
+    for name in charted.record.machine.scene.oscillators:
         for title, fields in (
             ('displacement', 'xy'), ('force on the ground', ('force_x', 'force_y')),
         ):  # fmt: skip
             names = [f'oscillator.{name}.{field}' for field in fields]
-            names = [x for x in names if np.any(course.run.lines[x].values)]
+            names = [x for x in names if np.any(charted.run.lines[x].values)]
             if not names:
                 continue
             key = f'oscillator-{name}-{title.partition(" ")[0]}'
             charts += [
-                over_time(course, own, f'{name}: {title} over {when}', names, name, window)
-                for window, when, own in course.windows(key)
+                over_time(charted, own, f'{name}: {title} over {when}', names, name, window)
+                for window, when, own in charted.windows(key)
             ]
     text = (
         'Displacement of each frame from its static position, and force of its mounts on the '
@@ -149,22 +149,23 @@ def _oscillators(course: ChartedRun) -> ChartSection:
     return ChartSection('oscillators', 'Frames on springs', text, tuple(charts))
 
 
-def energy(course: ChartedRun) -> ChartSection | None:
+def energy(charted: ChartedRun) -> ChartSection | None:
     """Kinetic and potential energy, work of the drives, what was dissipated, what is missing."""
-    if not course.record.machine.physics.has_forces:
+    if not charted.record.machine.physics.has_forces:
         return None
-    lines = balance(course)
+    lines = balance(charted)
     terms = [
-        Series.of_quantity(catalogue(course.record.machine)[name], *lines[name]) for name in _TERMS
+        Series.of_quantity(catalogue(charted.record.machine)[name], *lines[name])
+        for name in _TERMS
     ]
-    charts = [_chart(course, 'energy', 'Energy balance', terms)]
+    charts = [_chart(charted, 'energy', 'Energy balance', terms)]
     text = (
         'Kinetic and potential energy less the work of the drives plus the energy dissipated, '
         'less the work of loads,'
     )
     if np.isfinite(lines['missing'].values).all():
         missing = Series('missing', 'J', *lines['missing'])
-        charts.append(_chart(course, 'energy-missing', 'Error of the energy balance', [missing]))
+        charts.append(_chart(charted, 'energy-missing', 'Error of the energy balance', [missing]))
         text += ' should keep its initial value; the difference is the error of integration.'
     else:
         text += (
@@ -174,9 +175,9 @@ def energy(course: ChartedRun) -> ChartSection | None:
     return ChartSection('energy', 'Energy', text, tuple(charts))
 
 
-def balance(course: ChartedRun) -> dict[str, SampledLine]:
+def balance(charted: ChartedRun) -> dict[str, SampledLine]:
     """Terms of the energy balance, and its residual ``missing`` [J], at and between steps."""
-    record, window = course.record, course.run
+    record, window = charted.record, charted.run
     marks = instants(
         record.piece, window.start, window.end, 1.0 / window.longest, 2, _MOST, 0, steps=True
     )
@@ -199,8 +200,8 @@ def _terms(record: Record, t: Array) -> Array:
     return np.array([*found.values()])
 
 
-def _chart(course: ChartedRun, key: str, title: str, found: Sequence[Series]) -> Chart:
-    axis = replace(TIME, low=course.run.start, high=course.run.end)
+def _chart(charted: ChartedRun, key: str, title: str, found: Sequence[Series]) -> Chart:
+    axis = replace(TIME, low=charted.run.start, high=charted.run.end)
     known = [s for s in found if np.isfinite(s.values).all()]
     made = panels(known, OVER_TIME._replace(axis=axis), {})
     if len(known) == 1:
@@ -208,9 +209,9 @@ def _chart(course: ChartedRun, key: str, title: str, found: Sequence[Series]) ->
     return Chart(key, title, tuple(made), 'time')
 
 
-def solver(course: ChartedRun) -> ChartSection:
+def solver(charted: ChartedRun) -> ChartSection:
     """Steps, events, errors and digest of the run as a table."""
-    rows = tuple((row.label, row.text) for row in facts(course.record))
+    rows = tuple((row.label, row.text) for row in facts(charted.record))
     text = (
         'Errors are evaluated on the final polynomials, independently of the solver. Runs with '
         'equal digests are identical bit by bit.'
@@ -218,9 +219,9 @@ def solver(course: ChartedRun) -> ChartSection:
     return ChartSection('solver', 'Solver', text, (), rows)
 
 
-def sensors(course: ChartedRun, skip: int) -> ChartSection | None:
+def sensors(charted: ChartedRun, skip: int) -> ChartSection | None:
     """Signal, power spectral density, orders and envelope spectrum of every sensor."""
-    record = course.record
+    record = charted.record
     names = record.sampled_sensors
     if not names:
         return None
@@ -230,8 +231,8 @@ def sensors(course: ChartedRun, skip: int) -> ChartSection | None:
     )
     charts: list[Chart] = []
     for i, name in enumerate(names):
-        signal = record.signal(name).since(course.begin)
-        for window, when, key in course.windows(f'sensor-{name}'):
+        signal = record.signal(name).since(charted.begin)
+        for window, when, key in charted.windows(f'sensor-{name}'):
             charts.append(_signal(signal, window, i, f'{name} over {when}', key))
         if name in found.spectra:
             charts.append(density(name, found.spectra[name], found.drive_rate, i))

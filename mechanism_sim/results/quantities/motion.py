@@ -43,8 +43,8 @@ def tracks(
     """Positions of points, and so many derivatives: (P, 1 + derivatives, 2, N)."""
 
     def track(view: View) -> Array:
-        course = view.course(derivatives)
-        return np.array([mechanism.trace(place, *course) for place in places])
+        trajectory = view.trajectory(derivatives)
+        return np.array([mechanism.trace(place, *trajectory) for place in places])
 
     return track
 
@@ -61,7 +61,7 @@ def of_coordinates(machine: Machine) -> Iterator[Quantity]:
 
 def _row(derivative: int, i: int) -> Callable[[View], Array]:
     if derivative:
-        return lambda view: view.course(derivative)[derivative][i]
+        return lambda view: view.trajectory(derivative)[derivative][i]
     return lambda view: view.position[i]
 
 

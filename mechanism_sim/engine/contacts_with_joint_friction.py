@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from mechanism_sim.engine.contact.joint_friction import joint_friction_problem, loss, with_friction
 from mechanism_sim.engine.contact.problem import (
     FLIES,
     FOLLOWS,
@@ -25,7 +26,6 @@ from mechanism_sim.engine.contact.problem import (
     impact_now,
     rest_now,
 )
-from mechanism_sim.engine.contact.rubbing import loss, rubs_of, with_friction
 from mechanism_sim.engine.contact_state import ContactState, chosen
 from mechanism_sim.engine.guards import Guard
 from mechanism_sim.engine.switching import Switching, jammed_joints
@@ -45,9 +45,9 @@ def add_joint_friction(state: ContactState, gap: int) -> float:
     What that dissipates [J].
     """
     present, plain, m = state.present, state.arrays.terms.copy(), len(state.modes)
-    function, sizes = present.system.functions.rub_function
+    function, sizes = present.system.functions.joint_friction_function
     layout = state.arrays.layout
-    rubs = rubs_of(present.evaluate(function), sizes, *layout[1:4])
+    friction = joint_friction_problem(present.evaluate(function), sizes, *layout[1:4])
     rows, T, lost = np.empty((m, len(state.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
     before = np.zeros(layout.rows)
     for _ in range(_IMPACTS.joint_rounds):
@@ -68,11 +68,11 @@ def add_joint_friction(state: ContactState, gap: int) -> float:
             x[m + int(row[GAP]) :: m] = row[TANGENTIAL]
         if not x.any():
             break
-        lost = loss(rubs, x, T)
+        lost = loss(friction, x, T)
         if (left := np.abs(x - before).max() / np.abs(x).max()) <= _IMPACTS.joint:
             break
         state.arrays.terms[:], before = plain, x
-        T = with_friction(state.problem, rubs, x, T)
+        T = with_friction(state.problem, friction, x, T)
     else:
         if left > _IMPACTS.joint_rough:
             raise jammed_joints(state.present)

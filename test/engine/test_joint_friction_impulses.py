@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanism_sim.engine.contact.rubbing import Rubs, friction_impulses
+from mechanism_sim.engine.contact.joint_friction import JointFrictionProblem, friction_impulses
 
 
 @pytest.mark.parametrize('k', [1, 2, 3])
@@ -23,8 +23,8 @@ def test_each_friction_ends_its_slip_or_is_at_its_bound_against_what_is_left(k):
         ends, owner = 2 * np.arange(1, k + 1), np.arange(k)
         none = np.zeros((k, 0))
         walls = np.zeros(k, dtype=int)
-        rubs = Rubs(rate, none, A[:, 1:], none, forces, mu, ends, owner, walls)
-        T = friction_impulses(rubs, x, np.zeros(k))
+        friction = JointFrictionProblem(rate, none, A[:, 1:], none, forces, mu, ends, owner, walls)
+        T = friction_impulses(friction, x, np.zeros(k))
         slip = rate + A[1:, 0] * x[0] + A[1:, 1:] @ T
         pressed = (forces @ np.concatenate([x, T])).reshape(k, 2)
         bound = mu * np.hypot(*pressed.T)
@@ -43,11 +43,11 @@ def test_a_wall_that_is_not_pressed_does_not_rub():
         force, mu, rate = rng.normal(), rng.uniform(0.1, 1.0), 10.0
         none, one = np.zeros((1, 0)), np.ones(1)
         for wall in (-1, 1):
-            rubs = Rubs(
+            friction = JointFrictionProblem(
                 np.array([rate]), none, np.array([[0.0], [1.0]]), none, np.array([[force, 0.0]]),
                 np.array([mu]), np.array([1]), np.array([0]), np.array([wall]),
             )  # fmt: skip
-            (T,) = friction_impulses(rubs, one, np.zeros(1))
+            (T,) = friction_impulses(friction, one, np.zeros(1))
             assert pytest.approx(-mu * max(wall * force, 0.0), abs=1e-15) == T
             idle += T == 0.0
     assert idle == 50

@@ -92,7 +92,7 @@ class Wall(MeasuredGap):
         play = lift(dense(frames.parameters(f'{self.joint}.play', self.play)))
         return play - offset if self.side == 'left' else play + offset
 
-    def _rubs(self) -> Rubbing:
+    def _friction(self) -> Rubbing:
         """Where; the wall presses on the second-named link against the offset, or along it."""
         if self.touch is None:
             raise ValueError(f'{self.name} has no friction')
@@ -100,7 +100,7 @@ class Wall(MeasuredGap):
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the first-named link on the second, along the wall's force turned by +90."""
-        slip = self._rubs().slip(frames)
+        slip = self._friction().slip(frames)
         return slip if self.side == 'left' else -slip
 
     def engaged(self, frames: Frames) -> Term:
@@ -118,7 +118,7 @@ class Wall(MeasuredGap):
         if T is None:
             return pressed
         along = T if self.side == 'left' else neg(T)
-        return together(pressed, self._rubs().wrench(frames, along))
+        return together(pressed, self._friction().wrench(frames, along))
 
 
 def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:

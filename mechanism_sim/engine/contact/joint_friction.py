@@ -21,7 +21,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _JOINT_IMPULSES = TOLERANCES.joint_impulses
 
 
-class Rubs(NamedTuple):
+class JointFrictionProblem(NamedTuple):
     """The k frictions at one state, beside r rows of contacts."""
 
     rate: Array  #: (k,) their slips [rad/s, m/s]
@@ -35,9 +35,9 @@ class Rubs(NamedTuple):
     walls: Indices  #: (t,) 1 or -1 if it is of forces of that sign only, else 0
 
 
-def rubs_of(
+def joint_friction_problem(
     terms: Array, sizes: list[list[tuple[int, int]]], rows: int, free: int, drives: int
-) -> Rubs:
+) -> JointFrictionProblem:
     """Views of the terms (N, ...) in one row, or of their derivatives."""
     k, each = len(sizes), [x for own in sizes for x, _ in own]
     shapes = (k,), (k, free), (rows + k, k), (k, drives), (sum(each), rows + k), (len(each),)
@@ -47,19 +47,21 @@ def rubs_of(
     )
     owner = np.array([i for i, own in enumerate(sizes) for _ in own])
     last, walls = np.cumsum(each), np.array([wall for own in sizes for _, wall in own])
-    return Rubs(slip, response, compliance, drive, forces, coefficients, last, owner, walls)
+    return JointFrictionProblem(
+        slip, response, compliance, drive, forces, coefficients, last, owner, walls
+    )
 
 
 @entry
-def friction_impulses(rubs: Rubs, x: Array, start: Array) -> Array:
+def friction_impulses(friction: JointFrictionProblem, x: Array, start: Array) -> Array:
     """Impulses (k,) of friction beside impulses (r,) of contacts, by projected Gauss-Seidel.
 
     Each ends its slip, or is as large as its bound and against the slip that is left.
     """
-    compliance, forces, owner = rubs.compliance, rubs.forces, rubs.owner
-    k, r, size, before, step = len(rubs.rate), len(x), 0.0, math.inf, 1.0
+    compliance, forces, owner = friction.compliance, friction.forces, friction.owner
+    k, r, size, before, step = len(friction.rate), len(x), 0.0, math.inf, 1.0
     every = np.concatenate((x, start))
-    free = rubs.rate.copy()
+    free = friction.rate.copy()
     for j in range(k):
         for i in range(r):
             free[j] += compliance[i, j] * x[i]
@@ -70,14 +72,14 @@ def friction_impulses(rubs: Rubs, x: Array, start: Array) -> Array:
             for t in range(len(owner)):
                 if owner[t] == j:
                     square, force = 0.0, 0.0
-                    for c in range(first, rubs.ends[t]):
+                    for c in range(first, friction.ends[t]):
                         force = 0.0
                         for i in range(r + k):
                             force += forces[c, i] * every[i]
                         square += force * force
-                    if rubs.walls[t] * force >= 0.0:
-                        bound += rubs.coefficients[t] * math.sqrt(square)
-                first = rubs.ends[t]
+                    if friction.walls[t] * force >= 0.0:
+                        bound += friction.coefficients[t] * math.sqrt(square)
+                first = friction.ends[t]
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]
@@ -96,7 +98,9 @@ def friction_impulses(rubs: Rubs, x: Array, start: Array) -> Array:
     return every[r:]
 
 
-def with_friction(c: ContactProblem, rubs: Rubs, x: Array, start: Array) -> Array:
+def with_friction(
+    c: ContactProblem, friction: JointFrictionProblem, x: Array, start: Array
+) -> Array:
     """Let contacts feel the friction that their impulses (r,) make: as a part of these.
 
     Its impulses grow with theirs: what one of these does is from now on done with its share.
@@ -110,16 +114,16 @@ def with_friction(c: ContactProblem, rubs: Rubs, x: Array, start: Array) -> Arra
     -------
     They (k,) themselves.
     """
-    found: Array = friction_impulses(rubs, x, start)
+    found: Array = friction_impulses(friction, x, start)
     share = np.outer(found, x / (x @ x))
     rows = len(x)
-    c.response[:] += share.T @ rubs.response
-    c.compliance[:] += rubs.compliance[:rows] @ share
-    c.drive_response[:] += share.T @ rubs.drive_response
+    c.response[:] += share.T @ friction.response
+    c.compliance[:] += friction.compliance[:rows] @ share
+    c.drive_response[:] += share.T @ friction.drive_response
     return found
 
 
-def loss(rubs: Rubs, x: Array, T: Array) -> float:
+def loss(friction: JointFrictionProblem, x: Array, T: Array) -> float:
     """Energy [J] that impulses (k,) of friction dissipate beside those (r,) of contacts."""
-    gained = rubs.compliance[: len(x)].T @ x + rubs.compliance[len(x) :] @ T
-    return float(-(rubs.rate + 0.5 * gained) @ T)
+    gained = friction.compliance[: len(x)].T @ x + friction.compliance[len(x) :] @ T
+    return float(-(friction.rate + 0.5 * gained) @ T)
