@@ -352,7 +352,7 @@ class _MjcfReader:
                 self.robot.notes.append(
                     f'{name}: left out: a tendon that is not a spring between two sites'
                 )
-            elif stiffness and low < 0.0 and low in (-1.0, *more):
+            elif stiffness and {low, *more} == {-1.0}:
                 self.robot.notes.append(f'{name}: left out: a spring without springlength')
             elif tendon.tag == 'spatial':
                 for part, k, d, free, side in _laws(name, stiffness, damping, low, more):

@@ -47,9 +47,14 @@ def _swing(driver: dict[str, Any], speed: float) -> str:
     """The angle of a link that goes to and fro in an arc, at this mean speed [rad/s]."""
     low, high = float(driver['arc_start']), float(driver['arc_end'])
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    start = driver.get('initial_angle')
-    begin = math.acos((middle - float(low if start is None else start)) / half)
-    rate = 0.5 * math.pi * abs(speed) / half
+    start = low if (angle := driver.get('initial_angle')) is None else float(angle)
+    if not (half > 0.0 and abs(start - middle) <= half * (1.0 + 1e-9)):
+        raise InputError(
+            f'{driver["id"]}: its initial_angle {start:g} is not within an arc that goes from '
+            f'arc_start {low:g} up to arc_end {high:g} rad'
+        )
+    begin = math.acos(min(max((middle - start) / half, -1.0), 1.0))
+    rate = 0.5 * math.pi * speed / half
     return f'{middle!r} rad - {half!r} rad*cos({rate!r} rad/s*t + {begin!r} rad)'
 
 

@@ -42,7 +42,7 @@ def curves(file: str, text: str, told: str | None) -> tuple[str, list[Found]]:
     stated = next((size[2] for size in sizes if size and size[2] in _PAPER), '')
     unit_of(file, stated, told)
     unit, (x, y) = (told, (1.0, 1.0)) if told and not stated else ('mm', _scales(root, sizes))
-    frame, known = np.diag([x, -y, 1.0]), {x.get('id', ''): x for x in root.iter()}
+    frame, known = np.diag([x, -y, 1.0]), {x.get('id', ''): x for x in root.iter() if x.get('id')}
     return unit, list(_walk(root, frame, '', 0, known, iter(range(_MOST))))
 
 

@@ -266,9 +266,11 @@ class _ExpressionReader:
                 self._at += self._now.kind == 'number' or self._refuse()
         behind, text = self._now.text, quoted(self._text)
         if self._now.kind == 'name' and behind not in _WORDS:
-            hint = other_word(behind, OTHER_WORDS) or f': a product is written {number}*{behind}'
+            as_product = f'a product is written {number}*{behind}'
+            hint = other_word(behind, OTHER_WORDS) or f': {as_product}'
             if behind in _ELECTRICAL:
-                hint = ' of formulas: those of electrical quantities are in SI units, without any'
+                said = 'those of electrical quantities are in SI units, without any'
+                hint = f' of formulas: {said}; {as_product}'
             raise InputError(f"'{behind}' behind {number} in {text} is not a unit{hint}")
         if not unit:
             return self._node(start, 'number', value=float(number))

@@ -681,9 +681,9 @@ def closing_joints(
     closures instead of six and six.
 
     Links are reached breadth first from the ground. Welds come first, which cost no coordinate,
-    and prismatic joints that carry a `driven` link, since a drive needs its coordinate, and the
-    bearings of higher pairs; then revolute joints and guides fixed to the ground; guides on moving
-    links last, because their displacements cost more.
+    and one prismatic joint of each `driven` link, which may stand first in it, since a drive needs
+    its coordinate, and the bearings of higher pairs; then revolute joints and guides fixed to the
+    ground; guides on moving links last, because their displacements cost more.
     """
     usable = [j for j in joints if j.name not in loose and not isinstance(j, HigherPair)]
     kept: list[str] = []

@@ -284,6 +284,9 @@ def _factor(node: ExpressionNode) -> float:
     """The bare number that is a factor of a product; 0 if one of it has a unit or is pi."""
     if node.kind in ('*', 'negative'):
         return math.prod(map(_factor, node.args))
+    if node.kind == '/':
+        above, below = map(_factor, node.args)
+        return above / below if below else 0.0
     return 0.0 if node.unit or node.kind == 'pi' else node.value or 1.0
 
 

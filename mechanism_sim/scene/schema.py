@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields
 from typing import Annotated, Any, Literal
 
@@ -39,6 +38,7 @@ from mechanism_sim.keys.quantities import (
     si_or_point,
 )
 from mechanism_sim.planar.motor import InductionMotor
+from mechanism_sim.planar.points import GROUND
 from mechanism_sim.scene.facts import yaml_text
 from mechanism_sim.scene.formula_keys import EffortOrFormula, ForceOrFormula, TorqueOrFormula
 from mechanism_sim.scene.loads import LOADS
@@ -243,12 +243,14 @@ _SPRINGS = {'revolute': ('N m/rad', 'N m s/rad'), 'prismatic': ('N/m', 'N s/m')}
 """Units of stiffness and damping that other programs have within joints."""
 
 
-def _as_spring(kind: str, key: str, points: Sequence[Any]) -> str:
+def _as_spring(kind: str, key: str, points: Any) -> str:
     """A clause on a spring or damper about a pin or along a guide; nothing of other keys."""
-    if kind not in _SPRINGS or key not in ('stiffness', 'damping'):
+    joined = isinstance(points, list | tuple) and len(points) == 2
+    if kind not in _SPRINGS or key not in ('stiffness', 'damping') or not joined:
         return ''
     links = [str(point).partition('.')[0] for point in points]
-    place = f'between: [{", ".join(links)}]' if kind == 'revolute' else f'coordinate: {links[-1]}'
+    moving = links[-1] if links[-1] != GROUND else links[0]
+    place = f'between: [{", ".join(links)}]' if kind == 'revolute' else f'coordinate: {moving}'
     unit = _SPRINGS[kind][key == 'damping']
     return f'; here that is springs: {{NAME: {{{place}, {key}: 5 {unit}}}}}'
 

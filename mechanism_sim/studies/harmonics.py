@@ -104,7 +104,7 @@ def harmonics(
         found, units = _frame_harmonics(machine, asked, count, length)
     if asked and not own:
         return Harmonics(length, found, units)
-    if not (machine.torque_driven or machine.assembly.freedom):
+    if not (machine.torque_driven or machine.has_contacts or machine.assembly.freedom):
         main, seen = machine.plan.main, (*own, 'acceleration.LINK')[0]
         raise InputError(
             f'{machine.name}: its drives prescribe the whole motion, so that nothing vibrates: '

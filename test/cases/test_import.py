@@ -7,6 +7,7 @@ exports, the machine itself.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from pathlib import Path
@@ -179,6 +180,32 @@ def test_an_arc_of_pylinkage_is_a_swing_between_its_ends():
     swing = ms.cycle(machine(found), duration=20.0)['position.crank']
     assert [swing.min(), swing.max()] == pytest.approx([0.5, 1.5], abs=1e-12)
     assert any('crank swings as a cosine' in note for note in found.notes)
+
+
+def arc(folder, **changed):
+    """The same file with other keys of the driven link."""
+    data = json.loads((INPUTS / 'import' / 'pylinkage_arc.json').read_text())
+    next(x for x in data['links'] if x['id'] == 'crank').update(changed)
+    file = folder / 'arc.json'
+    file.write_text(json.dumps(data))
+    return import_machine(file)
+
+
+@pytest.mark.parametrize(('speed', 'end'), [(0.1, 1.5), (-0.1, 0.5)])
+def test_an_arc_of_pylinkage_begins_within_it_towards_its_speed(tmp_path, speed, end):
+    """From the middle it is at one of its ends after five steps."""
+    found = arc(tmp_path, initial_angle=1.0, angular_velocity=speed)
+    at = ms.simulate(machine(found), duration=5.0).sample([0.0, 5.0])['position.crank']
+    assert at == pytest.approx([1.0, end], abs=1e-12)
+
+
+def test_an_arc_of_pylinkage_that_no_angle_begins_is_refused(tmp_path):
+    last = arc(tmp_path, initial_angle=np.nextafter(1.5, 2.0))  # it is rounding
+    at = ms.simulate(machine(last), duration=1.0).sample([0.0])['position.crank']
+    assert at == pytest.approx([1.5], abs=1e-12)
+    for wrong in ({'initial_angle': 2.0}, {'arc_end': 0.5}, {'arc_end': 0.4}):
+        with pytest.raises(InputError, match=r'crank: its initial_angle .* is not within an arc'):
+            arc(tmp_path, **wrong)
 
 
 # --- what this package exports ------------------------------------------------------------------

@@ -203,3 +203,19 @@ def test_a_sum_of_joints_that_is_free_between_two_values_has_two_springs(tmp_pat
         assert found[part]['free_angle'] == f'{free} rad'
     unknown = more.replace('-0.5 0.25', '-1 -1')  # by the file's definition it is not given
     assert 'sum' not in springs(tmp_path, unknown)[0]
+
+
+@pytest.mark.parametrize(
+    ('lengths', 'free'),
+    [
+        ('-1 1', {'sum_shorter': '-1.0 rad', 'sum_longer': '1.0 rad'}),
+        ('-0.5 -0.5', {'sum': '-0.5 rad'}),
+        ('-0.5', {'sum': '-0.5 rad'}),
+        ('-1', {}),
+    ],
+)
+def test_sums_of_joints_may_be_free_at_negative_values(tmp_path, lengths, free):
+    """As ``tendon_lengthspring`` of MuJoCo 4.0.0 has them: only -1 alone, or twice, is none."""
+    more = tendon('sum', a=1).replace('<fixed', f'<fixed stiffness="9" springlength="{lengths}"')
+    found, _ = springs(tmp_path, more)
+    assert {name: spring['free_angle'] for name, spring in found.items()} == free

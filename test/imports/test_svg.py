@@ -201,6 +201,8 @@ def test_a_clone_of_a_link_is_a_link(tmp_path):
 def test_clones_that_cannot_be_drawn_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"the clone of '#nut' has no original in the drawing"):
         arm(tmp_path, PARALLELOGRAM + '<use href="#nut"/>')
+    with pytest.raises(InputError, match=r"the clone of '' has no original in the drawing"):
+        arm(tmp_path, PARALLELOGRAM + '<use/>')
     with pytest.raises(InputError, match='groups nested more than 100 deep'):
         arm(tmp_path, '<g id="own"><use href="#own"/></g>')
     rings = ''.join(f'<g id="r{k}">{f"""<use href="#r{k + 1}"/>""" * 10}</g>' for k in range(9))

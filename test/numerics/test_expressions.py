@@ -106,6 +106,7 @@ def test_a_text_has_this_value_and_unit(text, value, unit):
         ('5 Nmx', "'Nmx' behind 5 .* is not a unit: a product is written"),
         ('5 Nm(x)', "'Nm' behind 5 .* is not a unit: a product is written"),
         ('24 V - 2*x', "'V' behind 24 .* is not a unit of formulas: those of electrical"),
+        ('-3 A', r'electrical quantities are .*; a product is written 3\*A'),  # of a state A
         ('90d*x', "'d' behind 90 .* is not a unit; here that is 'deg'"),
         ('where(x < 1, 2, 3)', "'where' .*; here that is a choice, 'A if X > Y else B'; known"),
         ('IMPACT(x, y, 0, 1, 1, 1, 1)', "here that is a joint 'contact', or 'stops' of a joint"),

@@ -219,12 +219,21 @@ def test_what_stands_for_other_words_is_known_here():
     for load in (Friction.other_words['dry_torque'], Scene.other_words['brakes']):
         text = re.search(r'torque: ([^}]*)', load)[1].replace('LINK', 'crank')
         ms.load_scene('slider_crank', {'loads.brake': {'at': 'crank', 'torque': text}})
-    for joint, key in product(('crank_rod', 'ground_piston'), ('stiffness', 'damping')):
+    turned = {'joints.ground_piston.prismatic': ['piston', 'ground']}
+    joints = ('crank_rod', {}), ('ground_piston', {}), ('ground_piston', turned)
+    for (joint, other), key in product(joints, ('stiffness', 'damping')):
         with pytest.raises(InputError) as refused:
-            ms.load_scene('slider_crank', {f'joints.{joint}.{key}': 1.0})
+            ms.load_scene('slider_crank', {f'joints.{joint}.{key}': 1.0, **other})
         written = str(refused.value).partition('here that is ')[2].replace('NAME', 'soft')
         part = yaml.safe_load(written)['springs']['soft']
         assert ms.load_scene('slider_crank', {'springs.soft': part}).scene.springs['soft']
+
+
+@pytest.mark.parametrize('points', [5, [], 'ground', ['ground']])
+def test_keys_of_other_kinds_are_refused_beside_points_that_are_none(points):
+    change = {'joints.crank_rod': {'revolute': points, 'stiffness': 3.0}}
+    with pytest.raises(InputError, match=r'stiffness has no meaning in a revolute joint$'):
+        ms.load_scene('slider_crank', change)
 
 
 @pytest.mark.parametrize(

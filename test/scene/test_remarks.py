@@ -258,6 +258,8 @@ def test_degrees_without_a_unit_are_questioned(override, said):
     ({'drive': {'position': '-7*cos(2*t)'}}, 'drive.position: -7*cos(2*t) is in rad, 401.07 deg'),
     ({'drive': {'position': '90 deg + 60 deg*sin(20*t)'}}, ''),
     ({'drive': {'position': '30*t + 2*pi*sin(t)'}}, ''),
+    ({'drive': {'position': '60*(pi/180)*sin(t) + 60*sin(t)*pi/180 + 60*sin(t)/10'}}, ''),
+    ({'drive': {'position': '120*sin(t)/2'}}, '120*sin(t)/2 is in rad, 3437.75 deg'),
     ({'loads': {'stop': {'at': 'arm', 'torque': '-5 N m/rad*(arm - 90)'}}},
      'loads.stop.torque: 90 is in rad, 5156.62 deg: is a unit missing?'),
     ({'loads': {'stop': {'at': 'arm', 'torque': '-5 if arm > 90 else 0'}}}, ': 90 is in rad'),

@@ -320,6 +320,11 @@ def test_a_drive_that_changes_its_speed_has_no_harmonics():
         harmonics(shaken('sin(wheel)', drive=profile), [], 3)
 
 
+def test_play_is_no_prescribed_motion():
+    with pytest.raises(InputError, match='joints count as without play here'):
+        harmonics(ms.load_scene('four_bar_clearance'), [], 3)
+
+
 def test_harmonics_of_a_prescribed_motion_are_measures_of_a_cycle():
     """The measure named gives those of x = r cos + sqrt(l^2 - r^2 sin^2), by quadrature."""
     with pytest.raises(InputError) as refused:
