@@ -59,7 +59,7 @@ from mechanism_sim.sensing.chain import QUANTITIES, Instrument
 from mechanism_sim.sensing.channel import SensorSource
 from mechanism_sim.sensing.point import InertialUnit
 from mechanism_sim.sensing.presets import PRESETS
-from mechanism_sim.units import QuantityValue, plain
+from mechanism_sim.units import QuantityValue, plain, to_si_text
 from mechanism_sim.vibration.frame import Frame
 
 _PerSpeed = Annotated[float, si('N s/m')]
@@ -255,6 +255,14 @@ def _as_spring(kind: str, key: str, points: Any) -> str:
     return f'; here that is springs: {{NAME: {{{place}, {key}: 5 {unit}}}}}'
 
 
+def _is_nothing(given: Any) -> bool:
+    """True of what is as good as left out: empty, or zero, which files write with its unit."""
+    try:
+        return to_si_text(given).value == 0.0
+    except ValueError:
+        return not plain(given)
+
+
 class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
     """A joint between points of two links: of one kind."""
 
@@ -279,7 +287,7 @@ class JointPart(*KINDS.values(), metaclass=PartMaker):  # type: ignore[misc]
             return data
         (kind,) = kinds
         others = cls.model_fields.keys() - KINDS[kind].model_fields.keys()
-        for key in (key for key, x in data.items() if key in others and plain(x)):
+        for key in (key for key, x in data.items() if key in others and not _is_nothing(x)):
             said = f'{key} has no meaning in {a_or_an(kind)} joint'
             said += _as_spring(kind, key, data[kind])
             raise ValueError(f'has a key of another kind: {said}')

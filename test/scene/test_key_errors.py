@@ -229,6 +229,15 @@ def test_what_stands_for_other_words_is_known_here():
         assert ms.load_scene('slider_crank', {'springs.soft': part}).scene.springs['soft']
 
 
+def test_zeros_of_keys_of_other_kinds_are_as_good_as_left_out():
+    """Files of scenes have all keys, with their units."""
+    ms.load_scene('slider_crank', {'joints.crank_rod': {
+        'revolute': ['crank.end', 'rod'], 'phase': '0 rad', 'pretension': '0 N', 'disks': {},
+    }})  # fmt: skip
+    with pytest.raises(InputError, match='pretension has no meaning in a revolute joint'):
+        ms.load_scene('slider_crank', {'joints.crank_rod.pretension': '1 N'})
+
+
 @pytest.mark.parametrize('points', [5, [], 'ground', ['ground']])
 def test_keys_of_other_kinds_are_refused_beside_points_that_are_none(points):
     change = {'joints.crank_rod': {'revolute': points, 'stiffness': 3.0}}
