@@ -390,7 +390,7 @@ def _are_spaced(lines: Sequence[str], mark: str, first: str) -> bool:
 
 
 def _headings_at(lines: Sequence[str]) -> int:
-    """Where headings stand below lines of a program or an instrument.
+    """Index of the line of headings below lines of a program or an instrument.
 
     Right above numbers, or above their units, in as many cells as these have. 0 if they are the
     first line, or if several might be them.

@@ -1,4 +1,4 @@
-"""How programs of this package end: at a signal by one sentence, and with who started them.
+"""End of this package's programs: one sentence at a signal, and with the parent process.
 
 SIGINT, SIGTERM and SIGHUP end a program with exit code 130 from its first line on: `begin` comes
 before all other imports. What it starts by `start` ends with it, even if it is killed.

@@ -76,7 +76,7 @@ class ChannelSamples:
 
     @property
     def rate_error(self) -> float | None:
-        """How far the rate may be off [Hz], if times are rounded by more than their jitter."""
+        """Uncertainty of the rate [Hz], if times are rounded by more than their jitter."""
         return self._sampling[1]
 
     @cached_property
@@ -115,7 +115,7 @@ class ChannelSamples:
 
     @property
     def _intervals(self) -> Array:
-        """How many intervals of sampling lie between samples (N - 1,): 1 where none is missing."""
+        """Numbers of sampling intervals between samples (N - 1,): 1 where none is missing."""
         gaps = np.diff(self.times)
         if not len(gaps):
             return gaps

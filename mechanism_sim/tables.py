@@ -89,7 +89,7 @@ class Table(dict[str, NDArray[Any]]):
         return cls(found, {c.name: c.unit for c in columns})
 
     def columns(self) -> list[Column]:
-        """Its columns, to be written."""
+        """Columns of the table as they are written."""
         return [Column(name, x, self.units.get(name, '')) for name, x in self.items()]
 
     def __repr__(self) -> str:

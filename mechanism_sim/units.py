@@ -413,7 +413,7 @@ def digits_apart(values: Iterable[float], least: int = 4) -> int:
 
 
 def counted(count: int, noun: str, form: str = 'd') -> str:
-    """So many of something: 1 impact, 12 impacts."""
+    """Format a count with its noun: 1 impact, 12 impacts."""
     return f'{count:{form}} {noun}{"s" * (abs(count) != 1)}'
 
 

@@ -281,7 +281,7 @@ class Signal:
 
     @property
     def times(self) -> list[Array]:
-        """When the samples of each run were due [s]."""
+        """Due times of the samples of each run [s]."""
         pairs = zip(self.starts, self.runs, strict=True)
         return [start + np.arange(len(run)) / self.rate for start, run in pairs]
 
@@ -392,7 +392,7 @@ class SignalCollectors(dict[str, SignalCollector]):
         self.setdefault(message.sensor, SignalCollector()).add(message)
 
     def signals(self) -> dict[str, Signal]:
-        """Those that have samples, in alphabetical order."""
+        """Signals that have samples, in alphabetical order of their names."""
         return {name: s for name, c in sorted(self.items()) if (s := c.signal())}
 
 

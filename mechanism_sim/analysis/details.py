@@ -139,7 +139,7 @@ class Details:
     deviations: dict[str, Beside] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """As dictionaries, lists and numbers, in SI units."""
+        """Results as dictionaries, lists and numbers, in SI units."""
         return {
             'drive': self.drive,
             'drive_rate': self.drive_rate,
@@ -269,7 +269,7 @@ class _Samples:
     def of_channel(
         cls, name: str, channels: Mapping[str, ChannelSamples], start: float = -np.inf
     ) -> _Samples:
-        """Those of a channel from a time [s] on."""
+        """Samples of an evenly sampled channel from a time [s] on."""
         check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
         channel = channels[name].since(start)
         if channel.rate is None:

@@ -179,7 +179,7 @@ class Revolutions(Rich):
         return float((last - first) / (self.end - self.start))
 
     def begin(self, skip: int) -> float:
-        """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
+        """Time at which `skip` whole turns of the main drive are complete [s]; the start for 0."""
         if not skip:
             return self.start
         return float(self.times_at(np.array([self.whole_turns(skip)[0]]))[0])
@@ -191,7 +191,7 @@ class Revolutions(Rich):
         return marks, self.turned(marks)
 
     def times_at(self, turns: Array) -> Array:
-        """When the main drive has made `turns` (N,), as `turned` counts them [s]."""
+        """Times at which the main drive has made `turns` (N,), counted as by `turned` [s]."""
         marks, passed = self._marks
         if np.any(np.diff(passed) < 0.0):
             raise InputError(f'{self.machine.name}: {self.machine.plan.main} turns back')
@@ -393,7 +393,7 @@ class Record(Revolutions):
 
     @property
     def sensors(self) -> list[str]:
-        """Those that were recorded, and those of the scene."""
+        """Names of the recorded sensors and of those of the scene, sorted."""
         return sorted({*self.signals, *self.machine.scene.sensors})
 
     @property
@@ -411,7 +411,7 @@ class Record(Revolutions):
 
     @property
     def loose_joints(self) -> list[str]:
-        """Those with a pin loose in a bushing; of one out of line both ends, ``JOINT_front``.
+        """Joints with a pin loose in a bushing; ``JOINT_front`` and the like for ends out of line.
 
         On an oil film it never touches: not these.
         """

@@ -91,7 +91,7 @@ class Series:
 
     @property
     def line(self) -> str:
-        """Its name, with that of its run where there are several."""
+        """Label of the line: the name of the quantity, after that of its run if it has one."""
         return f'{self.run}: {self.name}' if self.run else self.name
 
     @property
@@ -227,7 +227,7 @@ def _type(message: Any) -> str:
 
 
 def _field_units(kind: str, fields: Sequence[str]) -> tuple[str, ...]:
-    """As `units_of`; none of a type that is not known here."""
+    """Units of message fields as by `units_of`; empty for an unknown type."""
     try:
         return units_of(kind, fields)
     except MessageError:
@@ -384,7 +384,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class MessagePath:
-    """Where numbers are in the messages of a topic.
+    """Path to numbers in the messages of a topic.
 
     Attributes
     ----------

@@ -227,7 +227,7 @@ class MotionSummary:
 
 
 class Crank:
-    """Where the crank is at given times, as far as its motion is recorded.
+    """Motion of the crank at given times, as far as it is recorded.
 
     Of all the motion only the crank's is kept: a long run has millions of segments.
 

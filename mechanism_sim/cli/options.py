@@ -174,7 +174,7 @@ def workers_options(sub: Options, usual: str = 'one for each core') -> None:
 
 
 def read_workers(options: argparse.Namespace, usual: int | None = None) -> Workers:
-    """Who makes the runs of a study on a command line."""
+    """Read from the command line which workers carry out the runs of a study."""
     from mechanism_sim.studies.runs import Workers  # noqa: PLC0415
 
     count = usual if options.workers is None and not options.dask else options.workers

@@ -251,7 +251,7 @@ def _moves(rows: Array) -> NDArray[np.bool_]:
 
 
 def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
-    """Which of consecutive laws hold at times (N,), at the start of one that one."""
+    """Indices of the consecutive laws in force at times (N,); at a boundary the later law."""
     slack = 4.0 * np.spacing(np.abs(t).max(initial=1e-300))
     found = np.searchsorted(table.start, t + slack, side='right') - 1
     return np.asarray(np.maximum(found, 0), dtype=np.intp)

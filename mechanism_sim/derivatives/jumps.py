@@ -679,7 +679,7 @@ class Jumps:
 
 
 def _meets(now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
-    """Which of E events are accounted for by their impacts, after which the machine is now."""
+    """Mask (E,) of the events after whose impacts the rates are those of the machine now."""
     speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
     return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)
 

@@ -14,7 +14,7 @@ from mechanism_sim.scene.schema import Scene
 
 
 class BesideDocument:
-    """Where links lie that nothing holds, their colours, and the quantity that is charted.
+    """State beside a document: poses of unconstrained links, colours, the charted quantity.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ class ForceArrows:
         self._frames, self._each = 0, 1  # of drags; of so many one has forces
 
     def of_turn(self, turn: Turn | None, symbol: float) -> dict[str, Any] | None:
-        """Those of all instants, in a scale of their own; None if there are no forces.
+        """Force arrows of all instants of a turn, in a new common scale; None without forces.
 
         Parameters
         ----------

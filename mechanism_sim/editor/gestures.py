@@ -148,7 +148,7 @@ def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
 def starts(
     scene: Scene, found: Mapping[str, float], straight: Collection[str], grid: Grid
 ) -> list[Edit]:
-    """Where drives begin, if that is not where their links are found to lie [rad, m]."""
+    """Edits that set the starts of drives where their links are found elsewhere [rad, m]."""
     edits = []
     for c, (path, drive) in drives_of(scene).items():
         if c not in found:

@@ -1,4 +1,4 @@
-"""How the machine of a document moves without play: quick enough to follow a hand.
+"""Motion of a document's machine without clearance, fast enough to follow a hand.
 
 Loops are closed from where they were in the picture before, all instants of a turn at once.
 """
@@ -265,7 +265,7 @@ class Turn:
         return np.array(columns).T
 
     def _step(self, first: Array, ways: Array) -> Array:
-        """How far (n,) the first step goes, by rates at the start: teeth fit at many angles."""
+        """First step (n,) from the rates at the start: teeth fit at many angles."""
         step = self._kinematics.rates(first[:, None], ways[:, 1:2] - ways[:, :1])[:, 0]
         return step if np.isfinite(step).all() else np.zeros(len(first))
 

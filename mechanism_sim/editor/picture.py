@@ -63,7 +63,7 @@ class DocumentPicture(NamedTuple):
         return link if link and far[link] < near else ''
 
     def _far(self, link: str, at: Vector2) -> float:
-        """How far a place is from a link [m]: from the lines between its points."""
+        """Distance of a point from a link [m]: from the lines between the link's points."""
         points = [*points_of(self.scene.links[link]).values()]
         place = self.poses[link].within(at)
         pairs = combinations_with_replacement(points, 2)

@@ -131,7 +131,7 @@ def _chain(root: Any, path: Path) -> tuple[list[Any], Any]:
 
 
 def _end(text: str, node: Any) -> int:
-    """Where the text of a node ends; of block collections and block texts before what follows."""
+    """Index at which the text of a node ends; for blocks before the text that follows."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         last = node.value[-1]
         if not isinstance(last, tuple):

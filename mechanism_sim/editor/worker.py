@@ -79,7 +79,7 @@ class Worker:
 
     @property
     def busy(self) -> float:
-        """How long it is at work [s]; 0 if it waits."""
+        """Time for which the present task has been running [s]; 0 while the worker is idle."""
         return 0.0 if self._since is None else max(time.monotonic() - self._since, 1e-9)
 
     @property

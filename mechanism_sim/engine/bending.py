@@ -75,7 +75,7 @@ class BendWatch:
         return np.asarray(np.abs(shapes.T @ q[own]).max(axis=0) / length)
 
     def _beyond(self, link: str, q: Array) -> str:
-        """How far a link bends, and where most, at coordinates (n,)."""
+        """Describe the largest bending of a link and its position at coordinates (n,)."""
         length, own, shapes = self._beams[link]
         place = length * np.argmax(np.abs(shapes.T @ q[own])) / (_SECTIONS - 1)
         share = 100.0 * float(self._share(link, q))

@@ -157,7 +157,7 @@ class ContactState:
 
     @property
     def resting(self) -> Mask:
-        """Those of them that are at rest."""
+        """Mask (m,) of the following contacts that are at rest."""
         return cast(Mask, self.run.marks[respond.RESTING])
 
     @property
@@ -235,7 +235,7 @@ class ContactState:
         return self.modes[gap] > Mode.FREE_FLIGHT
 
     def slip(self, gap: int) -> int:
-        """Which way a contact with friction slides, 0 if not at all."""
+        """Direction of slip of a contact with friction, 1 or -1; 0 if it does not slip."""
         return int(slip_of(self.problem, gap, self.limits.still))
 
     def mode_of_closed(self, gap: int) -> Mode:

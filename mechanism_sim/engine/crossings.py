@@ -29,7 +29,7 @@ _DEGREE = 9
 
 
 class Crossings:
-    """Which of some segments lead across a singular position, and when.
+    """Segments that cross a singular position, and the times of the crossings.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Crossings:
         self._duration = curve.duration
 
     def near(self, segments: Segments, dt: Array) -> NDArray[np.bool_]:
-        """Which of the instants `dt` (N,) [s] in segments (N,) are so near that forces suffer."""
+        """Mask of the instants `dt` (N,) [s] whose forces a near singular position spoils."""
         close = np.zeros(len(dt), dtype=bool)
         for segment, touch in zip(self.segments, self.touch, strict=True):
             width = _SINGULAR.away * 0.5 * self._duration[segment]

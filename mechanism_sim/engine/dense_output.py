@@ -1,4 +1,4 @@
-"""Where the integrator's steps are kept until they are handed on as motion."""
+"""Dense output: the integrator's steps, stored until they are returned as motion."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Motion:
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """Which gaps carry force (m, gaps)."""
+        """Mask of the gaps that carry force, (m, gaps)."""
         return self.modes > Mode.FREE_FLIGHT
 
     def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
@@ -191,7 +191,7 @@ def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:
 
 
 def instants(dt: Array | Nodes) -> int:
-    """How many instants in each segment are asked for."""
+    """Number of instants requested in each segment."""
     return len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
 
 

@@ -254,7 +254,7 @@ class Dynamics:
 
     @property
     def distances(self) -> list[Term]:
-        """How far each loop closure is from depending on those before it, see `Reduction`."""
+        """Measures of each loop closure's independence of those before, see `Reduction`."""
         return self.reduced.distances(self.relations)
 
     @property

@@ -254,7 +254,7 @@ class EventLoop:
             self._mark()
 
     def preview(self, until: float) -> Motion | None:
-        """How the solution goes on up to `until` [s], of what `advance` to there held back.
+        """Solution up to `until` [s], from the step that `advance` to there has held back.
 
         It is the beginning of the next step, on the same polynomials: whatever law comes from
         `until` on cannot change it. None if the solution has come so far. To be called after

@@ -211,7 +211,7 @@ class DynamicPhysics:
         return seen._replace(drive_power=power)
 
     def _crossings(self, motion: Motion, segments: NDArray[np.intp]) -> Crossings | None:
-        """Which of the segments lead across singular positions."""
+        """Crossings of singular positions in the segments; None without loop closures."""
         system = self.system
         if not system.relations:
             return None
@@ -379,7 +379,7 @@ class DynamicPhysics:
         return dict(zip([names[k] for k in self.system.set_valued.holding], parts, strict=True))
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        """Instants of unbounded forces: those at singular positions."""
         crossings = self._crossings(motion, np.arange(len(motion)))
         if not crossings or not crossings.segments.size:
             return []
@@ -396,7 +396,7 @@ class DynamicPhysics:
 
 
 def _ahead(dt: float, curve: PiecewisePolynomial, k: int, line: Directed, way: Array) -> float:
-    """How far the second end of a line is ahead of the first, along a way of before [m^2]."""
+    """Lead of the second end of a line over the first, times an earlier vector [m^2]."""
     q = curve.local(np.array([k]), np.array([dt])).T
     return float(way @ line.between(q)[:, 0])
 
@@ -410,7 +410,7 @@ def _limited(seen: Observation) -> tuple[Array, ...]:
 
 
 def _stacked(seen: Observation) -> Array:
-    """These fields in rows (M, N)."""
+    """Stack the fields of an observation that have limits in rows (M, N)."""
     return np.concatenate([x.reshape(-1, x.shape[-1]) for x in _limited(seen)])
 
 

@@ -154,7 +154,7 @@ class Reduction:
         ]
 
     def distances(self, relations: Sequence[Relation]) -> list[Term]:
-        """How far each loop closure is from depending on those before it, 0 to 1.
+        """Measures of the independence of each loop closure of those before it, 0 to 1.
 
         The pivot of a row of ``G M^-1 G^T`` over the sum of the diagonal of its joint's rows. It
         vanishes quadratically where G is not of full rank: at a singular position.

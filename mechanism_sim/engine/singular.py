@@ -32,7 +32,7 @@ _SOON = _PLACES[1] * 2.0 ** np.arange(-20.0, 0.0)
 
 
 def time_of_touch(distance: Array, within: float) -> float | None:
-    """When a polynomial (p,) of time, positive at 0, touches zero in (0, within] [s]; or None."""
+    """Time at which a polynomial (p,), positive at 0, touches zero in (0, within] [s]; or None."""
     distance = distance.copy()
     truncate(distance[None], within, distance[:1])
     slope = polynomial.polyder(distance)

@@ -122,7 +122,7 @@ class Switching:
         self._let_go()
 
     def places(self, ahead: float = 0.0) -> list[float]:
-        """Where the switches are."""
+        """Values of the switches' arguments, `ahead` [s] after the present."""
         seen = self._now.evaluate(self._functions.watch, ahead)
         places: list[float] = seen[len(seen) - len(self.rows) :].tolist()
         return places

@@ -104,7 +104,7 @@ class System:
 
     @property
     def width(self) -> int:
-        """How many numbers the state of a run has."""
+        """Number of state variables of a run."""
         return 2 * len(self.free) + len(self.states)
 
     @cached_property
@@ -155,7 +155,7 @@ class System:
 
     @cached_property
     def rated(self) -> tuple[bool, ...]:
-        """Which gaps (m,) have a rate only, see `Gap.value`."""
+        """Mask (m,) of the gaps that have a rate but no value, see `Gap.value`."""
         return tuple(jet.value is None for jet in self.dynamics.contacts.normal)
 
     @cached_property
@@ -264,7 +264,7 @@ class System:
 
     @cached_property
     def edges(self) -> Edges | None:
-        """Where along a motion the rows of switches change; None if there are none."""
+        """Finder of the changes of switch rows along a motion; None without switches."""
         return Edges(self.equations.frames) if self.switches else None
 
     @cached_property

@@ -240,7 +240,7 @@ class TaylorSteps:
         return h, guard if missed is None or guard is not None else missed
 
     def _time_of_fall(self, guard: int, h: float) -> float | None:
-        """When a guard fell in a step of length `h` [s] by its own series; None if not by that.
+        """Time of the zero crossing of a guard by its own series in a step `h` [s]; else None.
 
         An open gap that begins a rounding below zero and opens falls when it closes again: to come
         near that by ever shorter steps instead takes some ten of them.

@@ -130,7 +130,7 @@ class Ideal:
         return found
 
     def point(self, link: str, at: Vector2) -> tuple[Array, Array]:
-        """Where a point of a link is at the start, and its velocity (2,) [m, m/s]."""
+        """Position and velocity (2,) of a point of a link at the start [m, m/s]."""
         return _carried(self.poses[link], self.rates[link], at)
 
     def guided(self, joint: Prismatic) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def way(joint: Prismatic, link: str) -> Vector2:
 
 
 def time_step(machine: Machine) -> float:
-    """How long the steps of a fixed-step integrator should be [s]."""
+    """Recommended step of a fixed-step integrator [s]."""
     return min(LONGEST, min(machine.drive.period, machine.scene.duration or 1.0) / STEPS)
 
 

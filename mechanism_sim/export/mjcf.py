@@ -177,7 +177,7 @@ class _MjcfWriter:
         self._rates += [*rates.tolist(), float(self._ideal.rates[link][2])]
 
     def _sites(self, body: Element, link: str) -> None:
-        """Where springs and loads act."""
+        """Write the sites of a link at which springs and loads act."""
         if link == GROUND:
             SubElement(body, 'site', name=GROUND)
         for element in self._elements:

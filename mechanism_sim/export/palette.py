@@ -30,7 +30,7 @@ _TINT = 0.30  # of a link's colour in its body, the rest is paper
 
 
 def index(number: int) -> int:
-    """Which of the colours a link or line of this number has; -1 the frame."""
+    """Index of the colour of a link or line of this number; -1 for the frame."""
     return -1 if number < 0 else number % len(LINKS)
 
 

@@ -298,7 +298,7 @@ class Skeleton:
         self.reach(place)
 
     def reach(self, place: LinkPoint) -> None:
-        """Its link reaches to a point."""
+        """Extend the outline of a link to a point; the ground has none."""
         link, at = place
         if link != GROUND:
             self.corners[link].append(at)

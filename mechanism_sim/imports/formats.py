@@ -1,4 +1,4 @@
-"""Which file is read by what, and the scene that comes of it."""
+"""Readers of the file formats of other programs, and the scenes that they make."""
 
 from __future__ import annotations
 

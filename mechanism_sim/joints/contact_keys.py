@@ -220,7 +220,7 @@ class ClearanceSpec(Part):
 
     @property
     def reach(self) -> float:
-        """How far from the middle its walls touch [m]."""
+        """Distance of the pin from the middle at which the walls touch [m]."""
         return self.radial - ((self.contact and self.contact.roughness) or 0.0)
 
     @property

@@ -70,7 +70,7 @@ class JointKeys(Part):
 
     @property
     def points(self) -> list[str]:
-        """Its two references, of points or of gears; of a rope through more its ends."""
+        """References of both ends, of points or of gears; the outer two of a rope."""
         points: list[str] = getattr(self, self.kind)
         return [points[0], points[-1]]
 
@@ -111,14 +111,14 @@ class JointKeys(Part):
         return f'has a clearance with {wrong[0]}: {said}' if wrong else ''
 
     def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Joint:
-        """As it is put together where coordinates have rough values [rad, m] and whole turns."""
+        """Joint as it is assembled at rough values [rad, m] and whole turns of coordinates."""
         mounted: Joint = joint
         return mounted
 
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> Sequence[JointFriction]:
-        """Those of the ideal joint of a mechanism."""
+        """Friction of the ideal joint of a mechanism."""
         return ()
 
     def contacts(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
@@ -140,7 +140,7 @@ class JointKeys(Part):
         return np.array([-(law.resting_depth(float(np.hypot(*force))) if law else 0.0)])
 
     def describe(self, joint: Any) -> str:
-        """These contacts in words."""
+        """Describe the contacts of the joint in words."""
         raise NotImplementedError
 
     def bounds(

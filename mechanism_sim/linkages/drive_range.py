@@ -47,7 +47,7 @@ class DriveRange:
 
 
 def drive_range(kinematics: Kinematics, q: Array, reach: float) -> DriveRange:
-    """Where the drive of a mechanism comes to its limits, from an assembled position.
+    """Limits of a mechanism's drive, from an assembled position.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def _walked(kinematics: Kinematics, q: Array, reach: float) -> tuple[Array, Arra
 
 
 def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) -> float:
-    """How far along the arc the drive turns back, which is not farther than a step."""
+    """Arc length within a step at which the drive's direction reverses."""
     drive = kinematics.held[0]
 
     def rate(way: float) -> float:

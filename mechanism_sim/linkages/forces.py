@@ -159,7 +159,7 @@ class AppliedForce(SceneElement):
         return neg(fed)
 
     def energy(self, _: Frames) -> Term:
-        """It stores none."""
+        """Stored energy: none."""
         return None
 
 
@@ -174,7 +174,7 @@ class UnknownForce(AppliedForce):
 
     @property
     def label(self) -> str:
-        """Its name in columns and messages."""
+        """Name in columns and messages."""
         return self.name.partition('.')[2]
 
     @property
@@ -188,5 +188,5 @@ class DriveEffort(AppliedForce):
     """Effort of a drive, a number or a formula, while its motion is prescribed."""
 
     def effort(self, frames: Frames) -> Term:
-        """Its torque [N m], or the force [N] of one that slides."""
+        """Torque of the drive [N m], or the force [N] of a sliding one."""
         return self.loads(frames)[0].moment

@@ -29,7 +29,7 @@ _EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Passage:
-    """Where a motion is near a singular position, and its branch there.
+    """Instants near a singular position, and the branch of the motion there.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class FourBarMotion:
         return joined, None
 
     def follow_apart(self, last: Array, driven: Array) -> Array | None:
-        """As `follow`; the closed form gives each instant by itself."""
+        """Solve each instant by itself, as `follow` does with the closed form."""
         return self.follow(last, driven[0], driven, driven, None)[0]
 
     def branches_meet(self, q: Array) -> NDArray[np.bool_]:
@@ -206,7 +206,7 @@ class FourBarMotion:
         return _rounding(np.abs(np.sin(th3 - th4)))
 
     def left_open(self, q: Array) -> float:
-        """How far the coupler's end is from the rocker's [m]."""
+        """Largest distance of the coupler's end from the rocker's [m]."""
         th2, th3, th4 = self._angles(q)
         l = self.loop.linkage  # noqa: E741 - the lengths
         x = l.crank * np.cos(th2) + l.coupler * np.cos(th3) - l.rocker * np.cos(th4) - l.ground
@@ -235,7 +235,7 @@ class LinkageMotion:
 
     @property
     def edges(self) -> Edges | None:
-        """Where its closures change."""
+        """Finder of the changes of closures along a motion; None without changes."""
         return self.kinematics.edges
 
     def follow(
@@ -442,7 +442,7 @@ class LinkageMotion:
         return self.kinematics.rates(q, v)
 
     def rounding(self, q: Array) -> float:
-        """How well [rad, or parts of its size] coordinates (n, N) are determined."""
+        """Rounding error of the coordinates (n, N) [rad, or parts of the mechanism's size]."""
         return _rounding(self.kinematics.independence(q))
 
     def left_open(self, q: Array) -> float:
@@ -461,7 +461,7 @@ IdealMotion: TypeAlias = FourBarMotion | LinkageMotion
 
 
 def _rounding(independence: Array) -> float:
-    """How well coordinates follow from constraints: rounding over their independence (N,)."""
+    """Rounding error of coordinates from constraints: rounding over their independence (N,)."""
     return _EPS / max(float(independence.min(initial=1.0)), _BRANCHES.singular)
 
 

@@ -199,7 +199,7 @@ class NominalRun:
         return self.drain()[0]
 
     def preview(self, until: float) -> Motion | None:
-        """How the motion goes on up to `until` [s], of what `advance` to there held back.
+        """Motion up to `until` [s], from the part that `advance` to there has held back.
 
         None if it has come so far. To be called after `drain`.
         """
@@ -226,7 +226,7 @@ class NominalRun:
         return self._about[1]
 
     def _usual_end(self) -> Fraction:
-        """Where the next piece ends unless something shortens it [s]."""
+        """End of the next piece unless something shortens it [s]."""
         return self._time + Fraction(self._share * self._width())
 
     def _width(self) -> float:
@@ -441,7 +441,7 @@ class NominalRun:
         return self._ideal.follow(self._last, times, driven, now, self._slope)
 
     def _driven(self, times: Array) -> Array:
-        """Those of driven coordinates, zero for those that follow."""
+        """Driven coordinates at times (N,), in rows (n, N) that are zero for the others."""
         q = np.zeros((len(self._last), len(times)))
         for (turns, local), i in zip(self._local, self._ideal.driven, strict=True):
             self._turns[i], self._last[i] = turns, local[0]
@@ -679,11 +679,11 @@ class NominalPhysics:
     def switch_parts(
         self, _motion: Motion, _segments: NDArray[np.intp], _dt: Array | Nodes
     ) -> dict[str, Array]:
-        """Nothing holds a motion that is given."""
+        """Parts in which switches hold a load: none of a prescribed motion."""
         return {}
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        """Instants of unbounded forces: those at singular positions."""
         curve, count = motion.curve, len(motion)
         if self._forces is None or not count:
             return []
@@ -723,7 +723,7 @@ class NominalPhysics:
         return sorted(found)
 
     def _without_work(self, motion: Motion) -> list[NoLimit]:
-        """Where unknown loads do no work, so that no size of them balances the machine."""
+        """Instants at which unknown loads do no work, so that no size of them gives balance."""
         if not self.unknowns:
             return []
         curve, count = motion.curve, len(motion)
@@ -817,7 +817,7 @@ class NominalPhysics:
         return self._forces is not None and self._forces.takes_power
 
     def check_directions(self, _: Motion) -> None:
-        """Nothing: where ends of springs meet the motion is known, too."""
+        """Accept all directions of springs: a prescribed motion is known where their ends meet."""
 
     @property
     def corners(self) -> bool:

@@ -285,7 +285,7 @@ class Spring(Elongation):
         ]
 
     def loads(self, frames: Frames) -> list[Load]:
-        """It pulls its ends towards each other."""
+        """Loads on both ends, directed towards each other for a positive pull."""
         p = frames.parameters
         if not self.directed and self.law.numbers:
             x, y = self._between(frames)
@@ -434,9 +434,9 @@ class Bushing(SceneElement):
         ]
 
     def power_lost(self, frames: Frames) -> Term:
-        """That of both directions."""
+        """Dissipated power of both directions [W]."""
         return add(*(law.power_lost(frames, *known) for law, *known in self._each(frames)))
 
     def energy(self, frames: Frames) -> Term:
-        """That of both directions."""
+        """Stored energy of both directions [J]."""
         return add(*(law.energy(frames, *known[:2]) for law, *known in self._each(frames)))

@@ -118,7 +118,7 @@ class DriveCommands:
 
     @property
     def _unequal(self) -> str:
-        """How often joint states and commands come; empty if they come as often."""
+        """Describe a difference between the periods of joint states and commands, else empty."""
         rate = self._drive.machine.scene.outputs.joint_states
         if math.isclose(rate * self._period, 1.0):
             return ''

@@ -64,7 +64,7 @@ class Links:
         return [body.name for body in self._node.machine.mechanism.bodies]
 
     def matching(self, filters: Any, more: Sequence[str] = ()) -> list[str]:
-        """Those that pass, after them those of `more`, which are robots."""
+        """Names of the links that pass the filters, then those of `more`, which are robots."""
         wanted = {category.category for category in filters.categories}
         c = self._category
         kinds = (c.CATEGORY_DYNAMIC_OBJECT, self.names), (c.CATEGORY_ROBOT, more)

@@ -32,7 +32,7 @@ OURS = RESULTS, LATCHED, CLOCK
 
 @dataclass
 class Diagnosis:
-    """How a node is: a level of ``DiagnosticStatus``, a sentence, and figures."""
+    """State of a node: a level of ``DiagnosticStatus``, a sentence, and figures."""
 
     level: Any
     message: str

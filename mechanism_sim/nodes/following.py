@@ -66,7 +66,7 @@ class MotionFollower:
         self.look()
 
     def _foreign(self, message: Any, motion: MotionBatch) -> str:
-        """Why a piece of motion is none of this run; empty if it is one."""
+        """Reason why a piece of motion is not the next one of this run; empty if it is."""
         if reason := foreign(message, self._node.machine):
             return reason
         begin = float(motion.curve.start[0])

@@ -15,7 +15,7 @@ _FEWEST = 10  # batches, where there are so many values
 
 
 def batches(n: int) -> tuple[int, int]:
-    """How many batches n values are put into, and how many values into each.
+    """Number of batches for n values, and number of values in each.
 
     Up to 20 each is a batch; of more, 10 to 20 batches of equal size take in as many as they can.
     """

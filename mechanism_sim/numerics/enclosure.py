@@ -320,7 +320,7 @@ def _steep(program: _Program, balls: list[Ball]) -> list[int]:
 
 
 def _bend(operation: _Operation, balls: list[Ball]) -> Any:
-    """How far the argument of a function goes, of what its power series about the middle bears."""
+    """Radius of a function's argument, relative to what its power series tolerates."""
     x, least = balls[operation.args[0]], _FAR.get(operation.kind)
     if least is not None:
         return x.radius * (1.0 / least)
@@ -339,7 +339,7 @@ def _doubts(
     chosen: Sequence[int],
     length: Any,
 ) -> list[Any]:
-    """How many functions bend more than a series knows by itself, and than few samples tell.
+    """Sums over functions beyond what a series alone, and beyond what few samples resolve.
 
     One whose change is not felt does not count.
     """
@@ -365,7 +365,7 @@ class Enclosed(NamedTuple):
 
 
 class MotionSeries(NamedTuple):
-    """How the variables of formulas run through a piece of motion, whose length is 1."""
+    """Variables of formulas over a piece of motion, whose length is 1, as power series."""
 
     series: Array  #: (v, n) coefficients of rising powers, of what moves
     length: float  #: [s]
@@ -427,7 +427,7 @@ class Enclosure:
         return compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
 
     def doubts(self, motion: MotionSeries, scales: Array) -> int:
-        """How little a series of a piece of motion knows of the functions.
+        """Level of doubt whether a piece of motion's series represents the functions.
 
         `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
         where `FEW` samples tell whether they are, `MUCH` where they must be enclosed.
@@ -621,7 +621,7 @@ def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]
 
 
 class Reach(NamedTuple):
-    """How far from its beginning a piece of motion, whose length is 1, is known."""
+    """Part of a piece of motion, whose length is 1, that is known from its beginning on."""
 
     sound: float  #: the last place before the first fault that is far from one; 0 if none is
     fault: float | None  #: that one, or where samples begin not to tell all; None if there is none
@@ -637,7 +637,7 @@ def reach_of(
     defect: Callable[[Array], Array],
     doubts: int | None = None,
 ) -> Reach:
-    """How far the samples of a piece of motion tell all of its formulas and show no fault.
+    """Part of a piece of motion over which its samples resolve all formulas, without fault.
 
     Parts in which a function may go beyond its samples are halved, and sampled again. Behind the
     first fault nothing is looked at any more.
@@ -704,7 +704,7 @@ def reach_of(
 
 
 def _off(own: Array, parts: Enclosed, span: Array) -> Array:
-    """How far functions (K, N) in parts are off what samples tell of them.
+    """Deviations of functions (K, N) in parts from what their samples show.
 
     It is how far they may go beyond all samples, or bend between them; or how much they change at
     all, if that is half of what they change in the whole piece.

@@ -168,7 +168,7 @@ def _price() -> float:
 
 @cache
 def _folder() -> Path | None:
-    """Where the code is kept: named by all sources, and by constants that it has in it."""
+    """Folder of the kernels' code, named by a hash of all sources and of constants in it."""
     parent = code_cache.folder()
     if parent is None:
         return None

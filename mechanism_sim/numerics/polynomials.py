@@ -99,7 +99,7 @@ class PiecewisePolynomial:
 
     @property
     def columns(self) -> tuple[NDArray[Any], ...]:
-        """Its arrays, in the order of the class."""
+        """Arrays in the order of the class."""
         return self.start, self.start_low, self.duration, self.turns, self.coefficients
 
     @property

@@ -153,7 +153,7 @@ def _last_digit(y: Array) -> float:
 def _smoothing(
     x: Array, y: Array, degree: int, periodic: bool, error: float
 ) -> scipy.interpolate.BSpline:
-    """As `spline_through`: splines with knots at the samples, by their normal equations."""
+    """Smoothing spline of `spline_through`: knots at the samples, by normal equations."""
     sparse, k, order = scipy.sparse, degree, (degree + 1) // 2
     span = x[-1] - x[0]
     u, count = (x - x[0]) / span, len(x) - periodic

@@ -55,7 +55,7 @@ class Recorded:
         }
 
     def _impacts(self) -> dict[str, Any]:
-        """When, in which bearing and joint (-1 if in none), direction [rad], impulse [N s]."""
+        """Times, bearings, joints (-1: none), directions [rad], impulses [N s] of impacts."""
         gaps = [impact.joint for impact in self.impacts]
         struck = {gap: self.stage.struck(gap) for gap in set(gaps)}
         return {

@@ -136,7 +136,7 @@ def _rows(beside: ComparisonPage) -> list[tuple[str, ...]]:
 
 
 def turn(run: Recorded) -> float | None:
-    """How long a turn of the main drive takes [s] in the mean, or its way there and back."""
+    """Mean duration of a turn of the main drive [s], or of its way there and back."""
     record = run.record
     moved = run.frames.drive
     way = 2.0 * float(np.ptp(moved)) if record.slides else 2.0 * np.pi

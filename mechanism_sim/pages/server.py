@@ -125,12 +125,12 @@ class Server:
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page."""
+        """Address of the page for a browser."""
         return f'http://{HOST}:{self.port}/'
 
     @property
     def pages(self) -> int:
-        """How many pages are open."""
+        """Number of open pages."""
         return len(self._pages)
 
     def send(self, message: dict[str, Any], may_drop: bool = False) -> None:

@@ -258,7 +258,7 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
 
 
 def roots(values: Array) -> Array:
-    """Where functions (N, K), given at `SAMPLES`, vanish nearest to the middle, in its width.
+    """Zeros (N,) of functions (N, K), given at `SAMPLES`, nearest to the middle in its width.
 
     Infinite (N,) if they do not.
     """

@@ -56,7 +56,7 @@ class PrismaticClosure:
         return along(self.mechanism, frames, line, 0.5 * math.pi, f'{self.name}.normal')
 
     def _foot(self, frames: Frames) -> Foot | None:
-        """Where the second link's point is on an elastic rail."""
+        """Foot of the second link's point on an elastic rail; None on a rigid one."""
         j, m = self._joint, self.mechanism
         rail = rail_of(m, self.name, j.line)
         if rail is None:
@@ -185,7 +185,7 @@ class HigherClosure(Generic[J]):
         return self.joint.name
 
     def facing(self, _: Frames) -> list[Term]:
-        """Where its row vanishes most kinds are closed."""
+        """Terms that are positive where the pair faces the right way; none of most kinds."""
         return []
 
 
@@ -212,7 +212,7 @@ class IndependentRows:
         return [jet for i, jet in every if i not in self.kept]
 
     def facing(self, frames: Frames) -> list[Term]:
-        """As the whole closure."""
+        """Terms of the whole closure."""
         return self.relation.facing(frames)
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:

@@ -55,7 +55,7 @@ class FrictionlessGap(MeasuredGap):
         raise NotImplementedError(f'{type(self).__name__} has no friction')
 
     def normal(self, _: Frames) -> tuple[Jet, Jet]:
-        """Nothing in the plane."""
+        """Normal in the plane: zero."""
         return lift(0.0), lift(0.0)
 
 
@@ -113,7 +113,7 @@ class Wall(MeasuredGap):
         return lift(dense(pressed.x)), lift(dense(pressed.y))
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """That of the closure with the wall's force along its row, and friction."""
+        """Wrench of the closure with the wall's force along its row, and of friction."""
         pressed = self.closure.wrench(frames, [neg(N) if self.side == 'left' else N])
         if T is None:
             return pressed
@@ -220,7 +220,7 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
 
 
 def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
-    """Those of some gaps that a joint has in the plane, by name."""
+    """Names of the gaps of a joint in the plane, out of some gaps."""
     owners = ((gap, joint_of_gap(mechanism, gap)) for gap in gaps)
     return [gap for gap, owner in owners if owner.name == joint and not is_stop(owner, gap)]
 

@@ -71,13 +71,13 @@ class JointFriction(ABC):
 
     @property
     def label(self) -> str:
-        """Its name, of the walls of a joint different ones."""
+        """Name of the friction, different for different walls of a joint."""
         return self.name
 
     @property
     @abstractmethod
     def words(self) -> str:
-        """How it rubs, in words."""
+        """Describe the friction in words."""
 
     @property
     @abstractmethod
@@ -99,7 +99,7 @@ class JointFriction(ABC):
 
     @abstractmethod
     def wrench(self, frames: Frames, T: Term) -> Wrench:
-        """Its part of the wrench of the joint on the second-named link."""
+        """Contribution of friction to the joint's wrench on the second-named link."""
 
     @abstractmethod
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:

@@ -45,7 +45,7 @@ class ForceElement(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, which is that of the joint if it replaces one."""
+        """Name of the element, which is that of the joint if it replaces one."""
 
     def loads(self, frames: Frames) -> list[Load]:
         """Loads on the links; of a joint on the first-named, then the second-named link."""
@@ -63,7 +63,7 @@ class OilFilm(ForceElement, Protocol):
 
     @property
     def clearance(self) -> float:
-        """Its thickness all around a journal in the middle [m]."""
+        """Thickness of the film around a centred journal [m]."""
 
     @property
     def roughness(self) -> float:
@@ -82,18 +82,18 @@ class FirstOrderState(ForceElement, Protocol):
 
     @property
     def label(self) -> str:
-        """Its name without that of its section."""
+        """Name of the state without that of its section."""
 
     @property
     def start(self) -> float:
-        """Its value at the start, in its own unit."""
+        """Initial value, in the state's own unit."""
 
     @property
     def scale(self) -> float:
         """The size to which its errors are relative: a power of two, so that nothing rounds."""
 
     def rate(self, frames: Frames) -> hy.expression:
-        """Its rate [1/s in its own unit]."""
+        """Rate of the state [1/s in its own unit]."""
 
 
 @runtime_checkable
@@ -124,7 +124,7 @@ class Directed(ForceElement, Protocol):
 
 
 class Rubbing(Protocol):
-    """Where the links of a higher pair slide on each other, and what friction does there."""
+    """Sliding contact of the links of a higher pair, with friction."""
 
     @property
     def share(self) -> float:
@@ -144,11 +144,11 @@ class Rubbing(Protocol):
 
 
 class ForceLaw(Protocol):
-    """How a contact pushes back when it is compressed; a law of `contact.compliant`."""
+    """Compliant contact law; a law of `contact.compliant`."""
 
     @property
     def damping(self) -> Any:
-        """How much it does so more while closing than while opening; zero for an elastic one."""
+        """Damping coefficient, which raises the force while closing; zero for an elastic law."""
 
     def normal_force(self, depth: Any, rate: Any, approach: Any) -> Any:
         """Force [N] at a depth [m], its rate [m/s], and the rate of the first touch."""
@@ -171,7 +171,7 @@ class Gap(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, which is that of the joint if this has no other gap."""
+        """Name of the gap, which is that of the joint if this has no other gap."""
 
     @property
     def joint(self) -> str:
@@ -197,7 +197,7 @@ class Gap(Protocol):
         """Derivative of the value by the distance, at a value that may be negative."""
 
     def depth(self, value: Term) -> Term:
-        """How deep the links overlap [m], at a negative value."""
+        """Penetration of the links [m], for a negative value."""
 
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.

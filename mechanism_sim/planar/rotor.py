@@ -92,7 +92,7 @@ class Rotor(LinkExtension):
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Those that are angles."""
+        """Coordinates that are angles."""
         slopes = (pair for pair, tilts in zip(self.pairs, self.diametral, strict=True) if tilts)
         return tuple(f'{pair}_{axis}' for pair in slopes for axis in 'xy')
 
@@ -111,7 +111,7 @@ class Rotor(LinkExtension):
         return body.disk_radius
 
     def moved(self, link: str, shares: Sequence[float] = (1.0,)) -> Point:
-        """How a point of the axis moves that pairs move by these shares; the disk's centre."""
+        """Displacement of a point of the axis by shares of the pairs; of the disk's centre."""
         found: Point = {}
         for pair, share in zip(self.pairs, shares, strict=False):
             if share:

@@ -113,7 +113,7 @@ class SteepLoads:
 
 
 class ResolvedLoads:
-    """How much of a part of a motion nodes on it resolve all loads.
+    """Test of the share of a motion over which its nodes resolve all loads.
 
     Figures are taken at nodes. Where a load moves nothing, for a drive holds what it acts on, it
     is they alone that must see it.

@@ -46,7 +46,7 @@ class Tilt(LinkExtension):
         return self.angles if self.axial is None else (*self.angles, 'axial')
 
     def rise(self, at: Vector2) -> dict[str, float]:
-        """How much a point of the link's plane moves towards the reader with each coordinate.
+        """Displacement towards the reader of a point of the link's plane, per coordinate.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class Tilt(LinkExtension):
         return {(along,): (height, 0.0), (across,): (0.0, height)}
 
     def arms(self, at: Vector2) -> Arms:
-        """How a point of the link's plane moves in the link's frame, by products of coordinates.
+        """Displacement of a point of the link's plane in its frame, by products of coordinates.
 
         Parameters
         ----------

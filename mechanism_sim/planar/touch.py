@@ -1,4 +1,4 @@
-"""Where the links of a higher pair touch, how they slide there, and what a force along it does."""
+"""Sliding contacts of higher pairs: point of contact, slip, wrench of friction."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class PairView(Protocol):
     """A joint at N instants of a machine."""
 
     def trajectory(self, link: str, at: Vector2 | None = None) -> Trajectory:
-        """How a link moves: its displacement if a guide carries it, else its angle."""
+        """Trajectory of a link: its displacement if a guide carries it, else its angle."""
 
     def turning(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
@@ -170,7 +170,7 @@ class Draft(Protocol):
         """A pin, to which its link reaches."""
 
     def reach(self, place: LinkPoint) -> None:
-        """Its link reaches to a point."""
+        """Extend the outline of a link to a point."""
 
     def rail(self, kind: Kind, place: LinkPoint, axis: float, runner: Array) -> None:
         """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""

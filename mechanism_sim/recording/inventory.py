@@ -163,7 +163,7 @@ def _uncounted(bag: BagInfo) -> str:
 
 
 def _pace(bag: BagInfo) -> str:
-    """How fast the run was recorded; empty where that is not known."""
+    """Describe the pace of the recording; empty if it is unknown."""
     factor = bag.realtime_factor
     return '' if factor is None else f'in {bag.wall_time:.3g} s, {factor:.3g} x real time'
 

@@ -214,7 +214,7 @@ class Bag:
 
     @property
     def writer(self) -> str:
-        """Which version of the package reads the bag for sure."""
+        """Name of the version of the package that reads the bag for sure."""
         return f'mechanism_sim {self.package}' if self.package else 'the version that wrote it'
 
 

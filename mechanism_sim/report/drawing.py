@@ -56,7 +56,7 @@ class Brush:
         self._bent: list[tuple[str, ShapePath, Any]] = []
 
     def thick(self, points: float) -> float:
-        """So many points of print in metres of the drawing."""
+        """Length in metres of the drawing of a number of points of print."""
         return points / self._metre
 
     def paint(self, pose: Array) -> None:
@@ -124,7 +124,7 @@ def _outline(path: ShapePath) -> Outline:
 
 
 def _look(style: str, number: int) -> dict[str, Any]:
-    """How Matplotlib fills and borders a path of a link of this number."""
+    """Fill and edge of a path for Matplotlib, of a link of this number."""
     shade = colour(number)
     if style in OPEN:
         return {'fc': 'none', 'ec': INK, 'lw': 1.0 if style == 'line' else 0.6}
@@ -141,7 +141,7 @@ def _closed(outline: Array) -> Array:
 
 
 class _Spot(NamedTuple):
-    """Where a name may stand: its middle (2,) [m] and how it is turned [rad]."""
+    """Candidate position of a name: its middle (2,) [m] and rotation [rad]."""
 
     middle: Array
     turn: float
@@ -276,7 +276,7 @@ class Labels:
         return move
 
     def _best(self, name: str, spots: Iterable[_Spot]) -> int:
-        """Which of the places costs least."""
+        """Index of the candidate position of least cost."""
         points, costs = np.concatenate(self._points), np.concatenate(self._costs)
         half = self._half(name) + self._pt(1.0)
         cheapest, best, chosen = np.inf, 0, None

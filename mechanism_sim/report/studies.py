@@ -88,7 +88,7 @@ def statistics_json(found: Statistics) -> dict[str, object]:
 
 
 def lift_offs(found: Sequence[LiftOff]) -> str:
-    """As text."""
+    """Results of a search for lift-off as text."""
     lines = []
     for x in found:
         where = f'at {_degrees(x.least_force_at)} of the drive'

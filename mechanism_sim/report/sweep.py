@@ -115,7 +115,7 @@ def _text(value: float, digits: int = 6) -> str:
 
 
 def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
-    """How measures are distributed over the runs, what does it, and who exceeds limits."""
+    """Lines on the distributions of measures over the runs, on effects, and on limits exceeded."""
     measures = plan.measured
     if not measures or len(rows) < 2:
         return []

@@ -279,7 +279,7 @@ def _clumsiness(expression: Expression) -> int:
 
 
 def _index(par: Expression) -> int:
-    """Which of the runtime parameters it is."""
+    """Index of a runtime parameter."""
     return int(str(par)[4:-1])
 
 

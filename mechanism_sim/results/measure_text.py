@@ -147,7 +147,7 @@ class Measure:
         return float(expressions.numbers(self._tree, known))
 
     def unit(self, found: Callable[[Figure], str]) -> str:
-        """Its SI unit, by those of its figures."""
+        """SI unit of the measure, from those of its figures."""
         units = {k: found(f) for k, f in enumerate(self.figures)}
         return expressions.unit_of(self._tree, units, self.text) or ''
 

@@ -340,7 +340,7 @@ class Window:
             self._turn += 1
 
     def finish(self, end: float) -> None:
-        """Nothing more comes; the run ends at `end` [s]."""
+        """Note the end of the run [s]."""
         self._last = end
 
     def result(self, f: Figure) -> tuple[float, str]:
@@ -367,7 +367,7 @@ class Window:
         return max((accumulator.rounding(f) for accumulator in accumulators), default=0.0)
 
     def _outside(self, since: float, until: float) -> str:
-        """How much of the window [s] the run does not reach, in words."""
+        """Describe the part of the window [s] that the run does not reach; empty if none."""
         slack, begin = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
         if since < begin - slack:
             return f'from {begin:.6g} s on, where what was run begins'

@@ -218,7 +218,7 @@ class Quantity:
 
     @property
     def title(self) -> str:
-        """Its words without what it is of, and without ``x`` or ``y``: for the axis of a chart."""
+        """Title of an axis: the words without the part they are of, and without ``x`` or ``y``."""
         words = self.words.removesuffix(f', {self.part}')
         return re.sub(rf' (of|in|on) {re.escape(self.of)}(?![\w.])', '', words, count=1)
 

@@ -1,4 +1,4 @@
-"""Where quantities of a run are least and greatest: of its motion, not of samples of it.
+"""Extremes of quantities over a run, of the motion itself instead of samples.
 
 A table of 360 rows misses the peaks of a loose bearing altogether.
 """

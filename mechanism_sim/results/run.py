@@ -317,7 +317,7 @@ class Solution(Piece):
 
 
 class Batch(NamedTuple):
-    """How much is integrated before it is audited and handed on; motions do not depend on it."""
+    """Amount of integration between audits; motions do not depend on it."""
 
     steps: int
     stride: int  #: steps after which the time is looked at

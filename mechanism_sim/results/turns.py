@@ -65,7 +65,7 @@ def impacts_by_turn(
 
 
 class DriveTurns:
-    """When the drive has turned so many times, known as far as the motion is.
+    """Times of numbers of turns of the drive, known as far as the motion is.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class DriveTurns:
             self.edges.append(t)
 
     def _passage(self, turns: float) -> float | None:
-        """When the drive has made so many turns [s], if that is in the last piece."""
+        """Time at which the drive has made so many turns [s], if that is in the last piece."""
         if self._piece is None:
             return None
         curve, ends, turned = self._piece

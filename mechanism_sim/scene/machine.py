@@ -116,7 +116,7 @@ class Machine(Rich):
 
     @cached_property
     def drive(self) -> MainDrive:
-        """Its main drive."""
+        """Main drive of the machine."""
         return MainDrive(self.plan, self)
 
     # --- its start, and how much mechanics it needs ---------------------------------------------
@@ -361,7 +361,7 @@ class MainDrive:
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """Its laws, in the order in which they take over."""
+        """Laws of the drive, in the order in which they take over."""
         return self.plan.laws[self.plan.main]
 
     @property
@@ -409,7 +409,7 @@ class MainDrive:
         return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
 
     def time_of(self, revolutions: float) -> float:
-        """When it has turned so far [s]."""
+        """Time at which the drive has made so many revolutions [s]."""
         t = next(self.times_of([revolutions]), None)
         if t is None:
             main = self.plan.main
@@ -419,7 +419,7 @@ class MainDrive:
         return t
 
     def times_of(self, revolutions: Iterable[float]) -> Iterator[float]:
-        """When it has turned by rising numbers of revolutions [s], as far as it ever does."""
+        """Times at which the drive has made rising numbers of revolutions [s], while it does."""
         main = self.plan.main
         if not isinstance(self.law, DriveLaw):
             raise InputError(

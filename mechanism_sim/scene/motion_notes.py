@@ -107,7 +107,7 @@ def mobility_notes(mechanism: Mechanism, q: Mapping[str, float]) -> Iterator[str
 
 
 def _four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
-    """How the links of a four-bar move, and how well the coupler moves the rocker."""
+    """Notes on the motion of a four-bar's links, and on its transmission angle."""
     spare = float(excess(linkage.lengths))
     compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
     lines = change_points(linkage)
@@ -145,7 +145,7 @@ def _four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
 
 
 def _slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
-    """How the links of a slider-crank move, and how well the rod moves the slider."""
+    """Notes on the motion of a slider-crank's links, and on its transmission angle."""
     if linkage.turns == 'crank':
         first = f'slider-crank: the {crank} can turn fully, stroke {linkage.stroke:.6g} m'
         if linkage.offset:

@@ -374,7 +374,7 @@ def _start(machine: Machine) -> Iterator[str]:
 
 
 def no_forces(machine: Machine) -> str:
-    """Why a kinematic machine has none."""
+    """Reason why a kinematic machine has no forces."""
     return _NO_FORCES if machine.scene.outputs.forces else 'outputs.forces is false'
 
 

@@ -35,7 +35,7 @@ _GEOMETRY = 'links', 'joints', 'gears'
 
 @dataclass(frozen=True)
 class Repetition:
-    """How often the main drive turns until all of a machine is as before.
+    """Period of a machine in turns of the main drive.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
 def _turned(
     nominal: Nominal, laws: Sequence[Law], period: float, main_alone: bool
 ) -> Iterator[dict[str, float]]:
-    """How far links have turned [rad] after one turn of the main drive, two, and so on."""
+    """Rotations of links [rad] after one turn of the main drive, two, and so on."""
     if main_alone:
         yield from ({nominal.plan.main: TWO_PI * n} for n in range(1, MOST + 1))
         return

@@ -344,7 +344,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
         return SENSORS[self.kind].carrier(self, machine)
 
     def place(self, machine: Any) -> str:
-        """Its place, in words."""
+        """Place of the sensor in words."""
         return SENSORS[self.kind].place(self, machine)
 
     def check(self, machine: Any, where: str) -> None:
@@ -429,7 +429,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
         return self
 
     def chain(self) -> Instrument:
-        """Its transfer functions, sampling and noise."""
+        """Measurement chain: transfer functions, sampling and noise."""
         return Instrument(**{x.name: getattr(self, x.name) for x in fields(Instrument)})
 
     def inertial_unit(self, machine: Any, name: str) -> InertialUnit:

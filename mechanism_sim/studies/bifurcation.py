@@ -82,7 +82,7 @@ what that foretells has become unstable."""
 
 @dataclass(frozen=True)
 class SectionPlan:
-    """Where sections are taken, and when.
+    """Sections of a motion: their quantities, and the turns at which they are taken.
 
     Attributes
     ----------
@@ -341,7 +341,7 @@ def follow(
 def _starts(
     state: State | None, shift: Array | None, step: Array | None
 ) -> Iterator[tuple[State | None, int]]:
-    """Where a run may begin, the best first, and the turns that tell whether it has settled.
+    """Starts of a run, the best first, and the turns that tell whether it has settled.
 
     Where a machine cannot begin as the one before ended, it begins as its scene says.
 
@@ -372,7 +372,7 @@ class _Trend:
             self._before = [ends]
 
     def step(self) -> Array | None:
-        """How positions and rates change besides those of the start (2 f,), at the next value.
+        """Extrapolated change of positions and rates at the next value, beside the start's (2 f,).
 
         None where the responses are not those of one branch, or do not repeat.
         """
@@ -624,7 +624,7 @@ class _SectionAccumulator:
         return self._period(states[-(looked + 1) :])
 
     def _fall(self, states: Array, p: int) -> _Fall | None:
-        """How the change in p turns dies out, or grows, over the later half, if all the time."""
+        """Decay or growth of the change in p turns over the later half, if it is monotonic."""
         m = p * max(-(-_SEEN // p), (len(states) // 2 - p) // (4 * p))
         if len(states) < 4 * m + p:
             return None
@@ -643,7 +643,7 @@ class _SectionAccumulator:
         return _Fall(share, left, bool(even or steady))
 
     def _near(self, states: Array) -> Array:
-        """How near sections are the same (2 f,)."""
+        """Tolerances within which sections count as equal (2 f,)."""
         near = _RETURN * self._scale
         return np.maximum(near, np.where(self._turns, 0.0, _OF_RANGE * np.ptp(states, axis=0)))
 

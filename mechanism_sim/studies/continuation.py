@@ -86,7 +86,7 @@ class BranchPoint:
 
 
 class BranchEvent(NamedTuple):
-    """Where a branch turns, loses its stability or ends.
+    """Fold, loss of stability or end of a branch.
 
     Attributes
     ----------
@@ -497,7 +497,7 @@ def _between(
 
 
 def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
-    """Where a branch grazes soon behind these fixed points, if that is why it ends."""
+    """Grazing soon behind these fixed points, if it ends the branch; else None."""
     values = np.array([orbit.value for orbit in orbits[-_SEEN:]])
     if len(values) < 3:
         return None

@@ -172,7 +172,7 @@ def _side(pins: Array, centre: complex) -> Array:
 
 
 def _defect(lengths: Array, pins: Array, centres: Array, transmission: float) -> str:
-    """Why a four-bar does not serve: circuit, branch or order; empty if it does."""
+    """Defect of a four-bar: of circuit, branch, order or transmission; empty if none."""
     if lengths.min() < 1e-3 * lengths.max() or not full_turns(lengths)[0]:
         return 'have no turning crank'
     if abs(np.sign(_side(pins, centres[1])).sum()) < pins.shape[1]:

@@ -149,7 +149,7 @@ class Design:
     features: Array
 
     def select(self, low: Array, high: Array) -> Design:
-        """Those in a box."""
+        """Simulations within a box."""
         inside = ((self.places >= low) & (self.places <= high)).all(axis=1)
         return Design(self.places[inside], self.features[inside])
 
@@ -317,7 +317,7 @@ class Identification:
         self.high = np.array([p.to_scale(p.high) for p in parameters])
 
     def explore(self, low: Array, high: Array, count: int) -> Design:
-        """So many simulations spread over a box on the parameters' scales."""
+        """Carry out `count` simulations spread over a box on the parameters' scales."""
         sobol = qmc.Sobol(len(low), rng=self._random)
         unit = sobol.random_base2(math.ceil(math.log2(count)))[:count]
         places = low + (high - low) * unit

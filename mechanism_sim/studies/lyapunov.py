@@ -131,7 +131,7 @@ def lyapunov(
 
 @dataclass(frozen=True)
 class Horizon:
-    """How long digits of one run hold.
+    """Prediction horizon of one run: the time for which its digits hold.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def check_horizon(machine: Machine) -> None:
 
 
 def horizon(run: Solution) -> Horizon:
-    """How far errors of the size of the tolerance grow along a run, by its exact derivatives.
+    """Prediction horizon: growth of tolerance-sized errors along a run by exact derivatives.
 
     Errors E of free coordinates and rates, over the ranges of these, go on as ``J E`` from window
     to window, and steps add theirs: ``E E' = J E E' J' + rtol^2``.

@@ -117,7 +117,7 @@ class Optimum:
 
 
 class Budget(NamedTuple):
-    """How much is tried.
+    """Budget of an optimisation.
 
     Attributes
     ----------

@@ -66,7 +66,7 @@ _RADIAL = '.clearance.radial'
 
 @dataclass(frozen=True)
 class Extent:
-    """How long every run of a sweep is: `revolutions`, or a `duration` [s].
+    """Length of every run of a sweep: `revolutions`, or a `duration` [s].
 
     Attributes
     ----------

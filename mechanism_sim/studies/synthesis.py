@@ -146,7 +146,7 @@ def worst_transmission(transmission: tuple[float, float]) -> float:
 
 
 def unlike(found: Iterable[PathFourBar]) -> list[PathFourBar]:
-    """Those whose lengths are not those of one before."""
+    """Four-bars whose lengths differ from those of all before."""
     kept: list[PathFourBar] = []
     for one in found:
         if all(not np.allclose(one.lengths, k.lengths, rtol=1e-3) for k in kept):
@@ -191,7 +191,7 @@ def _between(curves: Array, places: Array) -> Array:
 
 
 def _alike(z: Array, way: Array, even: Array) -> NDArray[np.intp]:
-    """Which curves have Fourier descriptors most like those of a closed path."""
+    """Indices of the curves whose Fourier descriptors are most like those of a closed path."""
     at = np.arange(_PLACES) / _PLACES
     path = np.interp(at, np.append(way, 1.0), np.append(z, z[0]))
     own, theirs = (np.fft.fft(x)[..., _HARMONICS] for x in (path, even))

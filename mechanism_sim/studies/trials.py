@@ -142,7 +142,7 @@ class Trials:
         return value
 
     def off(self, place: float, wanted: float) -> float:
-        """How far the first measure at a place is from a value: 0 if by rounding only."""
+        """Difference of the first measure at a place from a value; 0 within rounding."""
         off = self.figure(place) - wanted
         key = json.dumps([self.parameters[0].at(place)])
         rounding = self._rows.rows[key].get('rounding', [0.0])[0]  # none in older journals

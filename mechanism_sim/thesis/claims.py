@@ -89,7 +89,7 @@ _MEANS = _Figure(
 
 
 def claims(found: Experiment) -> list[Claim]:
-    """Those for which there are runs."""
+    """Claims for which there are runs."""
     made = [*_by_restitution(found), *_by_clearance(found), *_by_speed(found), *_in_time(found)]
     return [claim for claim in made if claim.comparisons]
 

@@ -161,7 +161,7 @@ class ClearanceLink:
 
 @dataclass(frozen=True)
 class PinFollowing:
-    """How a free clearance link fared from its start on."""
+    """Contact of a free clearance link from its start to the first loss of contact."""
 
     turned: float | None  #: [rad] of the crank until contact was lost; None if it was not
     angle: float | None  #: [rad] of the crank then, in [0, 2 pi)

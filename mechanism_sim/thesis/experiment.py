@@ -127,12 +127,12 @@ class Interval(NamedTuple):
 
     @property
     def low(self) -> float:
-        """Its lower end."""
+        """Lower end of the interval."""
         return self.mean - self.half_width
 
     @property
     def high(self) -> float:
-        """Its upper end."""
+        """Upper end of the interval."""
         return self.mean + self.half_width
 
     def above(self, other: Interval) -> bool:
@@ -240,7 +240,7 @@ class IdealRuns:
         self._samples: dict[tuple[str, float, str, Instrument], Array] = {}
 
     def record(self, of: Record) -> Record:
-        """Its run from the start of another to its end."""
+        """Run of the ideal mechanism over the time of another run."""
         machine = ideal_machine(of.machine)
         key = machine.fingerprint, of.end
         if key not in self._records:
@@ -418,7 +418,7 @@ class Repeats:
 
     def times(self, figure: Callable[[Trial], float], other: Repeats,
               of: Callable[[Trial], float]) -> Interval:  # fmt: skip
-        """How many times as large a figure is here as another is there, in the means.
+        """Ratio of the mean of a figure here to that of another figure there.
 
         Two figures of the same runs are taken in pairs; other runs are independent.
         """
@@ -454,7 +454,7 @@ class Experiment:
 
     @cached_property
     def counted(self) -> Counter[BearingContact]:
-        """How many runs there are of each bearing."""
+        """Numbers of runs by bearing."""
         return Counter(x.condition.bearing for x in self.trials)
 
     @cached_property

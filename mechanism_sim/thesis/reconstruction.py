@@ -150,7 +150,7 @@ def by_filter(
 
 
 class Error(NamedTuple):
-    """How far an estimate is from the truth.
+    """Error of an estimate.
 
     Attributes
     ----------

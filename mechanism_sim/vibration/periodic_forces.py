@@ -44,7 +44,7 @@ class FourierSeries:
 
 
 def known_harmonics(count: int) -> int:
-    """How many harmonics of the forces tell what the vibration leaves out beyond `count`."""
+    """Number of force harmonics for the error of leaving out those beyond `count`."""
     return max(_MORE, 2 * count)
 
 

@@ -102,7 +102,7 @@ class Hertz(CompliantLaw):
 
     @property
     def damping(self) -> float:
-        """Nothing."""
+        """Damping coefficient: zero, as the contact is elastic."""
         return 0.0
 
     def normal_force(self, depth: Quantity, rate: Quantity, approach: Quantity) -> Quantity:

@@ -69,7 +69,7 @@ class Limits(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """When an impact happens, and how fast all is."""
+    """Time of an impact, and the rates there."""
 
     time: float  #: [s]
     drives: Array  #: (p,) rates of the drives [rad/s]
@@ -85,7 +85,7 @@ class Resting(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """How many there are of what a `ContactProblem` is made of."""
+    """Sizes of the parts of a `ContactProblem`."""
 
     gaps: int
     rows: int
@@ -350,7 +350,7 @@ def impact_of_all(
 
 @kernel
 def slip_of(c: ContactProblem, gap: int, still: float) -> int:
-    """Which way a contact with friction slides, 0 if not at all: not faster than `still`."""
+    """Direction of slip of a contact with friction, 1 or -1; 0 if it is not above `still`."""
     if c.friction[gap] == 0.0:
         return 0
     speed = c.rate[len(c.value) + gap]

@@ -98,7 +98,7 @@ class EventArrays(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """The same, taken apart."""
+    """Arrays of a run at an event, split into contact problem, limits and instant."""
 
     run: EventArrays
     c: ContactProblem
@@ -495,7 +495,7 @@ def look(*arrays: Any) -> int:
 
 @entry
 def look_there(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
-    """As `look`, at the state itself; the first arguments are those of `resolve`."""
+    """Call `look` at the state itself; the first arguments are those of `resolve`."""
     run = run_of(*arrays)
     _evaluate(run, state, now, addresses, MISSED)
     return _past_zero(run, run.counters[GUARD])

@@ -80,7 +80,7 @@ class ArcClosure(HigherClosure[PinInArc]):
         return x, y, hy.sqrt(2.0 * dense((x.half_square() + y.half_square()).value))
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How far the pin is outside of the centre line [m]."""
+        """Radial distance of the pin outside of the centre line [m]."""
         x, y, r = self._apart(frames)
         away = (x.half_square() + y.half_square()).chain(r, 1.0 / r, -1.0 / (r * r * r))
         return [away - lift(dense(frames.parameters(f'{self.name}.radius', self.joint.radius)))]

@@ -182,11 +182,11 @@ class BeltForce:
 
     @property
     def name(self) -> str:
-        """That of the joint."""
+        """Name of the joint."""
         return self.joint.name
 
     def _stretch(self, frames: Frames) -> tuple[Term, Term]:
-        """How much longer the left strand is [m], and its rate [m/s]."""
+        """Elongation of the left strand [m], and its rate [m/s]."""
         joint, m, p = self.joint, self.mechanism, frames.parameters
         (r1, r2), s = joint.radii, joint.sense
         value: Term = p(f'{self.name}.phase', s * r2 * joint.phase)
@@ -286,7 +286,7 @@ class SlippingBelt(BeltForce):
         return mul(*self._pull(frames))
 
     def energy(self, _: Frames) -> Term:
-        """It stores none."""
+        """Stored energy: none."""
         return None
 
 

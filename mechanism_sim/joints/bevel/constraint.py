@@ -62,7 +62,7 @@ class SpatialPair(Transmission):
     @property
     @abstractmethod
     def _teeth(self) -> tuple[tuple[int, float], tuple[int, float]]:
-        """How many there are, 0 of threads, and how much of their height is seen."""
+        """Numbers of teeth, 0 for threads, and the visible share of their height."""
 
     @abstractmethod
     def _beside(

@@ -56,7 +56,7 @@ class CamPair(PlacedCam):
         return read_cam(self, view)
 
     def slides(self, link: str, mechanism: Mechanism) -> bool:
-        """As its law counts: whether the cam does, or the follower."""
+        """Whether the law counts displacements: of the cam, or of the follower."""
         return self.distance.slides if link == self.first else not self.distance.swings
 
     def draw(self, draft: Draft) -> None:
@@ -88,7 +88,7 @@ class CamPair(PlacedCam):
 
     @property
     def without_forces(self) -> str:
-        """Where the velocity of the follower jumps."""
+        """Describe the jumps of the follower's velocity, which need infinite forces."""
         jumps = self.cam.corners
         more = f', and {len(jumps) - 1} more' if jumps[1:] else ''
         return f'law: {jumps[0]}{more}: no finite force gives this motion' if jumps else ''

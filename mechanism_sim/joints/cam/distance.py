@@ -1,4 +1,4 @@
-"""How far a follower is from its cam, as an expression of the cam's place and its own.
+"""Distance of a follower from its cam, as an expression of the positions of both.
 
 The frame is that of `followers`. With the place s of the follower (along its line [m], or the
 angle of its arm or face to the line of centres [rad]) and the place ``s0 + u`` where it touches,
@@ -260,7 +260,7 @@ def _piece(
 
 
 def _eccentric(law: Eccentric, angle: hy.expression) -> list[hy.expression]:
-    """As `Eccentric`: ``q^2 = R^2 - d^2 cos^2`` differentiated again and again."""
+    """Derivatives of `Eccentric` as expressions: ``q^2 = R^2 - d^2 cos^2`` differentiated."""
     R, d = law.radius, law.eccentricity
     c, s = d * hy.cos(angle), d * hy.sin(angle)
     q = hy.sqrt(R * R - c * c)

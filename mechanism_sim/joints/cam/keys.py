@@ -732,7 +732,7 @@ def _law_of_shape(given: LawPart, follower: Follower, base: float) -> Law:
 
 
 class Guide(NamedTuple):
-    """How a cam or a follower moves on the ground."""
+    """Guidance of a cam or a follower by the ground: a pivot or a straight guide."""
 
     swings: bool  #: or turns
     at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
@@ -742,7 +742,7 @@ class Guide(NamedTuple):
 
 
 def _find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
-    """How a point `at` [m] of a link is carried by the ground.
+    """Find the ground joint that guides a link with the point `at` [m].
 
     Parameters
     ----------

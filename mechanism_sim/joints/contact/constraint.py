@@ -42,7 +42,7 @@ class DiscPair(HigherPair):
     end: Vector2 | None = None  #: [m] of a bar, in the frame of `second`
 
     def closure(self, mechanism: Mechanism) -> DiscClosure:
-        """They hold nothing."""
+        """Closure of the pair, which has no bilateral constraints."""
         return DiscClosure(self, mechanism)
 
     def bears(self, link: str) -> bool:
@@ -59,7 +59,7 @@ class DiscPair(HigherPair):
                 draft.reach((link, end))
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
-        """Those of both links, and that at the end of a bar."""
+        """Discs of both links, and the disc at the end of a bar."""
         found = list(zip(self.points, self.radii, strict=True))
         return found if self.end is None else [*found, ((self.second, self.end), self.radii[1])]
 

@@ -37,7 +37,7 @@ class Freewheel(Transmission):
 
     @property
     def coupling(self) -> None:
-        """It keeps none."""
+        """Coupling of the links: none."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
         """Held both ways."""
@@ -46,7 +46,7 @@ class Freewheel(Transmission):
 
 @dataclass(frozen=True)
 class Overrun(Wall):
-    """How far the second link is ahead of the first; of a freewheel only how fast that grows."""
+    """Lead of the second link over the first; of a freewheel only its rate."""
 
     def value(self, frames: Frames) -> Jet:
         """A rate without value, or the way of the pawl from the last tooth that it passed [m]."""
@@ -66,4 +66,4 @@ class Overrun(Wall):
         return f'{self.closure.joint.second} back behind the tooth of {self.joint}'
 
     def draw(self, _: Draft) -> None:
-        """Nothing is shown of it."""
+        """Draw nothing."""

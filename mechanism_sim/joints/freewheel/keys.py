@@ -43,11 +43,11 @@ class OneWayKeys(PhaseKeys):
         )  # fmt: skip
 
     def touches(self, _: str) -> ClearanceSpec:
-        """It closes without impact."""
+        """Contact without restitution."""
         return ClearanceSpec(radial=0.0, restitution=0.0)
 
     def describe(self, joint: Any) -> str:
-        """Its effect, in words."""
+        """Describe the effect of the clutch in words."""
         way = 'clockwise' if joint.sense < 0.0 else 'counterclockwise'
         kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
         return f'{kind}: {joint.first} takes {joint.second} along {way}'

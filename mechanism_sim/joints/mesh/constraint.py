@@ -173,7 +173,7 @@ class MeshSpring:
 
     @property
     def name(self) -> str:
-        """That of the joint."""
+        """Name of the joint."""
         return self.closure.name
 
     def _flanks(self, frames: Frames) -> list[_Flank]:

@@ -143,7 +143,7 @@ class MeshKeys(JointKeys):
         )  # fmt: skip
 
     def clearance_spec(self, joint: GearMesh) -> ClearanceSpec | None:
-        """Its backlash; elastic teeth are loose even without one."""
+        """Backlash as a clearance; elastic teeth have one of zero width at least."""
         if joint.elastic:
             return ClearanceSpec(radial=joint.play, restitution=0.0)
         return clearance_spec_of(self.backlash, joint.play) if self.backlash else None

@@ -17,7 +17,7 @@ from mechanism_sim.joints.mesh.involute import Gear, inv, inverse_inv, rounded_u
 
 
 class Path(NamedTuple):
-    """Where contact starts and ends on the line of action [m] from the pitch point."""
+    """Start and end of contact on the line of action [m] from the pitch point."""
 
     start: float
     end: float

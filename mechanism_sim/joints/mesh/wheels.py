@@ -172,7 +172,7 @@ def _with_rack(names: Names, one: Wheel, two: Wheel) -> Placed:
 
 
 class _Axis(NamedTuple):
-    """Where a link turns about a gear's centre, and the joints on the way to it."""
+    """Axis of a link's rotation about a gear's centre, and the joints on the path to it."""
 
     at: Vector2  #: [m] in the link's frame
     by: tuple[str, ...] = ()

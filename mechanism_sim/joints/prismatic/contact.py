@@ -55,7 +55,7 @@ class GuideClearance(MeasuredGap):
         return along(self.mechanism, frames, self._guide.line, angle, f'{self.joint}.{what}')
 
     def _foot(self, frames: Frames) -> Foot | None:
-        """Where the corner is along an elastic link, if the guide goes along it."""
+        """Foot of the corner on an elastic link that carries the guide; None on a rigid one."""
         j, m = self._guide, self.mechanism
         rail = rail_of(m, self.joint, j.line)
         if rail is None:

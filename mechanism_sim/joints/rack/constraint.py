@@ -98,7 +98,7 @@ class RackClosure(HigherClosure[SlottedRack]):
         return frames.switch(self.name, -dense(across.value) * (2.0 * joint.side / joint.pitch))
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How far the pin, or the locked rack, is off its place along the rack [m]."""
+        """Offset of the pin, or of the locked rack, from its place along the rack [m]."""
         wave, *off = self._off(frames)
         return [either(self.engaged(frames), *(sine(x, wave) for x in off))]
 

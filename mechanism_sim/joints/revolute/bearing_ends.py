@@ -188,7 +188,7 @@ def axial_stops(mechanism: Mechanism, joint: str, play: float, **face: Any) -> I
 
 
 def seat(clearance: float, towards: Array, off: Array) -> Array:
-    """Where a pin under a load rests in a bushing with which it is out of line.
+    """Rest position of a loaded pin in a bushing whose axis is not in line.
 
     The lens that two circles have in common: on the arc of an end, or in the corner of both.
 

@@ -210,7 +210,7 @@ def _worn_of(given: Clearance) -> WornShape | None:
 
 
 def _film_profile(given: Clearance, shape: WornShape) -> FilmProfile | None:
-    """That of the film between worn walls; None of a dry bearing. ValueError: none is left."""
+    """Profile of the film between worn walls; None for a dry bearing. ValueError: none is left."""
     if not (given.film and given.profile):
         return None
     depths, roughness = given.profile.depths(LOOKS), given.radial - given.reach
@@ -218,7 +218,7 @@ def _film_profile(given: Clearance, shape: WornShape) -> FilmProfile | None:
 
 
 def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:
-    """Those along the axis of a bearing."""
+    """Axial stops of a bearing."""
     e = c.restitution if axial.restitution is None else axial.restitution
     pin, bushing = _inclinations(c)
     return axial_stops(
@@ -257,7 +257,7 @@ class Leaning(NamedTuple):
 
 
 def leaning(mechanism: Mechanism, joint: str, clearance: ClearanceSpec) -> Leaning | None:
-    """How the axes of a bearing lean against each other; None if its ends do not differ.
+    """Inclination of the axes of a bearing; None if its ends do not differ.
 
     Within a hundred thousandth of the clearance at its ends they count as in line.
     """

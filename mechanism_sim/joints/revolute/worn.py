@@ -52,7 +52,7 @@ _SOFT = 0.3  # s, of the least way to the locus: within it the powers of w fall 
 
 
 def locus(depth: Array, clearance: float, radius: float, of_pin: bool = False) -> Array:
-    """How far the pin's centre can go (512,) [m], evenly in all directions from angle 0 on.
+    """Free travel of the pin's centre (512,) [m], in evenly spaced directions from angle 0 on.
 
     Each place of the worn surface, at phi from the direction, lets it go as far as
 
@@ -230,7 +230,7 @@ def _evenly(count: int) -> ComplexArray:
 
 
 def _farthest(value: Array, gradient: ComplexArray, way: ComplexArray) -> float:
-    """How far zeros of a function are from places (N,), to first order along unit vectors."""
+    """Largest first-order distance of zeros of a function from places (N,) along unit vectors."""
     return float(np.abs(value / (gradient * way.conj()).real).max())
 
 
@@ -273,7 +273,7 @@ class WornShape:
 
     @property
     def surfaces(self) -> list[WornSurface]:
-        """Those that are worn."""
+        """Surfaces that are worn."""
         return [surface for surface in (self.pin, self.bushing) if surface is not None]
 
     def measure(self, z: ComplexArray, ways: Sequence[Any]) -> tuple[Array, ComplexArray]:
@@ -288,7 +288,7 @@ class WornShape:
         return value, gradient
 
     def _edge(self, turn: ComplexArray, ways: Sequence[Any]) -> ComplexArray:
-        """Where the gap is zero (N,), in directions (N,) from the middle."""
+        """Positions (N,) of zero gap in directions (N,) from the middle."""
         out = np.full(len(turn), self.mean)
         for _ in range(_ROUNDS):
             value, gradient = self.measure(out * turn, ways)
@@ -299,7 +299,7 @@ class WornShape:
         return np.asarray(out * turn)
 
     def seat(self, force: Array, angles: Sequence[float]) -> Array:
-        """Where the pin rests under a force (2,) [m], with pin and bushing turned by angles."""
+        """Rest position of the pin under a force (2,) [m], both parts turned by angles."""
         known = zip((self.pin, self.bushing), angles, strict=True)
         ways = [np.exp(1j * angle) for surface, angle in known if surface is not None]
         push = complex(*force) / float(np.hypot(*force))
@@ -449,7 +449,7 @@ def _middle(reach: Array) -> complex:
 def _error_of_both(
     shape: WornShape, clearance: float, radius: float, bushing: Array, pin: Array
 ) -> float:
-    """How far the sum of both functions is from where the pin can be [m], at worst."""
+    """Largest distance of the zero of both functions' sum from the true locus of the pin [m]."""
     turn, found = _evenly(_DIRECTIONS), 0.0
     for shift in range(0, LOOKS, LOOKS // 16):
         reach = locus(bushing + np.roll(pin, shift), clearance, radius)

@@ -23,7 +23,7 @@ _ROUND = WornShape(0.0, None, None)
 
 
 class _Pressed(NamedTuple):
-    """Where a worn bearing touches, in the world."""
+    """Contact of a worn bearing, in the world."""
 
     gap: Jet  #: [m]
     place: tuple[Jet, Jet]  #: of the pin, from the bushing's centre [m]
@@ -73,7 +73,7 @@ class WornBearing(BearingClearance):
         return _Pressed(gap, (x, y), normal, on_bushing)
 
     def value(self, frames: Frames) -> Jet:
-        """As `WornSurface` has it, of both surfaces [m]."""
+        """Gap between both surfaces as `WornSurface` measures it [m]."""
         return self._pressed(frames).gap
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:

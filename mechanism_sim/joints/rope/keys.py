@@ -85,7 +85,7 @@ class RopeKeys(TouchingKeys):
         return mounted
 
     def describe(self, joint: Any) -> str:
-        """Its length and course."""
+        """Describe the length and the pulleys of the rope in words."""
         over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 

@@ -326,7 +326,7 @@ def _bending(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _ShaftTerm
 def _sections(
     where: str, shaft: RotorShaftPart, modulus: float
 ) -> list[tuple[float, float, float]]:
-    """Where the shaft has another E I, and which [m, m, N m^2]."""
+    """Sections of the shaft with another E I: begin, end and E I [m, m, N m^2]."""
     found, before = [], ('', -np.inf)
     for key, s in sorted(shaft.sections.items(), key=lambda item: item[1].begin):
         if not s.end > s.begin:

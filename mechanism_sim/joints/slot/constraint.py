@@ -62,7 +62,7 @@ class SlotClosure(HigherClosure[PinInSlot]):
         return along(self.mechanism, frames, self.joint.line, 0.5 * math.pi, f'{self.name}.normal')
 
     def foot(self, frames: Frames) -> Foot | None:
-        """Where the pin is along an elastic link, if the slot goes along it."""
+        """Foot of the pin on an elastic link that carries the slot; None on a rigid one."""
         j, m = self.joint, self.mechanism
         rail = rail_of(m, self.name, j.line)
         if rail is None:

@@ -124,7 +124,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
         return 1.0 if self.joint.guides else self.mechanism.size
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How far the second is off [rad], times the size of the mechanism [m].
+        """Error of the second angle [rad], times the size of the mechanism [m].
 
         Counted without whole turns: ``wrap(q (second - phase) - p first)/q``.
         """
@@ -148,7 +148,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
         return [wrapped(u, size)]
 
     def _slid(self, frames: Frames) -> Jet:
-        """How far the second is off [m], of links that slide."""
+        """Error of the second displacement [m], of sliding links."""
         first, second = (slid(self.mechanism, frames, guide) for guide in self.joint.guides)
         return second - first * float(self.joint.ratio)
 

@@ -80,7 +80,7 @@ class Axis:
 
     @property
     def places(self) -> tuple[float, ...]:
-        """Where the names are."""
+        """Positions of the names along the axis."""
         return self.at or tuple(map(float, range(len(self.names))))
 
 

@@ -226,7 +226,7 @@ class ChartedRun:
 
 
 def _last_turns(record: Record, skip: int) -> tuple[int, tuple[float, float] | None]:
-    """As many turns as bring all again, or one, and the last turns that are shown."""
+    """Number of turns after which all repeats, or 1, and the interval of turns shown."""
     begin, end = record.turned(np.array([record.begin(skip), record.end])).tolist()
     for again in dict.fromkeys([record.machine.drive.repetition.turns, 1]):
         if record.has_turns:

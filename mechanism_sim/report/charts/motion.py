@@ -1,4 +1,4 @@
-"""How a machine moves, and what its drives and joints bear: charts over the drive's angle."""
+"""Charts of motion, of drives and of joint forces over the drive's angle."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ class Envelope:
 
     @classmethod
     def of(cls, angle: Array, values: Array, span: float = 360.0) -> Array | None:
-        """That of one row (N,) over angles (N,) [deg]; none of a drive that turns back."""
+        """Envelope of a row (N,) over angles (N,) [deg]; None if the drive turns back."""
         sense = 1.0 if angle[-1] > angle[0] else -1.0
         if (sense * np.diff(angle) < 0.0).any():
             return None

@@ -50,7 +50,7 @@ class BushingPart(ElementKeys):
     """Angle without torque."""
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
-        """Its force, and its moment."""
+        """Read the forces and the moment of the bushing."""
         where = f'bushings.{name}'
         first, second = (places.find(f'{where}.between', p) for p in self.between)
         if first[0] == second[0]:
