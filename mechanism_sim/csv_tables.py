@@ -280,12 +280,12 @@ def _check_count(count: int, where: str, most: int) -> None:
 
 
 def _open(unit: str) -> str:
-    """Empty for ``rad or m``, of a joint that is not known: in SI units it is either."""
+    """Unit of a value; empty for ``rad or m``, of an unknown joint: in SI units it is either."""
     return '' if ' or ' in unit else unit
 
 
 def _names_and_units(headings: Sequence[str]) -> list[tuple[str, str]]:
-    """Of columns; a unit is empty where its heading has none.
+    """Names and units of columns; a unit is empty where the heading has none.
 
     As ``Time / ms``, which is that of ISO 80000 and DIN 1313, where none has brackets before.
     """
@@ -299,7 +299,7 @@ def _bracketed(heading: str) -> tuple[str, str]:
 
 
 def _slashed(heading: str) -> tuple[str, str] | None:
-    """None where what stands behind the slash is no unit."""
+    """Name and unit of a heading with a slash; None if the part behind it is no unit."""
     name, slash, unit = heading.partition(' / ')
     unit = unit.strip()
     if _within(unit):

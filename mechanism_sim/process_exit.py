@@ -96,7 +96,7 @@ def owned(env: Mapping[str, str]) -> dict[str, str]:
 
 
 def one_thread() -> None:
-    """For libraries of linear algebra: one for each core would wait busily, and round otherwise.
+    """Limit libraries of linear algebra to one thread: more wait busily, and round otherwise.
 
     They read it when they are loaded; who has loaded them before keeps his own.
     """

@@ -71,7 +71,7 @@ class ChannelSamples:
 
     @property
     def rate(self) -> float | None:
-        """Of sampling [Hz], some of which may be missing; None if it is uneven."""
+        """Sampling rate [Hz], of which samples may be missing; None if it is uneven."""
         return self._sampling[0]
 
     @property
@@ -262,7 +262,7 @@ def _of_rate(text: str) -> float:
 
 
 def _times(table: CsvTable, time: str, unit: str) -> tuple[Array, float]:
-    """Of the samples, and their last digit [s]."""
+    """Times of the samples, and the size of their last digit [s]."""
     if _is_date(first := str(next(iter(table.column(time)), ''))):
         raise InputError(
             f"{table.where}: column '{time}' has dates, as '{first.strip()}': write seconds from "

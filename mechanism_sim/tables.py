@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
 
 class ColumnError(InputError, KeyError):
-    """There is no column of a name in a table."""
+    """Error of a column that a table does not have."""
 
     def __str__(self) -> str:
         return str(self.args[0])  # a `KeyError` would quote the sentence

@@ -276,7 +276,7 @@ class Signal:
 
     @property
     def unit(self) -> str:
-        """Of the samples."""
+        """Unit of the samples."""
         return QUANTITIES[self.quantity]
 
     @property

@@ -256,7 +256,7 @@ class _Samples:
 
     @classmethod
     def of(cls, name: str, runs: Sequence[Array], rate: float, unit: str) -> _Samples:
-        """Enough for a spectrum; InputError if they are too few."""
+        """Samples of a signal, which suffice for a spectrum; InputError if they are too few."""
         found = cls(name, runs, rate, unit)
         if len(found.longest) < _FEWEST:
             raise InputError(
@@ -313,7 +313,7 @@ def _repetitions(record: Record, name: str, skip: int) -> TurnSegments:
 def _envelope(
     signal: _Samples, band: tuple[float, float] | None, turn: float = math.inf
 ) -> SignalSpectrum:
-    """Of a signal in a band [Hz], or in that of its shocks; `turn` as for `shock_band`."""
+    """Envelope spectrum of a signal in a band [Hz], by default that of its shocks."""
     if band and not 0.0 <= band[0] < band[1] <= 0.5 * signal.rate:
         raise InputError(
             f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '

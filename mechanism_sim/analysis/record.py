@@ -95,12 +95,12 @@ class Revolutions(Rich):
 
     @property
     def start(self) -> float:
-        """Of the motion [s]."""
+        """Start of the motion [s]."""
         return float(self.piece.motion.curve.start[0])
 
     @property
     def end(self) -> float:
-        """Of the motion [s]."""
+        """End of the motion [s]."""
         return self.piece.motion.curve.end
 
     @property

@@ -207,7 +207,7 @@ class WearMap:
 
     @property
     def middles(self) -> Array:
-        """Of the sectors (n,) [rad]."""
+        """Middles of the sectors (n,) [rad]."""
         return np.asarray(0.5 * (self.edges[1:] + self.edges[:-1]))
 
 

@@ -86,7 +86,7 @@ class Series:
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
-        """Of a quantity of the catalogue."""
+        """Series of a quantity of the catalogue."""
         return cls(q.name, q.unit, t, values, ideal=ideal, words=q.title, of=q.of)
 
     @property
@@ -222,7 +222,7 @@ class _Collector:
 
 
 def _type(message: Any) -> str:
-    """Of a message; empty where it has none, as JSON."""
+    """Type name of a message; empty for a message without a type, as JSON."""
     return '' if isinstance(message, dict) else type_name(type(message))
 
 

@@ -269,7 +269,7 @@ class Crank:
 
     @cached_property
     def curve(self) -> PiecewisePolynomial | None:
-        """Of the crank, once all pieces are entered; None if no motion is recorded."""
+        """Motion of the crank, once all pieces are entered; None if no motion is recorded."""
         return PiecewisePolynomial.joined(self._parts) if self._parts else None
 
     def turned(self, t: Array) -> Array:

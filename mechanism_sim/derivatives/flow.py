@@ -233,7 +233,7 @@ class _Events(NamedTuple):
     sides: tuple[Side, ...]  #: before and after all of them
 
     def at(self, segments: Sequence[int]) -> list[Side]:
-        """Both sides of some of them."""
+        """Sides before and after the events at the ends of some segments."""
         return [side.some([self.number[j] for j in segments]) for side in self.sides]
 
 
@@ -266,7 +266,7 @@ def _derivative(powers: Array, x: Any, order: int) -> Array:
 
 
 def _product(A: Array, x: Array) -> Array:
-    """Of N arrays (..., n) with N matrices (n, P)."""
+    """Product of N arrays (..., n) with N matrices (n, P)."""
     wide = np.reshape(A, (len(A), math.prod(A.shape[1:-1]), A.shape[-1]))
     return np.asarray(wide @ x).reshape(*A.shape[:-1], x.shape[-1])
 
@@ -641,7 +641,7 @@ class _Walk:
         return Variation(q, v, a_p, wide, parameters, approach)
 
     def _passed(self, ends: tuple[int, int], before: Side, after: Side, x: Variation) -> Saltation:
-        """Across an event without impact between two segments."""
+        """Saltation across an event without impact between two segments."""
         of, motion, curve = self._of, self._motion, self._motion.curve
         sizes, m = of.equations.sizes, len(of.system.gaps)
         old, new = motion.modes[[*ends]].tolist()

@@ -151,7 +151,7 @@ class Jumps:
         return Selected.none(self._eq.sizes, count)
 
     def _differential(self, x: Variation) -> Array:
-        """Of what terms depend on (z, P)."""
+        """Differentials (z, P) of the variables on which terms depend."""
         none = np.zeros((*x.q.shape[:-2], 1, x.q.shape[-1]))
         return np.concatenate([x.q, x.v, x.a_p, x.states, none, x.parameters], axis=-2)
 
@@ -167,7 +167,7 @@ class Jumps:
     def passed(
         self, before: Side, after: Side, x: Variation, guards: Selected, law: Array | None
     ) -> Saltation:
-        """Across an event that leaves the state as it is.
+        """Saltation across an event that leaves the state as it is.
 
         Parameters
         ----------
@@ -307,7 +307,7 @@ class Jumps:
     def struck(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
-        """Across impacts at one instant."""
+        """Saltation across impacts at one instant."""
         z, flow = self._differential(x)[None], self._flow(before)
         groups = _groups(impacts)
         if len(groups) == 1 < len(impacts) and self._independent(before, impacts):
@@ -349,7 +349,7 @@ class Jumps:
     def blows(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact], width: int
     ) -> tuple[NDArray[np.bool_], Saltation]:
-        """Across E impacts, each of one contact alone or beside such as stay closed.
+        """Saltation across E impacts, each of one contact alone or beside others that stay closed.
 
         Nearly all impacts are such ones: they are looked at together. The C columns of their
         variations are any state of some `width` before, then P keys. The shift of the instant is
@@ -413,7 +413,7 @@ class Jumps:
     def _apart(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
-        """Across impacts at one instant that do not feel each other, each at its own."""
+        """Saltation across simultaneous impacts without mutual influence, each at its own time."""
         n, f, free = len(self._system.coordinates), len(self._free), np.array(self._free)
         z, flow = self._differential(x), self._flow(before)
         state = np.concatenate([x.q[free], x.v[free], x.states])
@@ -705,7 +705,7 @@ def _of_one_blow(laws: NDArray[np.int64], *known: Array) -> tuple[Array, Array]:
 
 
 def _solved(A: Array, b: Array) -> Array:
-    """Of rows that may depend on each other."""
+    """Least-squares solution of rows that may depend on each other."""
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
 
 

@@ -206,7 +206,7 @@ class LinearEquations:
 
     @property
     def sizes(self) -> list[int]:
-        """Of the parts of `Selected`."""
+        """Sizes of the parts of `Selected`."""
         s, rows = self.system, len(self._dynamics.contacts.rows)
         m = len(s.gaps)
         return [m, rows, rows, rows, len(s.free), len(s.prescribed), m, len(s.switches)]

@@ -124,7 +124,7 @@ def _give(link: Connection, jobs: SimpleQueue[Job | None]) -> None:
 
 
 class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
-    """There is a newer job."""
+    """Signal that a newer job makes this one superfluous."""
 
 
 def _serve(link: Connection) -> None:

@@ -44,7 +44,7 @@ class ForceArrows:
         return self._to_json(known) if self._scale else None
 
     def of_drag(self, turn: Turn | None, begun: float) -> dict[str, Any]:
-        """For a frame that was begun at `begun` [s]; if slow, for one frame of some."""
+        """Force arrows for a frame begun at `begun` [s]; if slow, for some frames only."""
         self._frames += 1
         if not self._scale or self._frames % self._each:
             return {} if self._scale and turn else {'forces': None}
@@ -56,7 +56,7 @@ class ForceArrows:
         return {'forces': self._to_json(known) if known else None}
 
     def _to_json(self, known: IdealForces) -> dict[str, Any]:
-        """Of N, and of metres a thousandth of a symbol, nobody sees less."""
+        """Arrows for JSON, rounded beyond what is visible."""
         return {
             'joints': known.joints,
             'force_scale': self._scale,

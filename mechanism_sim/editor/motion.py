@@ -181,7 +181,7 @@ class Turn:
         return v if order == 1 else self._kinematics.accelerations(q, v, second)
 
     def forces(self, count: int = INSTANTS) -> IdealForces | None:
-        """Of the ideal joints at the first instants; None where they do not follow from motion.
+        """Forces of the ideal joints at the first instants; None if motion leaves them open.
 
         Inverse dynamics under the prescribed drives: rates and accelerations of all coordinates
         follow from those of the drives, forces from both.

@@ -130,7 +130,7 @@ class DocumentPicture(NamedTuple):
 
 
 def _distance(at: Vector2, start: Vector2, end: Vector2) -> float:
-    """From a place to a straight line between two others [m]."""
+    """Distance of a point from a straight line between two others [m]."""
     way, to = np.subtract(end, start), np.subtract(at, start)
     part = np.clip(way @ to / (way @ way or 1.0), 0.0, 1.0)
     return float(np.hypot(*(to - part * way)))

@@ -263,7 +263,7 @@ class Desk:
             self._send(_busy(self._busy))
 
     def _opened(self, document: Document) -> None:
-        """Another document was opened by a page."""
+        """Begin with another document that a page has opened."""
         if self._keeping:
             wait_for([self._keeping])  # it is of the document before
         text, self._notice = self._recovery.give_back(document)

@@ -104,7 +104,7 @@ class Handle:
         return ['joints', self.key] if self.joint else ['links', self.members[0][0]]
 
     def to_json(self) -> dict[str, Any]:
-        """For the page."""
+        """Handle for the page."""
         return {
             'key': self.key,
             'members': ['.'.join(x) for x in self.members],

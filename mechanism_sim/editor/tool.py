@@ -41,7 +41,7 @@ class Tool:
     gesture: Literal['band', 'click', 'now'] = 'click'
 
     def to_json(self) -> dict[str, str]:
-        """For the page."""
+        """Tool for the page."""
         return {x: getattr(self, x) for x in ('name', 'key', 'icon', 'hint', 'gesture')}
 
 

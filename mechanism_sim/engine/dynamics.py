@@ -246,7 +246,7 @@ class Dynamics:
         return ContactRows(normal, tangent, rows, laws, friction, mu, engaged, active, softness)
 
     def _softness(self, i: int) -> Term:
-        """Of the tangent of a gap, while others of its joint stick."""
+        """Compliance of the tangent of a gap, while others of its joint stick."""
         own, gaps = getattr(self.gaps[i], 'softness', 0.0), enumerate(self.gaps)
         others = [k for k, gap in gaps if k != i and gap.joint == self.gaps[i].joint]
         stuck = add(*(self.flags.sticks.get(k) for k in others))
@@ -442,7 +442,7 @@ class Dynamics:
         return symbol, neg(mul(s, jet.rate)) / stretch, stretch
 
     def relief(self, i: int) -> hy.expression:
-        """Of a closed compliant contact, what has the sign of its force [m/s]."""
+        """Term with the sign of the force of a closed compliant contact [m/s]."""
         law = self.contacts.laws[i]
         if law is None:
             raise ValueError('a compliant contact has a law')

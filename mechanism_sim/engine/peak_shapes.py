@@ -99,7 +99,7 @@ class PeakOutlines:
                 self._kept -= len(self._batches.popleft())
 
     def shapes(self, peaks: Sequence[tuple[float, float]]) -> list[PeakShape | None]:
-        """Of the peaks, as far as they are known."""
+        """Shapes of the peaks, as far as they are known."""
         self._look(peaks, anyway=True)
         return [
             known[1] if known and known[0] == time else None

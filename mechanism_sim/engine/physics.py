@@ -73,7 +73,7 @@ class Physics(Protocol):
 
     @property
     def size(self) -> float:
-        """Of the mechanism [m]: positions round as parts of it."""
+        """Size of the mechanism [m], to which the rounding of positions is relative."""
 
     @property
     def lifting_energy(self) -> float:
@@ -289,7 +289,7 @@ class DynamicPhysics:
 
     @property
     def corners(self) -> bool:
-        """No: steps end where what presses changes its side."""
+        """False: steps end at the changes of sign of normal forces in joints with friction."""
         return False
 
     @property

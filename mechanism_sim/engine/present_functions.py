@@ -40,7 +40,7 @@ class PresentFunctions:
         self._dynamics, self._forces = run.dynamics, run.set_valued
 
     def _compiled(self, terms: Sequence[Term]) -> hy.cfunc_dbl:
-        """Of states that may be a rounding beyond the depth zero of a contact."""
+        """Compile terms for states that may be a rounding beyond a contact's depth zero."""
         return self._run.compile_now(self._run.unpulled(terms))
 
     @cached_property
@@ -64,7 +64,7 @@ class PresentFunctions:
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
-        """Of the free coordinates, as the integrator has them, then rates of states.
+        """Accelerations of the free coordinates, as the integrator has them, and rates of states.
 
         Of the same vector as `watch`.
         """

@@ -300,7 +300,7 @@ class SingularPositions:
         return high, self._contacts.missed_event()
 
     def undecided(self) -> RunError:
-        """At the present state two ways go on."""
+        """Error of a singular position with two continuations at the present state."""
         joints = self._present.singular_joints()
         named = [j for j in self._system.mechanism.joints if j.name in joints]
         links = sorted({link for j in named for link in (j.first, j.second)})

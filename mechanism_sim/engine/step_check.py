@@ -171,7 +171,7 @@ class StepCheck:
 
     @property
     def address(self) -> int:
-        """Of the machine code of ``Enclosure.doubted``, 0 if it cannot be had."""
+        """Address of the machine code of ``Enclosure.doubted``, 0 if it is not available."""
         if self._code is None:
             function = self._steep.enclosure.doubted
             self._code = foreign_code(function.llvm_states[0].object_code, 'cfunc') or False

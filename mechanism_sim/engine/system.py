@@ -291,7 +291,7 @@ class System:
 
     @cached_property
     def contact_layout(self) -> Layout:
-        """Of the terms that ``functions.contact_function`` gives."""
+        """Layout of the terms that ``functions.contact_function`` returns."""
         m, rows = len(self.gaps), len(self.dynamics.contacts.rows)
         compliant = m if self.compliant else 0
         return Layout(m, rows, len(self.free), len(self.prescribed), compliant)

@@ -94,7 +94,7 @@ class Ideal:
         return max(body.mass for body in self.machine.plan.bodies)
 
     def _weighed(self, body: Body) -> Body:
-        """With a mass and an inertia: there must be some."""
+        """Copy of a body with a mass and an inertia, as the format requires both."""
         blank = 1.0 if body in self.machine.plan.bodies else LIGHT
         mass = body.mass or (LIGHT * self._heaviest if self._heaviest else blank)
         radius = _COMPACT * self.machine.plan.ideal.size
@@ -297,7 +297,7 @@ def _corners(joints: tuple[Joint, ...], link: str) -> Array:
 
 
 def _bars(link: str, corners: Array, layer: float, thick: float) -> Iterator[Solid]:
-    """From each corner to the next."""
+    """Bars from each corner to the next."""
     ends = [*corners, *(corners[:1] if len(corners) > 2 else [])]
     for a, b in pairwise(ends):
         length = math.dist(a, b)

@@ -146,7 +146,7 @@ class _MjcfWriter:
             self._bodies(child, body.name)
 
     def _joint(self, body: Element, link: str) -> None:
-        """By which a link is carried."""
+        """Write the joint that carries a link."""
         j, parent = self._m.tree_joints[link], self._m.parent(link)
         if isinstance(j, Weld):
             return
@@ -191,7 +191,7 @@ class _MjcfWriter:
                     SubElement(body, 'site', name=element.name, pos=text(*at, 0.0))
 
     def _geometry(self, body: Element, link: str) -> None:
-        """For the eye only: nothing collides."""
+        """Write the visual geometry of a link, which takes no part in collisions."""
         for solid in self._drawn:
             if solid.link == link:
                 SubElement(body, 'geom', type=solid.kind, size=_half(solid),

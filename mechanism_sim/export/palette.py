@@ -35,7 +35,7 @@ def index(number: int) -> int:
 
 
 def colour(number: int) -> str:
-    """Of a link or line by its number; of the frame if that is negative."""
+    """Colour of a link or line by its number; of the frame if that is negative."""
     return GROUND if number < 0 else LINKS[index(number)]
 
 
@@ -53,7 +53,7 @@ def css() -> str:
 
 
 def numbers(mechanism: Mechanism) -> dict[str, int]:
-    """Of joints and moving links by name: those whose colours they have."""
+    """Numbers of joints and moving links by name, which choose their colours."""
     joints = {joint.name: k for k, joint in enumerate(mechanism.joints)}
     return joints | {body.name: k for k, body in enumerate(mechanism.bodies)}
 

@@ -312,7 +312,7 @@ class EndStop(_Stop):
         return with_turning(across.as_rate, frames, self.mechanism, self.name, ends, arms)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the second-named link, where they touch."""
+        """Wrench on the second-named link, at the contact."""
         place = frames.position(self.mechanism.separation(self.joint), self.joint)
         arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)
         pin = place if self._way > 0.0 else None

@@ -41,7 +41,7 @@ class StationPart(Part):
 
     @property
     def shape(self) -> Shape:
-        """By which sizes it is given."""
+        """Shape of the section, by the sizes that are given."""
         return 'circle' if self.diameter else 'rectangle' if self.width else 'any'
 
     @property

@@ -149,7 +149,7 @@ class AppliedForce(SceneElement):
         return self.scope.term(frames, f'{self.key}.{part}', given, own)
 
     def power_lost(self, frames: Frames) -> Term:
-        """Less what it feeds in: ``-(F.v + torque rate)``."""
+        """Dissipated power, negative where the force supplies it: ``-(F.v + torque rate)``."""
         fed: Term = None
         for load in self.loads(frames):
             x, y = located(load, frames, self.mechanism)
@@ -169,7 +169,7 @@ class UnknownForce(AppliedForce):
 
     @property
     def key(self) -> str:
-        """With which the keys of its parameters begin."""
+        """Prefix of the keys of its parameters."""
         return f'unknown:{self.label}'
 
     @property
@@ -179,7 +179,7 @@ class UnknownForce(AppliedForce):
 
     @property
     def unit(self) -> str:
-        """Of its size."""
+        """Unit of the force's or torque's size."""
         return 'N' if any(self.force) else 'N m'
 
 

@@ -34,7 +34,7 @@ class FourBar:
 
     @property
     def lengths(self) -> tuple[float, float, float, float]:
-        """Of ground, crank, coupler and rocker [m]."""
+        """Lengths of ground, crank, coupler and rocker [m]."""
         return self.ground, self.crank, self.coupler, self.rocker
 
     def positions(self, th2: Array) -> tuple[Array, Array]:

@@ -35,7 +35,7 @@ class AngleRange(NamedTuple):
 
     @property
     def width(self) -> float:
-        """From end to end [rad]."""
+        """Width of the range [rad]."""
         return self.greatest - self.least
 
 

@@ -52,7 +52,7 @@ class Passage:
 
     @property
     def independence(self) -> Array:
-        """Of the constraints at the instants (K,)."""
+        """Independence of the constraints at the instants (K,)."""
         return self.kinematics.independence(self.branch.middle)
 
     @property
@@ -62,7 +62,7 @@ class Passage:
 
     @property
     def root(self) -> Array:
-        """By how much the parameter differs (K,) from that of the singular position."""
+        """Offset of the branch's parameter (K,) to the singular position."""
         return crossing(self.kinematics, self.branch)
 
     def states(self, times: Array, driven: Array) -> tuple[Array, Array, Array]:
@@ -197,7 +197,7 @@ class FourBarMotion:
         return found
 
     def _angles(self, q: Array) -> Array:
-        """Of crank, coupler and rocker (3, N), from the line of the ground joints [rad]."""
+        """Angles of crank, coupler and rocker (3, N), from the line of the ground joints [rad]."""
         return np.asarray(q[self._links] + np.array(self.loop.turned)[:, None])
 
     def rounding(self, q: Array) -> float:

@@ -449,11 +449,11 @@ class NominalRun:
         return q
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """There are no impacts: KeyError."""
+        """Raise a KeyError, as there are no impacts."""
         raise KeyError(joint)
 
     def snapshot(self) -> Snapshot:
-        """To go on from here: `since` counts short pieces, `stabilisation` is their share."""
+        """Snapshot to go on from: `since` counts short pieces, `stabilisation` is their share."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
@@ -792,7 +792,7 @@ class NominalPhysics:
         return [NoLimit(float(begun[k]), float(places[k]), self.joints, True) for k in first]
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """There are none: (0, N)."""
+        """Open gaps: none, (0, N)."""
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:

@@ -31,7 +31,7 @@ class SceneElement:
 
     @property
     def key(self) -> str:
-        """With which the keys of its parameters begin: no joint has such a name."""
+        """Prefix of the keys of its parameters: no joint has such a name."""
         return self.name.replace('.', ':', 1)
 
 
@@ -295,7 +295,7 @@ class Spring(Elongation):
         return self._ends((mul(pull, unit[0]), mul(pull, unit[1])))
 
     def energy(self, frames: Frames) -> Term:
-        """Of one that needs no direction without the length, whose root has no series at zero."""
+        """Stored energy; by squares, without the length, whose root has no series at zero."""
         if self.directed or not self.law.numbers:
             return super().energy(frames)
         x, y = self._between(frames)
@@ -315,7 +315,7 @@ class GuidedSpring(Spring):
         return True
 
     def between(self, q: Array) -> Array:
-        """Without end: nothing happens where its points meet."""
+        """Infinite distances of the ends: where its points meet nothing happens."""
         return np.full((2, q.shape[1]), np.inf)
 
     def _line(self, frames: Frames) -> tuple[tuple[Term, Term], Term, Term]:

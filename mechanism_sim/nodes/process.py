@@ -158,7 +158,7 @@ def report_end(name: str, code: int) -> int:
 
 
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
-    """After a failure let nodes that record take in what was published until then."""
+    """Let recording nodes store, after a failure, the messages published until then."""
     until = time.monotonic() + _PATIENCE_AFTER_FAILURE
     for node in nodes:
         if not node.keeps:

@@ -70,7 +70,7 @@ def _between(low: Any, high: Any) -> Ball:
 
 
 def _rising(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
-    """Of a function that rises, or falls, all the way."""
+    """Enclosure of a monotonic function."""
 
     def enclosed(x: Ball) -> Ball:
         return Ball(f(x.middle)) if x.radius is None else _between(*map(f, x.ends))
@@ -79,7 +79,7 @@ def _rising(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
 
 
 def _wave(f: Callable[[Any], Any], slope: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
-    """Of sine and cosine: ``|f(m + d) - f(m)| <= |f'(m)| |d| + d^2/2``, and not more than 2."""
+    """Enclosure of sine and cosine: ``|f(m + d) - f(m)| <= |f'(m)| |d| + d^2/2``, at most 2."""
 
     def enclosed(x: Ball) -> Ball:
         if x.radius is None:
@@ -93,7 +93,7 @@ def _wave(f: Callable[[Any], Any], slope: Callable[[Any], Any]) -> Callable[[Bal
 
 
 def _tangent(x: Ball) -> Ball:
-    """Of the tangent: without limit where a pole may be in between."""
+    """Enclosure of the tangent: without limit if a pole may be within."""
     if x.radius is None:
         return Ball(hy.tan(x.middle))
     low, high = x.ends
@@ -107,7 +107,7 @@ def _tangent(x: Ball) -> Ball:
 
 
 def _above_zero(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
-    """Of a rising function of what is not negative, but for overestimation."""
+    """Enclosure of a rising function of a value not negative, but for overestimation."""
 
     def enclosed(x: Ball) -> Ball:
         if x.radius is None:
@@ -141,7 +141,7 @@ def _power(x: Ball, n: float) -> Ball:
 
 
 def _direction(y: Ball, x: Ball) -> Ball:
-    """Of the angle of the point (x, y), seen from the origin: a disk about it spans an arc."""
+    """Enclosure of the angle of the point (x, y): a disk about it spans an arc."""
     angle = hy.atan2(y.middle, x.middle)
     radii = [r * r for r in (y.radius, x.radius) if r is not None]
     if not radii:
@@ -264,7 +264,7 @@ def _forward(program: _Program, moving: dict[str, Any]) -> list[Ball]:
 def _backward(
     program: _Program, balls: list[Ball], seeds: dict[int, list[Any]]
 ) -> list[list[Any]]:
-    """By how much at most each operation changes what is sown, times the seeds."""
+    """Bounds on the effect of each operation on the seeded results, times the seeds."""
     felt: list[list[Any]] = [[] for _ in program.operations]
     for root, known in seeds.items():
         felt[root] += known

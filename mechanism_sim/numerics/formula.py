@@ -42,7 +42,7 @@ def _flag_of(guard: hy.expression) -> hy.expression:
 
 
 def coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, float] | None:
-    """By which numbers a sum contains some of the names; None if it is no such sum."""
+    """Coefficients of the names in a linear sum; None if it is no such sum."""
     if not {*node.names} & {*angles}:
         return {}
     match node.kind, node.args:

@@ -64,7 +64,7 @@ class Monotone(NamedTuple):
         return np.asarray(0.5 * (a + b))
 
     def time_below(self, level: float) -> float:
-        """For how long the function is not above a level [s]."""
+        """Total time for which the function is not above a level [s]."""
         least, most = np.minimum(self.first, self.last), np.maximum(self.first, self.last)
         across = np.flatnonzero((least <= level) & (level < most))
         share = (self.crossings(level, across) - self.low[across]) / (

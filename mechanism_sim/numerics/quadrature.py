@@ -335,7 +335,7 @@ class _Applied(NamedTuple):
     missed: Array  #: what the interpolant misses at the ends may add, of watched rules
 
     def sharper(self, foretold: bool = False) -> _Applied:
-        """With errors that are smaller where coefficients fall geometrically.
+        """Rule with smaller errors where coefficients decay geometrically.
 
         Then their logarithms fall as straight or steeper lines, and those that are left out are
         less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is
@@ -424,5 +424,5 @@ def _gathered(interval: NDArray[np.intp], x: NDArray[Any], shape: tuple[int, ...
 
 
 def _joined(x: Array, n: int) -> Array:
-    """Of all first parts of n, then all second ones and so on (C, n K), the sums (C, K)."""
+    """Sums (C, K) of all first parts of n, then of all second ones and so on (C, n K)."""
     return np.asarray(x.reshape(len(x), n, -1).sum(axis=1))

@@ -45,7 +45,7 @@ def determined(peaks: Sequence[SampledPeak]) -> bool:
 
 
 def describe_peaks(peaks: tuple[SampledPeak, SampledPeak], unit: str, scale: float = 1.0) -> str:
-    """Both in words, in a unit after a multiplication by `scale`, and what to do about them."""
+    """Describe both peaks in a unit after a multiplication by `scale`, with advice."""
     shown = ' and '.join(f'{scale * p.value:.6g} (+-{scale * p.off:.3g})' for p in peaks)
     text = f'largest accelerations by its points {shown} {unit}'
     if determined(peaks):

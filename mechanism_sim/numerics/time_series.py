@@ -87,7 +87,7 @@ class TimeSeries:
 
     @property
     def period(self) -> float | None:
-        """After which all but its polynomials is as before [s]; None if that is not known."""
+        """Period of all but the polynomials [s]; None if it is unknown."""
         if not self._again or any(len(powers) > 2 for powers in self._phases):
             return None
         rates = [abs(powers[1]) for powers in self._phases]

@@ -249,7 +249,7 @@ def _command_of(message: Any) -> Command | None:
 
 
 def _silent() -> logging.Logger:
-    """For what strangers send who are no browser."""
+    """Logger that discards complaints about malformed requests."""
     logger = logging.getLogger(__name__)
     logger.addHandler(logging.NullHandler())
     logger.propagate = False

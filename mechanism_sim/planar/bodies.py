@@ -31,7 +31,7 @@ class LinkExtension(ABC):
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates."""
+        """Names of the coordinates."""
 
     @property
     def angles(self) -> tuple[str, ...]:
@@ -110,5 +110,5 @@ class Body:
 
     @property
     def disk_radius(self) -> float:
-        """Of an even disk with its mass and inertia [m]."""
+        """Radius of a uniform disk with this mass and inertia [m]."""
         return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0

@@ -129,7 +129,7 @@ def _stays(kinematics: Kinematics, q: Array, shift: Array) -> Mask:
 
 
 def crossing(kinematics: Kinematics, branch: Branch) -> Array:
-    """By how much the parameter of the nearest singular position (N,) differs; infinite: none.
+    """Offset of the parameter to the nearest singular position (N,); infinite: none.
 
     There the determinant of the constraints changes sign.
     """
@@ -138,7 +138,7 @@ def crossing(kinematics: Kinematics, branch: Branch) -> Array:
 
 
 def determinants(kinematics: Kinematics, q: Array) -> Array:
-    """Of the constraints (N, K) in the K `SAMPLES` beside N positions, at coordinates (n, N K).
+    """Determinants of the constraints (N, K) in K `SAMPLES` beside N positions, of q (n, N K).
 
     Of redundant ones, what they say in the sample where they are most independent counts.
     """

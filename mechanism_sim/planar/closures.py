@@ -49,7 +49,7 @@ class PrismaticClosure:
     mechanism: Mechanism
 
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Of the line, 90 degrees counterclockwise from its axis."""
+        """Normal of the line, 90 degrees counterclockwise from its axis."""
         if foot := self._foot(frames):
             return foot.normal
         line = self._joint.line
@@ -84,7 +84,7 @@ class PrismaticClosure:
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 
     def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
-        """Of the second link's x axis as the first link holds it, and as it is."""
+        """Directions of the second link's x axis: as the first link holds it, and as it is."""
         joint, foot = self._joint, self._foot(frames)
         at = None if foot else joint.on_first
         first = self.mechanism.direction(joint.first, joint.angle, at)
@@ -127,7 +127,7 @@ class WeldClosure:
     mechanism: Mechanism
 
     def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
-        """Of the second link's x axis as the first link holds it, and as it is."""
+        """Directions of the second link's x axis: as the first link holds it, and as it is."""
         m, j = self.mechanism, self.mechanism.joint(self.name)
         held = m.direction(j.first, j.angle if isinstance(j, Weld) else 0.0, j.on_first)
         own = m.direction(j.second, 0.0, j.on_second)
@@ -137,7 +137,7 @@ class WeldClosure:
         )
 
     def values(self, frames: Frames) -> list[Jet]:
-        """From the second's point to the first's [m]; sine of the angle, times the size [m]."""
+        """Vector from the second's point to the first's [m]; sine of the angle, times size [m]."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         (ux, uy), (vx, vy) = self._directions(frames)
         size = dense(frames.parameters(f'{self.name}.size', self.mechanism.size))
@@ -185,7 +185,7 @@ class HigherClosure(Generic[J]):
         return self.joint.name
 
     def facing(self, _: Frames) -> list[Term]:
-        """Terms that are positive where the pair faces the right way; none of most kinds."""
+        """Terms for `Relation.facing`: none of most kinds, closed wherever the row vanishes."""
         return []
 
 
@@ -216,7 +216,7 @@ class IndependentRows:
         return self.relation.facing(frames)
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Of the forces along the rows that are kept."""
+        """Wrench of the forces along the rows that are kept."""
         count = len(self.relation.values(frames))
         known = dict(zip(self.kept, forces, strict=True))
         return self.relation.wrench(frames, [known.get(i) for i in range(count)])

@@ -286,7 +286,7 @@ class LawSource(Protocol):
 
     @property
     def period(self) -> float | None:
-        """After which its rate is as before [s]; None if that is not known."""
+        """Period of the coordinate's rate [s]; None if it is unknown."""
 
     def after(self, law: DriveLaw) -> DriveLaw | None:
         """The law that takes over from one of this source; None if that holds for ever."""
@@ -316,7 +316,7 @@ class FormulaLaws:
 
     @property
     def degree(self) -> int:
-        """Of what the series has, integrated if it is a rate."""
+        """Degree of the series, integrated if it is a rate."""
         return max(len(self.series.piece(0.0).exact), len(self.series.piece(0.0).series)) - (
             not self.rate
         )

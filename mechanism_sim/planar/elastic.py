@@ -278,13 +278,13 @@ class Beam(LinkExtension):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: ``bend1``, ..., ``stretch1``, ..."""
+        """Names of the coordinates: ``bend1``, ..., ``stretch1``, ..., in this order."""
         bends = (f'bend{i + 1}' for i in range(self.modes))
         return (*bends, *(f'stretch{k + 1}' for k in range(self.stretch)))
 
     @property
     def mass(self) -> float:
-        """Of the beam without lumps [kg]."""
+        """Mass of the beam without lumps [kg]."""
         return self.density * self.length
 
     def deflection(self, x: float | Array, derivative: int = 0) -> Array:
@@ -430,7 +430,7 @@ class Beam(LinkExtension):
         return [(mass, place(at)) for mass, at in self.particles]
 
     def spin_of(self, body: Body) -> float:
-        """Of what turns with the link's frame."""
+        """Inertia that turns with the link's frame [kg m^2]."""
         return self.spin
 
     @cached_property

@@ -93,7 +93,7 @@ class Wall(MeasuredGap):
         return play - offset if self.side == 'left' else play + offset
 
     def _friction(self) -> Rubbing:
-        """Where; the wall presses on the second-named link against the offset, or along it."""
+        """Friction of the wall: it presses on the second-named link against or along the row."""
         if self.touch is None:
             raise ValueError(f'{self.name} has no friction')
         return self.touch.on(-1 if self.side == 'left' else 1)
@@ -108,7 +108,7 @@ class Wall(MeasuredGap):
         return self.touch.engaged(frames) if self.touch else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Along the force of the wall."""
+        """Direction of the force of the wall."""
         pressed = self.wrench(frames, hy.expression(1.0), None)
         return lift(dense(pressed.x)), lift(dense(pressed.y))
 
@@ -122,7 +122,7 @@ class Wall(MeasuredGap):
 
 
 def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
-    """Of a wall of a joint: ``JOINT_left``, or ``JOINT.left`` if another joint is called so."""
+    """Name of a joint's wall: ``JOINT_left``, or ``JOINT.left`` if a joint has that name."""
     return _name_of(mechanism, joint, side) if len(joint.sides) > 1 else joint.name
 
 
@@ -141,7 +141,7 @@ SIDES: tuple[tuple[str, Side], ...] = (
 
 
 def corner_name(mechanism: Mechanism, joint: Prismatic, end: str, side: Side) -> str:
-    """Of the gap at a corner of a block in a guide: ``JOINT_front_left`` and so on."""
+    """Name of the gap at a corner of a block in a guide: ``JOINT_front_left`` and so on."""
     return _name_of(mechanism, joint, f'{end}_{side}')
 
 
@@ -154,7 +154,7 @@ STOPS = 'stop_front', 'stop_rear'
 
 
 def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
-    """Of a gap at an end of a bearing: ``JOINT_front`` and so on, ``JOINT_stop_front``."""
+    """Name of a gap at an end of a bearing: ``JOINT_front`` and so on, ``JOINT_stop_front``."""
     return _name_of(mechanism, joint, end)
 
 
@@ -163,7 +163,7 @@ BOUNDS = 'lower', 'upper'
 
 
 def bound_name(mechanism: Mechanism, joint: Joint, bound: str) -> str:
-    """Of the gap at a limit of a joint: ``JOINT_lower`` and so on."""
+    """Name of the gap at a limit of a joint: ``JOINT_lower`` and so on."""
     return _name_of(mechanism, joint, bound)
 
 

@@ -329,7 +329,7 @@ class InverseDynamics:
     def _solved(
         self, motion: Array, T: Array, rows: Array | None
     ) -> tuple[Any, Array, list[Array]]:
-        """Under frictions T (m, N): forces of closures and drives, sizes of loads, more."""
+        """Forces of closures and drives, sizes of loads, and more, under frictions T (m, N)."""
         first, second = self._functions
         n, count = len(self.mechanism.coordinates), motion.shape[1]
         motion = np.concatenate([motion, T])

@@ -52,7 +52,7 @@ class Connection:
 
     @property
     def points(self) -> tuple[LinkPoint, LinkPoint]:
-        """Both links, each with its point."""
+        """Links of the connection, each with its point."""
         return (self.first, self.on_first), (self.second, self.on_second)
 
     @property
@@ -105,7 +105,7 @@ class Weld(Connection):
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
     def draw(self, draft: Draft) -> None:
-        """Both links reach there."""
+        """Extend the outlines of both links to the joint."""
         for place in self.points:
             draft.reach(place)
 
@@ -196,7 +196,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def rubbing_wall(self) -> type | None:
-        """Of walls that rub, a class of its own if they do so unlike others, see `planar.gaps`."""
+        """Special class of walls with friction, see `planar.gaps`; None: the usual one."""
         return None
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:

@@ -128,10 +128,10 @@ class Rubbing(Protocol):
 
     @property
     def share(self) -> float:
-        """Of the coefficient of friction that acts."""
+        """Share of the coefficient of friction that acts."""
 
     def on(self, way: float) -> Rubbing:
-        """On the wall that presses so, 1 or -1, on the second along the positive force."""
+        """Contact on the wall that presses on the second along (1) or against (-1) the force."""
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the second-named link on the first [m/s]."""
@@ -216,7 +216,7 @@ class Gap(Protocol):
         """
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Along this the first-named link presses on the second, when closed; only a direction."""
+        """Direction in which the first-named link presses on the second when closed."""
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench of the first-named on the second-named link, by normal force and friction [N].
@@ -234,7 +234,7 @@ class MotionBound(Gap, Protocol):
 
     @property
     def overlap(self) -> str:
-        """In words, what is where it cannot be if the gap is negative."""
+        """Describe the overlap of a negative gap in words."""
 
     def draw(self, draft: Draft) -> None:
         """Add what is met to a drawing, unless the joint shows it."""
@@ -275,7 +275,7 @@ class BearingGap(Gap, Protocol):
 
     @property
     def apart(self) -> Point:
-        """From the bushing's centre to the pin's, Q."""
+        """Vector Q from the bushing's centre to the pin's."""
 
     def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
         """Normal (2, N) from bushing to pin, along it Q (N,) [m], force of a unit multiplier.

@@ -87,7 +87,7 @@ class Rotor(LinkExtension):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``DISK_x``, ..."""
+        """Names of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``DISK_x`` and so on."""
         return tuple(f'{pair}_{axis}' if pair else axis for pair in self.pairs for axis in 'xy')
 
     @property
@@ -98,7 +98,7 @@ class Rotor(LinkExtension):
 
     @property
     def mass(self) -> float:
-        """Of supports and further disks [kg]."""
+        """Mass of supports and further disks [kg]."""
         return sum(lump.mass for lump in self.lumps)
 
     @property

@@ -192,7 +192,7 @@ class ResolvedLoads:
 
 @lru_cache(maxsize=64)  # of whole pieces the places are always the same
 def _interpolant(count: int, places: bytes) -> Array:
-    """From values at Chebyshev's nodes to those of their interpolant at N places: (count, N)."""
+    """Matrix (count, N) from values at Chebyshev's nodes to their interpolant at N places."""
     at = np.polynomial.chebyshev.chebvander(2.0 * np.frombuffer(places) - 1.0, count - 1)
     return np.asarray(chebyshev_coefficients(np.eye(count)) @ at.T)
 

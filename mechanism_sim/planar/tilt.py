@@ -42,7 +42,7 @@ class Tilt(LinkExtension):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: the inclinations, and the way along the axes."""
+        """Names of the coordinates: the inclinations, and the displacement along the axes."""
         return self.angles if self.axial is None else (*self.angles, 'axial')
 
     def rise(self, at: Vector2) -> dict[str, float]:
@@ -74,11 +74,11 @@ class Tilt(LinkExtension):
         ]
 
     def spin_of(self, body: Body) -> float:
-        """Of what does not lean."""
+        """Inertia that does not tilt [kg m^2]."""
         return self.spin
 
     def lean(self, height: float) -> Arms:
-        """To the first order."""
+        """Displacement of a point above the link's plane by the tilt, to first order."""
         along, across = self.angles
         return {(along,): (height, 0.0), (across,): (0.0, height)}
 
@@ -101,7 +101,7 @@ class Tilt(LinkExtension):
 
     @property
     def _stiffness(self) -> dict[str, float]:
-        """Of each coordinate [N m/rad, N/m]: leaning along x is a rotation about y."""
+        """Stiffness of each coordinate [N m/rad, N/m]: tilt along x is a rotation about y."""
         return dict(zip(self.names, (*self.rigidity[::-1], self.axial or 0.0), strict=False))
 
     @property

@@ -56,7 +56,7 @@ class BagInfo:
 
     @property
     def realtime_factor(self) -> float | None:
-        """Of the recording; None where that is not known."""
+        """Real-time factor of the recording; None if it is unknown."""
         return realtime_factor(self.duration, self.wall_time)
 
     def to_json(self) -> dict[str, Any]:

@@ -307,7 +307,7 @@ def _reader(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
 
 
 def _defined(schema: Schema) -> Callable[[bytes], Any]:
-    """Of a type of ROS that is not known here, by the definition in the bag."""
+    """Decoder of an unknown type of ROS, by the definition in the bag."""
     text = schema.data.decode()
     try:
         types = (

@@ -212,7 +212,7 @@ class Labels:
         return move
 
     def _link(self, name: str, outline: Array) -> Move:
-        """Along a bar, on its outer side; inside a plate; above a slider that is all there is."""
+        """Label a link: along a bar, on its outer side; inside a plate; above a lone slider."""
         if len(outline) != 2:
             middle, high = outline.mean(axis=0), np.array([0.0, 2.2 * self._s + self._pt(5.0)])
             beside = np.array([0.0, 0.0]) if len(outline) > 2 else high
@@ -232,7 +232,7 @@ class Labels:
         return move
 
     def _joint(self, shape: Shape, outline: Array) -> Move:
-        """Beside a joint where no link goes; below a pivot of the frame or a slider."""
+        """Label a joint where no link goes; below a pivot of the frame or a slider."""
         at = outline.mean(axis=0)
         half, name = self._half(shape.label), shape.label
         below = np.array([0.0, -3.2 * self._s - self._pt(2.0) - half[1]])
@@ -244,7 +244,7 @@ class Labels:
         return self._beside(name, outline, places, at, style='italic')
 
     def _from(self, way: Array, half: Array) -> Array:
-        """From a joint to the middle of a name that begins beside it."""
+        """Vector from a joint to the middle of a name that begins beside it."""
         start = (0.9 * self._s + self._pt(3.0)) * way
         return np.asarray(start + half * np.clip(1.6 * way, -1.0, 1.0))
 

@@ -356,7 +356,7 @@ class _Bushing(Lens):
         self._paint(axes, stage)
 
     def _separation(self, record: Record, t: Array) -> Array:
-        """From the bushing's centre to the pin's (2, N), in radii of the bushing."""
+        """Vector from the bushing's centre to the pin's (2, N), in radii of the bushing."""
         j, mechanism = self._joint, record.machine.mechanism
         curve = record.piece.motion.curve
         q = curve.local(*curve.find(t)).T

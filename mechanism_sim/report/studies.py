@@ -110,7 +110,7 @@ def _degrees(angle: float) -> str:
 
 
 def fit_text(found: Result) -> str:
-    """For people; in SI units."""
+    """Format the result of a fit as text, in SI units."""
     lines = [f'{found.method}' + (f': {found.reason}' if found.reason else '')]
     lines.append(
         f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:'

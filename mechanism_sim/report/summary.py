@@ -346,7 +346,7 @@ def sections(run: Stream, turns: ImpactAccumulator) -> Iterator[Section]:
 
 
 def _nothing(run: Stream) -> dict[str, float]:
-    """By unit what is left of zero by rounding, of the greatest of its kind at the end of a run.
+    """Sizes below which values are zero but for rounding, by unit, at the end of a run.
 
     Forces, where there are but such, of the energy over the size of the machine.
     """

@@ -404,11 +404,11 @@ class TimeIntegrals:
         self.time += float((parts.end - parts.begin).sum())
 
     def integral(self, i: int) -> Estimate:
-        """Of function i."""
+        """Integral of function i."""
         return Estimate(*self._sums[:, i].tolist())
 
     def mean(self, i: int) -> Estimate:
-        """Of function i; not a number without any time."""
+        """Mean of function i; not a number without any time."""
         return Estimate(*(self._sums[:, i] / (self.time or math.nan)).tolist())
 
     def root(self, i: int) -> Estimate:

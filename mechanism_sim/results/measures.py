@@ -181,7 +181,7 @@ class Measurement:
         return out
 
     def _half_width(self, measure: Measure) -> float:
-        """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
+        """Half width of the 95 % interval of a mean over the revolutions of a loose machine."""
         windows = [self._figures[f] for f in measure.figures]
         if not (self._machine.has_contacts and windows and all(w.per_revolution for w in windows)):
             return math.nan
@@ -500,7 +500,7 @@ class EventSeries:
         return as_row(x, int(end - first)), int(cut)
 
     def note(self, f: Figure, count: int, cut: int) -> str:
-        """Of how many samples a figure is, or events if it weighs each of them alike."""
+        """Describe the number of samples or events of which a figure is made."""
         kind, name, _ = self._parts[f.names[0]]
         if kind != 'sensors':
             return f'of {count} {kind}' if f.function in _OF_EACH else EXACT

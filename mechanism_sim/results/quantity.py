@@ -174,7 +174,7 @@ class View:
 
 
 class Shown(IntEnum):
-    """In which tables a quantity stands unasked."""
+    """Tables in which a quantity stands unasked."""
 
     ASKED = 0  #: in none
     CYCLE = 1  #: in those of a cycle

@@ -45,7 +45,7 @@ class Stroke(NamedTuple):
 
     @property
     def way(self) -> float:
-        """From start to stop [rad or m], with its sign."""
+        """Displacement from start to stop [rad or m], with its sign."""
         return self.stop - self.start
 
 

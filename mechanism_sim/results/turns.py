@@ -168,7 +168,7 @@ class Mean:
     revolutions: int = 0  #: of which it is
 
     def shown(self, scale: float = 1.0) -> str:
-        """Both for people, times a scale; the mean alone where the width is not known."""
+        """Mean and half width times a scale as text; the mean alone if the width is unknown."""
         text = f'{scale * self.mean:.6g}'
         known = math.isfinite(self.half_width)
         return f'{text} +- {scale * self.half_width:.2g}' if known else text

@@ -1,4 +1,4 @@
-"""From a scene to its machine, refusing what no machine can be."""
+"""Machines from scenes, with refusal of impossible ones."""
 
 from __future__ import annotations
 

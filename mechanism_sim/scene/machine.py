@@ -110,7 +110,7 @@ class Machine(Rich):
 
     @cached_property
     def fingerprint(self) -> str:
-        """Of all that rules the motion, in a few letters."""
+        """Fingerprint of all that determines the motion, in a few letters."""
         content = self.scene.to_document(exclude=_SILENT)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
@@ -351,12 +351,12 @@ class MainDrive:
 
     @cached_property
     def repetition(self) -> Repetition:
-        """After how many of its turns all is as before."""
+        """Period of the machine in turns of this drive."""
         return repetition(self.machine.rigid.nominal, self.period)
 
     @cached_property
     def row(self) -> int:
-        """Of its effort among those of all drives, in which prescribed ones come first."""
+        """Row of its effort among those of all drives, in which prescribed ones come first."""
         return self.machine.physics.driven.index(self.plan.main)
 
     @property

@@ -75,7 +75,7 @@ def _swung(
 def _notes_of_swung(
     linkage: FourBar | SliderCrank, crank: str, by: str, through: float
 ) -> list[str]:
-    """Of a linkage whose first link another one swings: a toggle, say, or a second four-bar."""
+    """Notes on a linkage whose first link another one swings: a toggle, a second four-bar."""
     kind = 'slider-crank'
     if isinstance(linkage, FourBar):
         kind = f'Grashof: {classify(linkage.lengths)}'
@@ -169,7 +169,7 @@ def _slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
 
 
 def _transmission(least: float, greatest: float, limited: str) -> str:
-    """Of the linkage, whose drive may go less far; `limited` is a crank that cannot turn."""
+    """Note on the transmission angle; `limited` names a crank that cannot turn fully."""
     low, high = math.degrees(least), math.degrees(greatest)
     note = f'transmission angle: {low:.4g} to {high:.4g} deg'
     if limited:

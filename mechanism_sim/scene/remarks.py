@@ -141,7 +141,7 @@ def _length_question(where: str, text: str, middle: float) -> str:
 def _lengths(
     part: Any, where: str, of_links: bool = False
 ) -> Iterator[tuple[str, str, str, float]]:
-    """Of lengths and points in a part of a scene: path, text, its unit, and value [m].
+    """Lengths and points in a part of a scene: path, text, its unit, and value [m].
 
     Numbers without a unit are in metres; elsewhere than in links they may be anything.
     """

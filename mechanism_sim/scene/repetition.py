@@ -1,4 +1,4 @@
-"""After how many turns of its drive a machine is as before: gears, belts, cams, tables."""
+"""Period of a machine in turns of its drive, with gears, belts, cams and tables."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def calls_of_angles(
 
 
 def repetition(nominal: Nominal, period: float) -> Repetition:
-    """After how many turns of the main drive a machine without clearance is as before.
+    """Period of a machine without clearance in turns of the main drive.
 
     Where speeds of drives repeat themselves over time: after how many periods of the main drive,
     in which all drives come back or turn round.
@@ -213,7 +213,7 @@ def is_whole(spans: float) -> bool:
 
 
 def _span(plan: ScenePlan, function: str) -> float:
-    """After which a function of an angle [rad], or of the time [s], repeats itself."""
+    """Period of a function of an angle [rad], or of the time [s]."""
     if function in formula.PERIODIC:
         return TWO_PI
     points = plan.scene.tables[function].points

@@ -368,7 +368,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
 
     @property
     def unit(self) -> str:
-        """Of its samples."""
+        """Unit of the samples."""
         return QUANTITIES[self.measures]
 
     @model_validator(mode='before')

@@ -66,7 +66,7 @@ class DirectSource:
         raise NotImplementedError
 
     def impulses(self, motion: Motion) -> Array:
-        """None (m, 1)."""
+        """Impulses: zero, (m, 1)."""
         return np.zeros((len(motion), 1))
 
 

@@ -648,7 +648,7 @@ class _SectionAccumulator:
         return np.maximum(near, np.where(self._turns, 0.0, _OF_RANGE * np.ptp(states, axis=0)))
 
     def _off(self, states: Array, p: int) -> Array:
-        """By how much sections differ from those p turns before (N - p, 2 f)."""
+        """Deviations of sections from those p turns before (N - p, 2 f)."""
         return np.abs(without_turns(states[p:] - states[:-p], self._turns))
 
     def _period(self, states: Array) -> int:

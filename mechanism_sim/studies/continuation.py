@@ -629,6 +629,6 @@ def _places(branch: ResponseBranch, value: float, turns: Array) -> Iterator[tupl
 
 
 def _ways(a: Array, b: Array, turns: Array) -> Iterator[Array]:
-    """From each state of one period to those of another, which begins at each of its turns."""
+    """Differences of the states of one period to another's, which begins at each of its turns."""
     for k in range(len(b)):
         yield without_turns(np.roll(b, k, axis=0) - a, turns)

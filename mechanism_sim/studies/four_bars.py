@@ -159,7 +159,7 @@ def _guided(poses: Array, transmission: float) -> list[PathFourBar]:
 
 
 def _lengths(centres: Array, pins: Array) -> Array:
-    """Of ground, crank, coupler and rocker, as means over the positions."""
+    """Lengths of ground, crank, coupler and rocker, as means over the positions."""
     arms = np.abs(pins - centres[:, None]).mean(axis=1)
     return np.array([
         abs(centres[1] - centres[0]), arms[0], np.abs(pins[1] - pins[0]).mean(), arms[1],

@@ -168,13 +168,13 @@ class LeastSquares:
         return True
 
     def values(self, place: Array) -> list[float]:
-        """Of the parameters at shares of their ranges."""
+        """Values of the parameters at shares of their ranges."""
         scaled = (self.low + self.width * place).tolist()
         return [p.value(x) for p, x in zip(self.parameters, scaled, strict=True)]
 
     @property
     def _scales(self) -> list[float]:
-        """By which residuals of signals are compared before anything is known of them."""
+        """Initial scales of the residuals of signals."""
         return [m.noise or float(np.std(m.samples)) or 1.0 for m in self.measurements]
 
     def _first(self) -> float:
@@ -265,7 +265,7 @@ class LeastSquares:
         return fit
 
     def _sizes(self, fit: WindowFit, noise: Sequence[float] = ()) -> list[float]:
-        """Of residuals, at least of the noise, and of rounding where a signal has none at all."""
+        """Scales of residuals, at least the noise, and rounding for a signal without residual."""
         least = [_EXACT * scale for scale in self._scales]
         noise = noise or least
         return [max(one) for one in zip(fit.sizes.tolist(), least, noise, strict=True)]
@@ -372,7 +372,7 @@ class LeastSquares:
         return WindowFit(u, part, found, slopes)
 
     def _residuals(self, place: Array, part: float) -> list[Array]:
-        """Of each signal in a window; infinite if the run fails."""
+        """Residuals of each signal in a window; infinite if the run fails."""
         return self._of_runs(place, part, (), lambda m, run, t, y: m.of_run(run, t) - y)
 
     def _slopes(
@@ -417,7 +417,7 @@ class LeastSquares:
         paths: Sequence[str],
         take: Callable[[Measured, Piece, Array, Array], Array],
     ) -> list[Array]:
-        """From each signal, with the run of its machine at a place up to the end of the window."""
+        """Take values of each signal, with its machine's run at a place up to the window's end."""
         given = {p.path: x for p, x in zip(self.parameters, self.values(place), strict=True)}
         times = [_until(m, part) for m in self.measurements]
         runs: dict[int, Piece | None] = {}

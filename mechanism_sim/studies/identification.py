@@ -154,7 +154,7 @@ class Design:
         return Design(self.places[inside], self.features[inside])
 
     def join(self, other: Design) -> Design:
-        """Both."""
+        """Simulations of both designs."""
         return Design(
             np.concatenate([self.places, other.places]),
             np.concatenate([self.features, other.features]),
@@ -278,7 +278,7 @@ def _share(r: Array, samples: Array) -> float:
 
 
 def _reason(part: float, window: float, whole: float, sure: bool) -> str:
-    """Of how much was compared; that runs follow it, only where they do."""
+    """Describe the compared part of the signals, and that runs follow it, only if they do."""
     if part >= 1.0:
         return 'runs follow the whole signal' if sure else 'the whole signal was compared'
     first = f'the first {window:.4g} s of {whole:.4g} s'

@@ -83,7 +83,7 @@ class Until(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Until:
-        """Of text such as ``clearance > 0.5 mm``."""
+        """Condition of text such as ``clearance > 0.5 mm``."""
         if not (found := _CONDITION.fullmatch(text)):
             raise InputError(
                 f"--until '{text}': write a figure and its limit, as 'clearance > 0.5 mm' or "
@@ -328,7 +328,7 @@ class _Runs:
         self.count, self.note = 0, ''
 
     def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
-        """Of the machine with these depths."""
+        """Rates of wear of the machine with these depths."""
         if self._show:
             self._show(
                 f'{cycles:.3g} cycles, clearance {1e3 * last.max():.4g} mm, run {self.count}'

@@ -283,7 +283,7 @@ class _Fit:
         return np.asarray(np.nan_to_num(both, nan=10.0))
 
     def beyond(self, shapes: Array) -> Array:
-        """By how much transmission angles and proportions (7, ...) are beyond their limits."""
+        """Excess of transmission angles and proportions (7, ...) over their limits."""
         ground, coupler, rocker = shapes[:3]
         ends = np.array([(ground - 1.0) ** 2, (ground + 1.0) ** 2])
         cosines = (coupler**2 + rocker**2 - ends) / (2.0 * coupler * rocker)
@@ -293,7 +293,7 @@ class _Fit:
         return np.asarray(np.maximum(every, 0.0))
 
     def short(self, angles: Array) -> float:
-        """By how much the crank turns too little: a small piece of a huge curve is any arc."""
+        """Shortfall of the crank's rotation: a small piece of a huge curve is any arc."""
         return float(max(0.0, _WEIGHT * (_LEAST_TURN - abs(angles[-1] - angles[0]))))
 
     def slopes(self, x: Array) -> Array:

@@ -90,12 +90,12 @@ class FirstOrder:
 
     @property
     def rows(self) -> list[Row]:
-        """Of the nominal run."""
+        """Rows of the nominal run."""
         return [{s.measure: s.nominal for s in self.stacks} | {'status': DONE}]
 
     @property
     def effects(self) -> list[Effect]:
-        """Of each factor from its lower to its upper end, as full runs have it."""
+        """Effects of each factor from its lower to its upper end, as full runs have them."""
         found = []
         for s in self.stacks:
             for c, f in zip(s.contributions, self.plan.factors, strict=True):

@@ -102,7 +102,7 @@ class ClearanceLink:
     damping: Callable[[Array], Array] | None = None
 
     def felt(self, angle: Array, speed: float) -> tuple[Array, Array]:
-        """At crank angles (N,) the mass m [kg], and H over the speed of the crank [kg/rad]."""
+        """Mass m [kg] at crank angles (N,), and H over the speed of the crank [kg/rad]."""
         m, transport = self.inertia(angle)
         if self.damping is not None:
             transport = transport + self.damping(angle) / speed

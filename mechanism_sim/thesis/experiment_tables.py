@@ -219,7 +219,7 @@ def _bearings(found: Experiment) -> ExperimentTable:
 
 
 def _steps(found: Experiment) -> ExperimentTable:
-    """From the machine that [SB] assumes, step by step, to those that it may have measured."""
+    """Table of steps from the machine that [SB] assumes to the possible measured ones."""
     if found.assumed is found.reference:
         return ExperimentTable('steps', '', (), [])
     assumed, reference = found.assumed, found.reference

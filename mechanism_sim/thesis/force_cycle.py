@@ -323,7 +323,7 @@ class ForceCycle:
 
 
 def length(a: Array) -> Array:
-    """Of N vectors (2, N): (N,)."""
+    """Lengths (N,) of vectors (2, N)."""
     return np.asarray(np.hypot(a[0], a[1]))
 
 

@@ -1,4 +1,4 @@
-"""From the readings of accelerometers on links back to the angular motion of the links ([SB] 7.2).
+"""Reconstruction of the links' angular motion from accelerometer readings ([SB] 7.2).
 
 Readings are in the direction `across` of a scene's sensors: along v(angle) = (-sin, cos), which is
 counterclockwise. Arrays are (N,) over time, SI units and radians.

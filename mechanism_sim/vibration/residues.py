@@ -60,7 +60,7 @@ def _eigen(C: Array, K: Array) -> tuple[ComplexArray, ComplexArray]:
 
 
 def through(system: Receptance, M: Array, outputs: Array, chain: Rational) -> Modes:
-    """From the forces on a system to what comes out of a chain that measures an acceleration.
+    """Modes from the forces on a system to the output of a chain that measures an acceleration.
 
     Parameters
     ----------

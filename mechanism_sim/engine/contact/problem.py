@@ -95,13 +95,13 @@ class Layout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Of all terms, which are kept behind each other, see `problem_of`."""
+        """Number of all terms, which are stored one after another, see `problem_of`."""
         m, r, f, p, compliant = self
         return 2 * m + 3 * r + r * (f + r + p) + compliant
 
 
 class ContactArrays(NamedTuple):
-    """Of what `problem_of` makes the contact problem: far fewer arrays to hand to a kernel."""
+    """Arrays from which `problem_of` makes a contact problem: few to pass to a kernel."""
 
     terms: Array  #: one row of all terms, as ``System.contact_function`` writes them
     layout: Layout
@@ -531,7 +531,7 @@ def come_to_rest(
     begins: Mask,
     drawn: Mask,
 ) -> Rest:
-    """Of the contacts without normal speed, those that are pressed together stay closed.
+    """Bring contacts without normal speed to rest: those pressed together stay closed.
 
     Parameters
     ----------

@@ -368,7 +368,7 @@ def projected(run: EventArrays) -> int:
 
 @kernel
 def _next(run: EventArrays) -> int:
-    """After contacts came to rest: those that open part, then those that are drawn shut rest."""
+    """Next stage after contacts came to rest: opening contacts part, then drawn ones rest."""
     run.counters[TRIES] = 0
     if run.marks[_PARTING].any():
         return PARTS

@@ -75,7 +75,7 @@ class ArcClosure(HigherClosure[PinInArc]):
     """The first link's point stays on a circle of the second link."""
 
     def _apart(self, frames: Frames) -> tuple[Jet, Jet, hy.expression]:
-        """From the centre to the pin, and how far."""
+        """Vector from the centre to the pin, and its length [m]."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         return x, y, hy.sqrt(2.0 * dense((x.half_square() + y.half_square()).value))
 

@@ -153,7 +153,7 @@ class BeltClosure(TransmissionClosure):
     joint: Belt
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Of the difference of tensions: what they do to the second pulley."""
+        """Wrench of the difference of tensions on the second pulley."""
         moment = super().wrench(frames, forces).moment
         joint = self.joint
         pull = joint.sense * joint.radii[1]
@@ -236,7 +236,7 @@ class BeltForce:
         return _strand_wrench(self.joint, self.mechanism, frames, self._tensions(frames))
 
     def loads(self, frames: Frames) -> list[Load]:
-        """On the second pulley, and on the first, which they balance."""
+        """Loads on both pulleys, which balance each other."""
         joint, w = self.joint, self.wrench(frames)
         ux, uy = frames.position(
             self.mechanism.direction(joint.carrier, math.atan2(*joint.apart[::-1])),

@@ -97,7 +97,7 @@ class BevelKeys(SpatialKeys):
         )  # fmt: skip
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
-        """Of teeth one module high at the middle, on spur gears that roll like the cones there.
+        """Friction of teeth one module high, on spur gears that roll as the cones at mid-face.
 
         These have the cones' back radii and roll at the shafts' rates times the cosines of the
         cones (T. Tredgold).

@@ -178,7 +178,7 @@ class Oscillating(_Rolling):
         return angle, psi - self.lowest(base_radius)
 
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
-        """Across the arm."""
+        """Direction of motion, across the arm, and its rate."""
         psi = self.lowest(base_radius, law.reciprocating) + law(angle)
         return np.array([np.sin(psi), -self.side * np.cos(psi)]), self.side * law(angle, 1)
 
@@ -323,7 +323,7 @@ class OscillatingFlat(_Flat):
         return angle, psi - self.lowest(base_radius)
 
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
-        """Across the line from the pivot."""
+        """Direction of motion at a point, across the line from the pivot, and velocity."""
         arm = point - np.array([[self.pivot_distance], [0.0]])
         direction = self.side * turned(arm)
         return direction, direction * rate

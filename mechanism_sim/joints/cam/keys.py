@@ -1,4 +1,4 @@
-"""From the keys of a cam to its law, its follower and the joint of both."""
+"""Keys of a cam, from which its law, its follower and the joint of both are made."""
 
 from __future__ import annotations
 
@@ -345,7 +345,7 @@ class CamKeys(PhaseKeys):
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> list[ContactFriction]:
-        """Of the follower, on both walls of a groove."""
+        """Friction of the follower; in a groove on both walls."""
         touch = joint.touch(mechanism, given.radius or 0.0)
         if not joint.grooved:
             return [ContactFriction(joint.name, mechanism, given.coefficient, touch)]
@@ -772,7 +772,7 @@ def _find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> 
 
 
 def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
-    """For a cam that turns, `clockwise` where its angle grows."""
+    """Frame of a turning cam, `clockwise` if its angle grows in that sense."""
     if cam.arm != (0.0, 0.0):
         raise InputError('name the point where the cam turns on the ground')
     (x, y), (px, py) = cam.at, follower.at
@@ -781,7 +781,7 @@ def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
 
 
 def along(cam: Guide, follower: Guide) -> Frame:
-    """For a cam that slides: the centre is abreast of the pivot of a swinging follower."""
+    """Frame of a sliding cam: the centre is abreast of the pivot of a swinging follower."""
     (x, y), (px, py) = cam.at, follower.at
     if follower.swings:
         way, across = rotate((px - x, py - y), -cam.axis)

@@ -45,7 +45,7 @@ class LawPiece:
         return float(p(s) + self.amplitude * self.frequency**order * np.cos(turned))
 
     def magnified(self, order: int) -> float:
-        """By what a derivative of its polynomial exceeds the value at most (V. A. Markov)."""
+        """Bound on a derivative of the polynomial, relative to its value (V. A. Markov)."""
         square, steps = self.polynomial.degree() ** 2, range(order)
         ratios = (2.0 / self.length * max(square - k**2, 0) / (2 * k + 1) for k in steps)
         return math.prod(ratios)

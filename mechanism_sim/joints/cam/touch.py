@@ -60,7 +60,7 @@ class FramePassage(NamedTuple):
         return cls(1.0 - slides, np.array([[0.0], [slides]]))
 
     def velocities(self, points: Array) -> Array:
-        """Of points (2, N) fixed to the frame."""
+        """Velocities of points (2, N) fixed to the frame."""
         return self.turning * turned(points) + self.velocity
 
     def directions(self, vectors: Array, angle: Array) -> Array:
@@ -84,5 +84,5 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def angle_between(a: Array, b: Array) -> Array:
-    """From the first to the second vectors (2, N) [rad]."""
+    """Angles from the first to the second vectors (2, N) [rad]."""
     return np.asarray(np.arctan2(cross(a, b), (a * b).sum(axis=0)))

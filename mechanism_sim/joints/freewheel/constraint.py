@@ -40,7 +40,7 @@ class Freewheel(Transmission):
         """Coupling of the links: none."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
-        """Held both ways."""
+        """Closure of the clutch as if it held in both directions."""
         return TransmissionClosure(self, mechanism)
 
 

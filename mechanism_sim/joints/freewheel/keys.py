@@ -78,7 +78,7 @@ class RatchetKeys(TouchingKeys, OneWayKeys):
     number, those on a turn. Required."""
 
     def read(self, names: Names, name: str) -> Freewheel:
-        """With teeth."""
+        """Read a ratchet with its teeth."""
         if self.teeth is None:
             raise InputError(f'joints.{name}.teeth is missing: how many on a turn, such as 24')
         if not isinstance(self.teeth, int) or self.teeth < 3:

@@ -152,7 +152,7 @@ class Geneva(IndexingPair):
         return [((self.second, self.on_second), self.entry)]
 
     def closure(self, mechanism: Mechanism) -> GenevaClosure:
-        """Without play."""
+        """Closure without clearance."""
         return GenevaClosure(self, mechanism)
 
 
@@ -161,7 +161,7 @@ class GenevaClosure(HigherClosure[Geneva]):
     """A Geneva wheel without play."""
 
     def _pin(self, frames: Frames) -> Pair:
-        """From the wheel's centre to the pin, in the world [m]."""
+        """Vector from the wheel's centre to the pin, in the world [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
     def engaged(self, frames: Frames) -> Term:

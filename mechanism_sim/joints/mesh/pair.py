@@ -125,7 +125,7 @@ class Pair:
         return -1 if self.wheel.internal else 1
 
     def _reach(self, gear: Gear) -> float:
-        """From the pitch point to where the line of action touches a base circle [m]."""
+        """Length of the line of action from the pitch point to a base circle [m]."""
         return gear.base_radius * math.tan(self.pressure_angle)
 
     @property

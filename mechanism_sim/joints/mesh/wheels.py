@@ -33,12 +33,12 @@ class Wheel(NamedTuple):
 
     @property
     def module(self) -> float:
-        """In the plane of rotation [m]."""
+        """Module in the plane of rotation [m]."""
         return self.part.module / math.cos(self.part.helix_angle)
 
     @property
     def gear(self) -> Gear:
-        """In the plane of rotation."""
+        """Gear in the plane of rotation."""
         shift = self.part.shift * math.cos(self.part.helix_angle)
         return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
 

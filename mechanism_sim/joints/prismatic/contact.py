@@ -93,7 +93,7 @@ class GuideClearance(MeasuredGap):
         return (-way if self.side == 'left' else way).as_rate
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the wall to the axis."""
+        """Normal from the wall to the axis."""
         foot = self._foot(frames)
         nx, ny = foot.normal if foot else self._along(frames, 0.5 * math.pi, 'normal')
         return (-nx, -ny) if self.side == 'left' else (nx, ny)

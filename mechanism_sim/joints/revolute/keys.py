@@ -70,7 +70,7 @@ class RevoluteKeys(StopKeys):
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> list[JournalFriction]:
-        """Of the pin in its bearing."""
+        """Friction of the pin in its bearing."""
         return [JournalFriction(joint.name, mechanism, given.coefficient, given.radius or 0.0)]
 
     def clearance_objection(self, given: Clearance) -> str:
@@ -139,7 +139,7 @@ class RevoluteKeys(StopKeys):
     def seat(
         self, spec: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
     ) -> Array:
-        """From the bushing's centre to the pin's; if worn or out of line, it turns with them."""
+        """Initial offset of the pin from the bushing's centre under a force (2,) [m]."""
         leans = leaning(m, joint.name, spec)
         axes = (leans.pin, leans.bushing) if leans else ()
         law = spec.law(0.5 if any(map(any, axes)) else 1.0)  # one end of two takes it all
@@ -229,7 +229,7 @@ def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> 
 
 
 def _inclinations(clearance: Clearance) -> tuple[Vector2, Vector2]:
-    """Of pin and bushing by manufacture [rad]."""
+    """Inclinations of pin and bushing by manufacture [rad]."""
     given = clearance.misalignment or Misalignment()
     pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
     return pin, bushing

@@ -118,7 +118,7 @@ class WornSurface:
     def through(
         cls, reach: Array, clearance: float, degree: int, centre: complex = 0j
     ) -> WornSurface:
-        """Of a locus (m,) [m], evenly in all directions, by least squares."""
+        """Fit a surface to a locus (m,) [m] in evenly spaced directions, by least squares."""
         m, c = len(reach), clearance
         none = (0j,) * degree
         if np.ptp(reach) <= 4.0 * np.spacing(reach.max()):  # a circle
@@ -235,7 +235,7 @@ def _farthest(value: Array, gradient: ComplexArray, way: ComplexArray) -> float:
 
 
 def product(f: _Pair, g: _Pair) -> _Pair:
-    """Of two complex numbers."""
+    """Product of two complex numbers."""
     return f[0] * g[0] - f[1] * g[1], f[0] * g[1] + f[1] * g[0]
 
 
@@ -347,7 +347,7 @@ class FilmProfile:
         cls, shape: WornShape, depths: tuple[Array, Array], clearance: float, roughness: float,
         degree: int,
     ) -> FilmProfile:  # fmt: skip
-        """Of depths of 4096 places on bushing and pin.
+        """Profile of a film by depths at 4096 places on bushing and pin.
 
         Raises
         ------
@@ -387,7 +387,7 @@ class FilmProfile:
 
     @property
     def steepest(self) -> float:
-        """About the size of the largest slope [m]: twice the mean of both, by root of squares."""
+        """Estimate of the largest slope [m]: twice the root mean square of both walls."""
         both = self.own[1:], self.other
         squares = sum(float((np.abs(np.arange(1, len(c) + 1) * c) ** 2).sum()) for c in both)
         return math.sqrt(2.0 * squares)
@@ -397,7 +397,7 @@ class FilmProfile:
 def worn_shape(
     clearance: float, radius: float, depths: tuple[bytes, bytes], degree: int
 ) -> WornShape:
-    """Of depths of 4096 places on bushing and pin [m], as bytes of their arrays.
+    """Shape of a bearing by depths at 4096 places on bushing and pin [m], as bytes of arrays.
 
     Raises
     ------

@@ -65,7 +65,7 @@ class Rope(HigherPair):
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Of all its points."""
+        """Links of all points of the rope."""
         return tuple(dict.fromkeys(p.place[0] for p in self.pulleys))
 
     @property

@@ -208,7 +208,7 @@ class _Disk(NamedTuple):
 
     @property
     def pairs(self) -> list[str]:
-        """Of coordinates, where the shaft bends."""
+        """Names of the pairs of coordinates of a shaft that bends."""
         slope = f'{self.name}_{SLOPE}' if self.name else SLOPE
         return [self.name] if self.diametral is None else [self.name, slope]
 

@@ -43,7 +43,7 @@ class PinInSlot(HigherPair):
 
     @property
     def rubbing_wall(self) -> type[Wall]:
-        """Along which the pin's surface slides."""
+        """Class of the wall along which the pin's surface slides."""
         return SlotWall
 
     def bears(self, _: str) -> bool:
@@ -56,7 +56,7 @@ class SlotClosure(HigherClosure[PinInSlot]):
     """A pin in a slot: the first link's point stays on a line of the second link."""
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Across the slot, 90 degrees counterclockwise from its axis."""
+        """Normal of the slot, 90 degrees counterclockwise from its axis."""
         if foot := self.foot(frames):
             return foot.normal
         return along(self.mechanism, frames, self.joint.line, 0.5 * math.pi, f'{self.name}.normal')
@@ -97,7 +97,7 @@ class SlotWall(Wall):
         return self.closure.foot(frames) if isinstance(self.closure, SlotClosure) else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the centre line to the wall."""
+        """Normal from the centre line to the wall."""
         m, line, left = self.closure.mechanism, self.closure.joint.line, self.side == 'left'
         if foot := self._foot(frames):
             x, y = foot.normal

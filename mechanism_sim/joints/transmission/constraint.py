@@ -53,7 +53,7 @@ class Transmission(HigherPair):
     """Of first and second, if these slide."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
-        """Without play."""
+        """Closure without clearance."""
         return TransmissionClosure(self, mechanism)
 
     def reading(self, view: PairView) -> GearReading:
@@ -74,7 +74,7 @@ class Transmission(HigherPair):
 
     @property
     def coupling(self) -> Coupling | None:
-        """Of the angles or displacements against the carrier."""
+        """Coupling of the angles or displacements against the carrier."""
         p, q = self.waves
         return Coupling(self, self.carrier, (p / q, 1.0), self._racks)
 
@@ -85,7 +85,7 @@ class Transmission(HigherPair):
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Both."""
+        """Names of both links."""
         return self.first, self.second
 
     def bears(self, link: str) -> bool:
@@ -95,7 +95,7 @@ class Transmission(HigherPair):
 
 @dataclass(frozen=True)
 class LooseTransmission(Transmission):
-    """With play to either side, in the middle of which it starts."""
+    """Transmission with play to either side, in the middle of which it starts."""
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     parts: ClassVar[str] = 'dogs between stops'
@@ -104,7 +104,7 @@ class LooseTransmission(Transmission):
 
     @property
     def coupling(self) -> Coupling:
-        """On the mean."""
+        """Coupling of the links, which holds on the mean only."""
         p, q = self.waves
         return Coupling(self, self.carrier, (p / q, 1.0), self._racks, exact=False)
 

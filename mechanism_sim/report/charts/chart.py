@@ -248,7 +248,7 @@ class Chart:
         ]
 
     def readable(self) -> Chart:
-        """With large forces in kN, small energies in mJ and the like, as tables have them.
+        """Chart with large forces in kN, small energies in mJ and the like, as tables have them.
 
         Panels of one unit keep one; so do those that compare x and y.
         """

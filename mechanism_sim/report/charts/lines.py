@@ -84,7 +84,7 @@ OVER_TIME = Abscissa(TIME, lambda t: t)
 
 
 def against(run: Piece | Cycle, what: str) -> Abscissa:
-    """Over ``time``, the ``angle`` of the main drive, or a quantity of the run by its name.
+    """Abscissa: ``time``, the ``angle`` of the main drive, or a quantity of the run.
 
     Over the direction of a vector charts are round.
     """
@@ -111,7 +111,7 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
 
 
 def against_recorded(s: Series, series: Sequence[Series]) -> Abscissa:
-    """Over recorded values, for series that have instants within theirs."""
+    """Abscissa of recorded values, for series that have instants within theirs."""
     if all(np.isnan(s.at(x.t)).all() for x in series):
         raise InputError(f'{s.name} has no value at the instants of {series[0].name}')
     unit, scale = for_people(s.unit)
@@ -129,7 +129,7 @@ def check_abscissa(machine: Machine, what: str) -> None:
 
 
 def over_turns(drive: str, at: Callable[[Array], Array], turns: int = 1) -> Abscissa:
-    """Over the angle of a drive, which `at` gives [deg] at times (N,) [s]."""
+    """Abscissa of the angle of a drive, which `at` gives [deg] at times (N,) [s]."""
     return Abscissa(turn_of(drive, turns), at, 360.0 * turns)
 
 

@@ -28,7 +28,7 @@ _KINDS = {
 
 
 def over(charted: ChartedRun) -> str:
-    """In words, what is to be seen over which turns."""
+    """Caption of the turns that are shown."""
     if charted.turns is None:
         return f'Over time, as the {charted.record.machine.plan.main} makes no full turn.'
     first, last = charted.turns

@@ -16,7 +16,7 @@ from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 
 
 class BushingStiffness(Part):
-    """Along x and y of the frame of the first link, and about the point."""
+    """Stiffness along x and y of the frame of the first link, and about the point."""
 
     x: Annotated[float, si('N/m'), NOT_NEGATIVE] = 0.0
     """Along x of the first link."""
@@ -27,7 +27,7 @@ class BushingStiffness(Part):
 
 
 class BushingDamping(Part):
-    """Along x and y of the frame of the first link, and about the point."""
+    """Damping along x and y of the frame of the first link, and about the point."""
 
     x: Annotated[float, si('N s/m'), NOT_NEGATIVE] = 0.0
     """Along x of the first link."""
