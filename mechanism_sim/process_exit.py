@@ -157,7 +157,7 @@ def say_when_interrupted(words: Callable[[], str] | None) -> None:
 
 
 def report_signal(text: str = '') -> int:
-    """Say on standard error that a signal ended the program, once; gives the exit code."""
+    """Report on standard error that a signal ended the program, once; returns the exit code."""
     global _silent  # noqa: PLW0603
     if not _silent:
         _silent = True
@@ -190,13 +190,13 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def notice() -> None:
-    """Say that a signal was taken in, and that the end will come of it."""
+    """Report that a signal was received, and that the end will follow."""
     global _noticed  # noqa: PLW0603
     _noticed = time.monotonic()
 
 
 def allow(patience: float = PATIENCE) -> None:
-    """Give the main thread so long to take in a signal [s]: it has what should not be cut off."""
+    """Allow the main thread a time [s] to handle a signal: it has what should not be cut off."""
     global _patience  # noqa: PLW0603
     _patience = patience
 

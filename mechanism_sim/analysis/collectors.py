@@ -143,7 +143,7 @@ class MessageAccountsCollector:
         self.end: float | None = None  #: [s] time up to which the furthest node came
 
     def add(self, message: Any) -> None:
-        """Enter what a node says."""
+        """Enter the report of a node."""
         self.end = max(float(message.time), self.end if self.end is not None else -float('inf'))
         last = self._last.get(message.node)
         if last is None or not last.finished:

@@ -172,7 +172,7 @@ def _average(turns: TurnSegments, unit: str) -> dict[str, Any]:
 
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
-    """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
+    """Request for all analyses of a run: of each sensor and bearing."""
     sensors = [x for x in record.sampled_sensors if len(record.signal(x).longest) >= _FEWEST]
     joints = record.loose_joints
     turning = sensors if record.has_turns else ()

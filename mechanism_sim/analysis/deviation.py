@@ -133,7 +133,7 @@ def ideal_record(record: Record, since: float | None = None) -> Record:
 
 
 def _later(run: Solution, skipped: float, often: int) -> Motion:
-    """The motion of a machine that repeats itself, so many repetitions later, which last [s]."""
+    """Motion of a repeating machine, shifted by a number of repetitions, which last [s]."""
     curve, slides = run.motion.curve, run.physics.displacements
     first, last = curve(np.array([0.0, skipped / often]))
     angles = ~np.isin(run.physics.coordinates, [*slides])

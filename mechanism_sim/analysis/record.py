@@ -81,7 +81,7 @@ _BLOCK = 8192  # instants at once
 
 @dataclass(frozen=True, eq=False)
 class Revolutions(Rich):
-    """A run, and where its main drive is when.
+    """A run, and the angle of its main drive over time.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
 
@@ -420,7 +420,7 @@ class Record(Revolutions):
 
 
 def loose_bearing(record: Record, joint: str) -> str:
-    """The joint, once sure that it has a pin loose in a bushing."""
+    """Check that a joint has a pin loose in a bushing, and return it."""
     known, machine = record.loose_joints, record.machine
     wrong = f"'{joint}' is not a joint with a pin loose in a bushing"
     check_known(joint, known, wrong, f'such joints of {machine.name}:')

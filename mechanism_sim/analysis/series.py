@@ -349,7 +349,7 @@ class MissingFieldError(InputError):
 
 
 class Value(NamedTuple):
-    """A number in a message, and which of several it is: the names and numbers on its way."""
+    """A number in a message, with the names and indices of its path."""
 
     value: float
     which: tuple[str, ...]
@@ -397,7 +397,7 @@ class MessagePath:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """The fields on the way."""
+        """Fields along the path."""
         return tuple(step.name for step in self.steps if isinstance(step, Field))
 
     def values(self, message: Any) -> list[Value]:

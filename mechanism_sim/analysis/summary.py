@@ -1,4 +1,4 @@
-"""Everything that a bag tells about a run, in one pass over it."""
+"""Summary of a run from its bag, in one pass."""
 
 from __future__ import annotations
 

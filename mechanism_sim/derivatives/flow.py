@@ -278,7 +278,7 @@ def _within(bounds: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
 
 
 def _after(turns: Array, before: Array) -> Array:
-    """Maps (N, W, W + P) across one thing after another."""
+    """Maps (N, W, W + P) across one element after another."""
     W = turns.shape[1]
     found = np.asarray(turns[..., :W] @ before)
     found[..., W:] += turns[..., W:]
@@ -305,7 +305,7 @@ def _composed(blows: _Blows, ends: Array) -> Array:
 
 
 class _Walk:
-    """A way along one motion."""
+    """Propagation of variations along one motion."""
 
     def __init__(
         self, flows: Flows, motion: Motion, impacts: Sequence[Impact], start: Array | None
@@ -349,7 +349,7 @@ class _Walk:
         return np.append(np.minimum.accumulate(own[::-1])[::-1], m - 1)[1:]
 
     def flow(self) -> Flow:
-        """Walk, and say what was found."""
+        """Propagate the variations along the motion, and collect the derivatives."""
         curve, m, width = self._motion.curve, len(self._motion), self._of.width * COUNT
         most = int(min(max(_MEMORY / width**2, 1.0), _MOST))
         for first in range(0, m, most):

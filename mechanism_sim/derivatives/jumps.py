@@ -236,7 +236,7 @@ class Jumps:
     # --- starts -------------------------------------------------------------------------------
 
     def begin(self, side: Side, others: Iterable[tuple[tuple[int, ...], tuple[int, ...]]]) -> None:
-        """Refuse other starts by their modes and rows, if they make another beginning of this."""
+        """Refuse a key that would change the contacts or rows with which the motion begins."""
         size = max(np.abs(side.rates).max(initial=0.0), np.abs(side.at.v).max() ** 2)
         for modes, rows in others:
             if (~self._closed(side) & (np.array(modes, dtype=int) > Mode.FREE_FLIGHT)).any():
@@ -250,7 +250,7 @@ class Jumps:
                 raise NoDerivativeError('a load begins with another part at the start')
 
     def seated(self, side: Side, x: Variation, key: int) -> Array:
-        """Rates (f,) of free coordinates by a key, after blows that keep closed contacts closed.
+        """Rates (f,) of free coordinates by a key, after plastic impacts of closed contacts.
 
         A small rate out of a contact that is pressed ends in a chatter about as short as it is
         small, whatever the restitution below 1: its impulse is that of a plastic impact.
@@ -265,7 +265,7 @@ class Jumps:
         return np.asarray(moved[n:][self._free, key])
 
     def _at_rest(self, now: Side, z: Array, flags: Side) -> tuple[Side, Array, Array]:
-        """The machine after impulses that keep at rest what is closed or sticks by `flags`.
+        """Machine after impulses that keep at rest what is closed or sticks by `flags`.
 
         Gaps that differ are closed by plastic blows before: their order does not matter, for in
         any order they act along the same lines until all of them are closed.
@@ -398,7 +398,7 @@ class Jumps:
         return alone, Saltation(state, shift, [log], x.approach)
 
     def _independent(self, now: Side, impacts: Sequence[Impact]) -> bool:
-        """True if open gaps are struck that do not feel each other."""
+        """True if the impacts are in open gaps without mutual influence."""
         struck = [self._names.index(i.joint) for i in impacts]
         if self._closed(now).any():
             return False
@@ -444,7 +444,7 @@ class Jumps:
         alone: bool = False,
         ended: Sequence[str] = (),
     ) -> tuple[Side, Array, Array, list[Array]]:
-        """One blow of E events with the same contacts.
+        """Saltation across one simultaneous impact of E events with the same contacts.
 
         Parameters
         ----------
@@ -585,7 +585,7 @@ class Jumps:
         return found[0], found[1]
 
     def _unit_terms(self, touching: tuple[int, ...], own: tuple[int, ...]) -> Selected:
-        """Terms that a blow asks for: gaps, angles, rates, and those of unit impulses."""
+        """Terms that an impact needs: gaps, angles, rates, and those of unit impulses."""
         if own in self._asked:
             return self._asked[own]
         t, n, f, p = len(touching), len(own), len(self._free), len(self._system.prescribed)
@@ -609,7 +609,7 @@ class Jumps:
         return np.asarray(side.at.parameters[self._system.parameters.closed, 0] > 0.0)
 
     def _touching(self, now: Side, struck: list[int]) -> list[int]:
-        """Gaps that take part: those of the blow, closed ones, and what is at zero."""
+        """Gaps that take part: those of the impact, closed ones, and those at zero."""
         if len(self._names) == 1:
             return struck
         part = self._part(now.some([0]), self._closed(now)[:, None], np.array(struck[:1]))
@@ -619,7 +619,7 @@ class Jumps:
     def _part(
         self, now: Side, closed: NDArray[np.bool_], struck: NDArray[np.intp]
     ) -> NDArray[np.bool_]:
-        """Gaps (m, E) that take part in E events: struck (E,), closed, or at zero."""
+        """Mask (m, E) of the gaps in E events: in impact (E,), closed, or at zero."""
         part = closed.copy()
         if len(part) > 1:
             asked = self._none(len(self._names))
@@ -630,7 +630,7 @@ class Jumps:
         return part
 
     def _instants(self, gaps: _Terms, opening: Array, z: Array, flow: Array, now: Side) -> Array:
-        """Shifts (E, N, C) of the instants at which the open gaps of blows close.
+        """Shifts (E, N, C) of the instants at which the open gaps of impacts close.
 
         Parameters
         ----------
@@ -654,7 +654,7 @@ class Jumps:
         restitution: tuple[Array, Array],
         friction: tuple[Array, Array],
     ) -> tuple[Array, Array]:
-        """Impulses (E, n) of the rows of blows, and their differentials (E, n, C).
+        """Impulses (E, n) of the rows of impacts, and their differentials (E, n, C).
 
         Derivatives of rates are by the first, those of coefficients by the last of the columns
         that rates have; more columns of the compliance are of nothing else.
@@ -710,7 +710,7 @@ def _solved(A: Array, b: Array) -> Array:
 
 
 def _groups(impacts: Sequence[Impact]) -> list[list[Impact]]:
-    """Impacts of one instant in their order: those of one blow together."""
+    """Group the impacts of one instant in their order by simultaneous impacts."""
     groups: list[list[Impact]] = []
     for impact in impacts:
         if groups and all(impact.joint != other.joint for other in groups[-1]):

@@ -59,7 +59,7 @@ class Background:
         self._busy = False
 
     def submit(self, job: Job) -> None:
-        """Let this be run instead of whatever is running."""
+        """Run a document in place of the present job."""
         if self._process is None or not self._process.is_alive():
             try:
                 self._start()
@@ -157,7 +157,7 @@ def _serve(link: Connection) -> None:
 
 
 def _problem(job: Job, link: Connection) -> str:
-    """Do a job; why it cannot be done, whatever it raises, or nothing."""
+    """Do a job; returns the reason why it cannot be done, or nothing."""
     try:
         _work(job, link)
     except (_NotWanted, EOFError, BrokenPipeError):

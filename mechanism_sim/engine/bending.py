@@ -24,7 +24,7 @@ _PLACES = Nodes((0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
 
 
 class BendWatch:
-    """Looks how far elastic links bend, in a few places of every step.
+    """Check of the bending of elastic links, at a few places of every step.
 
     Parameters
     ----------

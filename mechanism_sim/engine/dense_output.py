@@ -274,7 +274,7 @@ class DenseOutput:
         return block, [flat[i : i + row] for i in range(0, block.size, row)]
 
     def enter(self, tau: float, h: float) -> None:
-        """Enter the step that is in its slot."""
+        """Enter the step in the current slot."""
         self.taus.append(tau)
         self.lengths.append(h)
         self.provide()
@@ -313,7 +313,7 @@ class DenseOutput:
         return motion
 
     def peek(self, tau: float, h: float) -> Motion:
-        """The beginning of the step in its slot as motion, up to `h` [s] after its start.
+        """Beginning of the step in the current slot as motion, up to `h` [s] after its start.
 
         Nothing is entered. To be called after `drain`.
         """

@@ -72,7 +72,7 @@ class Solved(NamedTuple):
 
 
 class ModeFlags(NamedTuple):
-    """Runtime parameters that say which contacts carry force, and how."""
+    """Runtime parameters for the modes: which contacts carry force, and how."""
 
     closed: list[hy.expression]  #: (m,)
     sticks: dict[int, hy.expression]  #: by index of the gaps with friction
@@ -304,7 +304,7 @@ class Dynamics:
         return K
 
     def _yielding(self, r: int, c: int) -> Term:
-        """Compliance of two rows; what is not kept gives way as if it had no mass.
+        """Compliance of two rows; that of inactive rows is made huge instead of masked.
 
         Its force is zero but for some 1e-40 then, with far fewer operations than a mask has.
         """
@@ -316,7 +316,7 @@ class Dynamics:
         return add(entry, _YIELDS * (1.0 - self.contacts.active[r]))
 
     def _dragged(self, rows: Sequence[int], c: int) -> Vector:
-        """Rates that friction of a sliding contact takes off the kept rows, by its force."""
+        """Accelerations of the kept rows by friction of a sliding contact, per normal force."""
         share = [
             mul(self.contacts.mu[c], self.reduced.contacts.compliance[r][len(self.gaps) + c])
             for r in rows

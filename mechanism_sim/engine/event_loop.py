@@ -286,7 +286,7 @@ class EventLoop:
         self._go_on()
 
     def _go_on(self) -> None:
-        """Let the integrator go on from a state that it did not come to by itself."""
+        """Continue the integrator from a state that it did not reach by itself."""
         if self._system.guards:
             self._ta.reset_cooldowns()
         self._laws.turn(self._ta.time)

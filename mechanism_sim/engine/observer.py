@@ -264,7 +264,7 @@ class Observer:
 
     @property
     def steep(self) -> bool:
-        """True if loads or contacts may vary within a step in a way that no series foretells."""
+        """True if loads or contacts may vary too steeply within a step for a Taylor series."""
         return self.system.compliant or self.system.steep is not None
 
     @cached_property

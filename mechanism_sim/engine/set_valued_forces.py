@@ -87,7 +87,7 @@ class SetValuedForces:
 
     @property
     def least(self) -> Term:
-        """Half of the least force that rubs [N]: so far beyond zero a side turns over."""
+        """Half of the least normal force [N]: so far beyond zero a side changes."""
         return 0.5 * next(
             x.resolution for b in self._bounds[id(self._dynamics.stabilised)].values() for x in b
         )

@@ -82,7 +82,7 @@ class Crossing(NamedTuple):
 
 
 class SingularPositions:
-    """Watches for singular positions ahead of an integrator, and leads it beyond them.
+    """Detection of singular positions ahead of an integrator, and their crossing.
 
     Parameters
     ----------

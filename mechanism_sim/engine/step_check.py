@@ -40,7 +40,7 @@ _STEPS = TOLERANCES.steps
 
 
 class StepMotion(NamedTuple):
-    """Sources of what loads see of a step, and places for it, the last two."""
+    """Sources of the variables of loads over a step, and workspace for them, the last two."""
 
     states: Indices  #: (v,) rows of the step's series, -1 of what is none
     sizes: Array  #: (v,) of their units
@@ -105,7 +105,7 @@ def doubts(
     address: int, jets: Array, parameters: Array, c: StepMotion, time: float, tau: float, h: float,
     doubted: Array,
 ) -> int:  # fmt: skip
-    """`Enclosure.doubts` about a step, by the machine code of ``Enclosure.doubted``.
+    """`Enclosure.doubts` of a step, by the machine code of ``Enclosure.doubted``.
 
     Parameters
     ----------

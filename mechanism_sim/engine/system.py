@@ -134,7 +134,7 @@ class System:
 
     @cached_property
     def steep(self) -> SteepLoads | None:
-        """Loads that no series foretells, if there are any."""
+        """Loads too steep for a Taylor series; None without any."""
         formulas, torques = self.equations.frames.formulas, self.dynamics.drives.characteristics
         if not (formulas or torques):
             return None
@@ -142,7 +142,7 @@ class System:
         return found if found.enclosure.count else None
 
     def fired(self, parameters: Array | memoryview[float]) -> int | None:
-        """The guard that ended the last step, by these runtime parameters; told once."""
+        """Guard that ended the last step, by these runtime parameters; reset when read."""
         guard = int(parameters[self.parameters.fired]) - 1
         parameters[self.parameters.fired] = 0.0
         return guard if guard >= 0 else None

@@ -201,7 +201,7 @@ class TaylorSteps:
         return self._integrators.step(most) if h is None else h
 
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
-        """Length of a step, taken anew until no formula turned steep within it unseen.
+        """Length of a step, repeated until no formula turns steep within it undetected.
 
         A step that ends shortly before a fault is on the same series, of less range: it is looked
         at again, for what that may hide.

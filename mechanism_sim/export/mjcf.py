@@ -50,7 +50,7 @@ def to_mjcf(machine: Machine) -> str:
 
 
 def left_out(machine: Machine) -> list[str]:
-    """Properties of a machine that MJCF cannot say, in sentences."""
+    """Properties of a machine that MJCF cannot express, in sentences."""
     ideal = Ideal(machine)
     found = [*ideal.left_out()]
     found += [

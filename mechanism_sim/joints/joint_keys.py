@@ -132,7 +132,7 @@ class JointKeys(Part):
     def seat(
         self, spec: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
     ) -> Array:
-        """Offset (r,) [m] along the rows of its closure at which it rests, loose, at the start.
+        """Initial offset (r,) [m] of a loose joint at rest, along the rows of its closure.
 
         Under a force (2,) [N] of the first on the second link, the links being at a place.
         """
@@ -150,7 +150,7 @@ class JointKeys(Part):
         return ()
 
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
-        """The link whose axis it lets give way, and how."""
+        """Link with a compliant axis, and its rotor."""
         raise NotImplementedError
 
     def notes(self, machine: Any, joint: Any) -> list[str]:
@@ -158,7 +158,7 @@ class JointKeys(Part):
         return []
 
     def plausibility_warnings(self, machine: Any, joint: Any) -> list[str]:
-        """Warnings about what its keys say, which every command repeats."""
+        """Warnings about implausible keys, which every command repeats."""
         return []
 
 

@@ -297,7 +297,7 @@ class EndStop(_Stop):
         return way - limit if self.sign > 0.0 else limit - way
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Along the guide or slot, towards the end that presses on the second-named link."""
+        """Direction of the guide or slot, towards the end that presses on the second link."""
         ux, uy = self._axis(frames, 0.0, 'way')
         sign = -self._way * self.sign
         return ux * sign, uy * sign

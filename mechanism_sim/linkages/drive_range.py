@@ -92,7 +92,7 @@ def placed_at(kinematics: Kinematics, q: Array, value: float) -> Array | None:
 
 
 def _limit(kinematics: Kinematics, q: Array, reach: float) -> tuple[float, Array]:
-    """The limit one way, infinite if none is within reach; and the coordinates (n,) there."""
+    """Limit in one direction, infinite if none is within reach; and the coordinates (n,) there."""
     drive = kinematics.held[0]
     place, slope, step = _walked(kinematics, q, reach)
     if step and _rate(kinematics, place, slope, step)[drive] * reach > 0.0:
@@ -139,7 +139,7 @@ def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) ->
 
 
 def _ahead(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
-    """Coordinates (n,) some way along the arc that is known to go on there."""
+    """Coordinates (n,) some distance along the arc, which is known to go on there."""
     found = _corrected(kinematics, q, slope, way) if way else (q,)
     return q + way * slope * kinematics.scale if found is None else found[0]
 

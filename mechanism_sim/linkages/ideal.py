@@ -335,7 +335,7 @@ class LinkageMotion:
         return bool(off <= 0.5 * np.linalg.norm(way / scale) + 1e-9)
 
     def _pointed(self, last: Array, driven: Array) -> Array:
-        """Coordinates (n, N) to which the last ones (n,) point."""
+        """First-order prediction of the coordinates (n, N) from the last ones (n,)."""
         shift = driven - last[self.driven, None]
         slopes = self.kinematics.rates(
             np.repeat(last[:, None], len(self.driven), axis=1), np.eye(len(self.driven))
@@ -451,7 +451,7 @@ class LinkageMotion:
 
 
 def _turning(count: int, others: Sequence[int]) -> NDArray[np.bool_]:
-    """All of so many coordinates but some."""
+    """Mask of all of `count` coordinates but some."""
     turning = np.ones(count, dtype=bool)
     turning[list(others)] = False
     return turning

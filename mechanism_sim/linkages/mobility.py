@@ -44,7 +44,7 @@ class Mobility(NamedTuple):
 
     @property
     def repeating(self) -> tuple[str, ...]:
-        """The joints that repeat, wherever the mechanism moves, what those before them say."""
+        """Joints whose constraints are redundant wherever the mechanism moves."""
         return self.extra if self.redundancy and self.instantaneous == self.finite else ()
 
 

@@ -821,7 +821,7 @@ class NominalPhysics:
 
     @property
     def corners(self) -> bool:
-        """True if joints rub: what presses may change its side within a segment."""
+        """True with joint friction: normal forces may change their side within a segment."""
         return self._forces is not None and self._forces.loses_more
 
     @property

@@ -246,7 +246,7 @@ class Spring(Elongation):
         return bool(self.free_length or not self.law.numbers)
 
     def between(self, q: Array) -> Array:
-        """The way from end to end (2, N) [m] at coordinates q (n, N)."""
+        """Vector from end to end (2, N) [m] at coordinates q (n, N)."""
         (a, at_a), (b, at_b) = self.first, self.second
         place = self.mechanism.locate_all
         return np.asarray(place(b, q, at_b) - place(a, q, at_a))

@@ -605,7 +605,7 @@ def about_middle(series: Array, given: Array) -> None:
 
 @kernel
 def doubt_of(counts: Array) -> int:
-    """Doubts by how many functions bend more than a series knows, and than few samples tell."""
+    """Level of doubt by the numbers of functions beyond a series, and beyond few samples."""
     return MUCH if counts[1] > 0.0 else LITTLE if counts[0] > 0.0 else NONE
 
 

@@ -160,7 +160,7 @@ class _ExpressionReader:
             self._refuse(text)
 
     def _refuse(self, wanted: str = 'something') -> NoReturn:
-        """Say why the next token cannot stand where it does."""
+        """Refuse the next token with a reason."""
         text, token = quoted(self._text), self._now
         signs = [t.text for t in self._tokens]
         if token.text in ('==', '!='):

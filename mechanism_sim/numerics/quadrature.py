@@ -128,7 +128,7 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
 
 
 class Rule(NamedTuple):
-    """A quadrature over an interval, with what tells its error from the same values."""
+    """A quadrature over an interval, with an error estimate from the same values."""
 
     places: Nodes
     weights: Array  #: (K,) of the length, zero where values only tell its error

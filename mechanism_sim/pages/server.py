@@ -201,7 +201,7 @@ class Server:
             self._pages.discard(page)
 
     async def _listen(self, page: ServerConnection) -> None:
-        """Hear a page, until it goes or is sent away."""
+        """Receive messages of a page, until it goes or is sent away."""
         left, last = _BURST, self._loop.time()
         async for text in page:
             now = self._loop.time()

@@ -41,7 +41,7 @@ class MeasuredGap:
 
 
 class FrictionlessGap(MeasuredGap):
-    """A gap that presses along an axis or by a moment: nothing of it is in the plane."""
+    """A gap that presses along an axis or by a moment, without a force in the plane."""
 
     friction: ClassVar[float] = 0.0
 
@@ -104,7 +104,7 @@ class Wall(MeasuredGap):
         return slip if self.side == 'left' else -slip
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while the wall rubs, 0 while what has no friction holds; None if it always does."""
+        """1 while the wall has friction, 0 while a frictionless part holds; None if always."""
         return self.touch.engaged(frames) if self.touch else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:

@@ -1,4 +1,4 @@
-"""Coulomb friction in ideal joints: all kinds that rub under their own load.
+"""Coulomb friction in ideal joints, under their own load.
 
 What rubs is one number T per joint, on the second-named link: a moment about the pin, or a force
 along the line. While it slides ``T = -b sign(rate)``; while it sticks T is what keeps the rate at
@@ -66,7 +66,7 @@ class JointFriction(ABC):
 
     @property
     def joint(self) -> Joint:
-        """The joint that rubs."""
+        """Joint with the friction."""
         return self.mechanism.joint(self.name)
 
     @property
@@ -540,7 +540,7 @@ def _bounds(
 def with_friction(
     frictional_joints: Sequence[FrictionalJoint], reactions: Mapping[str, Wrench], frames: Frames
 ) -> dict[str, Wrench]:
-    """The wrenches of all joints, with what rubs in them."""
+    """Wrenches of all joints, with their friction."""
     found = dict(reactions)
     for joint in frictional_joints:
         name = joint.friction.name

@@ -120,7 +120,7 @@ class Directed(ForceElement, Protocol):
         """True if its force jumps where the points pass each other along their line."""
 
     def between(self, q: Array) -> Array:
-        """The way from the first to the second (2, N) [m] at coordinates q (n, N)."""
+        """Vector from the first to the second (2, N) [m] at coordinates q (n, N)."""
 
 
 class Rubbing(Protocol):
@@ -140,7 +140,7 @@ class Rubbing(Protocol):
         """Wrench on the second-named link of a force T along the slip."""
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while it rubs, 0 where something else holds the links; None if it always does."""
+        """1 while there is friction, 0 where something else holds the links; None if always."""
 
 
 class ForceLaw(Protocol):

@@ -25,7 +25,7 @@ _CLOSE = 9  # places that are compared where a load falls right behind the start
 
 
 class SteepLoads:
-    """Formulas, tables and characteristics of motors: what no series foretells.
+    """Formulas, tables and characteristics of motors that are too steep for a Taylor series.
 
     Parameters
     ----------

@@ -190,7 +190,7 @@ class SwitchTable:
         return np.searchsorted(self._breaks[1:-1], places, 'right')
 
     def ends_between(self, start: float, end: float) -> Array:
-        """Places (N,) in the order in which rows end on the way from one place to another."""
+        """Places (N,) at which rows end between two places, in the order of their passage."""
         low, high, ends = min(start, end), max(start, end), self._breaks[1:-1]
         if self._periodic:
             period, ends = 2.0 * math.pi, self._breaks[:-1]

@@ -27,7 +27,7 @@ from mechanism_sim.planar.points import Point, Vector2
 
 @dataclass(frozen=True)
 class Tilt(LinkExtension):
-    """Stiffness that holds a rigid link in its plane, and inertia of its way out of it."""
+    """Stiffness that holds a rigid link in its plane, and inertia of its motion out of it."""
 
     mass: float  #: [kg]
     cog: Vector2  #: [m] in the link's frame

@@ -101,7 +101,7 @@ class Touch:
         ]
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while it rubs, 0 where something else holds the links; None if it always does."""
+        """1 while there is friction, 0 where something else holds the links; None if always."""
         engaged = getattr(self.closure, 'engaged', None)
         return engaged(frames) if engaged else None
 

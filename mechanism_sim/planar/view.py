@@ -1,4 +1,4 @@
-"""Views of a machine for a kind of joint: to tell its readings, to be drawn, to be plotted.
+"""Views of a machine for a kind of joint: for readings, drawings and charts.
 
 A joint tells in its own file what there is to read of it, what it looks like and which of its
 readings are worth a chart; sensors, nodes, drawings and pages only ask.

@@ -173,7 +173,7 @@ class Bag:
                 yield part, wanted[number], data, log_time
 
     def _tell(self, k: int, share: float) -> None:
-        """Say how much of all files is read, of which this is file `k`."""
+        """Report how much of all files is read, of which this is file `k`."""
         assert self._progress is not None  # noqa: S101 - it is asked for then only
         self._progress((k + share) / len(self._parts))
 

@@ -443,7 +443,7 @@ class Runner:
 
     @contextmanager
     def _bent(self) -> Iterator[None]:
-        """Say of a run that fails what went wrong before, or if its links bend too far."""
+        """Describe earlier trouble of a run that fails, or too large a bending of its links."""
         try:
             yield
         except RunError as error:

@@ -39,7 +39,7 @@ _MECHANISM = TOLERANCES.mechanism
 
 
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
-    """The machine of a scene; `questions` are doubts about what its file says."""
+    """Build the machine of a scene; `questions` are plausibility warnings about its file."""
     with scene_errors(name):
         machine = Machine(name, _with_swing(scene), questions)
         _check_freedom(machine)

@@ -49,7 +49,7 @@ class ChatterRule:
 
 @kernel
 def left_out(allowed: float, resolved: float, restitution: float) -> float:
-    """Rise [m] of a bounce that ends a chatter, see `ChatterRule`."""
+    """Rise [m] below which the impacts of a chatter are left out, see `ChatterRule`."""
     lost = 1.0 - restitution
     least = resolved if lost > _CHATTER.elastic else _CHATTER.roundings * resolved
     return max(allowed * lost, least)

@@ -101,7 +101,7 @@ def friction_impulses(friction: JointFrictionProblem, x: Array, start: Array) ->
 def with_friction(
     c: ContactProblem, friction: JointFrictionProblem, x: Array, start: Array
 ) -> Array:
-    """Let contacts feel the friction that their impulses (r,) make: as a part of these.
+    """Add the friction that impulses (r,) of contacts cause in joints, in proportion to them.
 
     Its impulses grow with theirs: what one of these does is from now on done with its share.
 

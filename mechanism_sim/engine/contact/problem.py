@@ -58,7 +58,7 @@ class ContactProblem(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Below what contacts count as at rest, or as touching."""
+    """Limits below which contacts count as at rest, or as touching."""
 
     touching: float  #: [m] gaps smaller than this count as closed
     tie: float  #: [m] what approaches so near strikes at the same instant
@@ -414,7 +414,7 @@ def press(
 
 @kernel
 def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row: Array) -> None:
-    """Add to an impact in the log what it takes to bring rows to rest that nearly are.
+    """Add to an impact in the log the work that brings almost resting rows to rest.
 
     The energy that this loses is ``-w . x/2`` with the rates w before it and its impulses x.
 

@@ -86,6 +86,6 @@ class ArcClosure(HigherClosure[PinInArc]):
         return [away - lift(dense(frames.parameters(f'{self.name}.radius', self.joint.radius)))]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The slot's wall feels the pin along the radius."""
+        """Wrench of the pin on the slot's wall, along the radius."""
         x, y, r = self._apart(frames)
         return Wrench(*(neg(mul(forces[0], div(part.value, r))) for part in (x, y)))

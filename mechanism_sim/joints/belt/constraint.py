@@ -71,12 +71,12 @@ class Belt(Transmission):
 
     @property
     def elastic(self) -> bool:
-        """True if its strands give way, or it slips."""
+        """True if the strands are elastic, or the belt slips."""
         return self.stiffness > 0.0 or self.slips
 
     @property
     def preloaded(self) -> bool:
-        """True if both strands pull at rest and give way."""
+        """True if both strands are elastic and in tension at rest."""
         return self.stiffness > 0.0 and self.pretension > 0.0
 
     @property
@@ -127,7 +127,7 @@ class Belt(Transmission):
         return BeltClosure(self, mechanism)
 
     def elements(self, mechanism: Mechanism) -> Sequence[ForceElement]:
-        """Strands that give way, or that slip."""
+        """Force elements of elastic or slipping strands."""
         kind = SlippingBelt if self.slips else BeltForce
         return [kind(self, mechanism)] if self.elastic else []
 
@@ -164,7 +164,7 @@ class BeltClosure(TransmissionClosure):
 
 
 class _Tension(NamedTuple):
-    """The pull of a strand that gives way."""
+    """Tension of an elastic strand."""
 
     taut: Term  #: 1 where it is, else 0
     length: Term  #: [m] by which it is stretched
@@ -175,7 +175,7 @@ class _Tension(NamedTuple):
 
 @dataclass(frozen=True)
 class BeltForce:
-    """A belt whose strands give way, in the place of a joint."""
+    """Belt with elastic strands, in the place of a joint."""
 
     joint: Belt
     mechanism: Mechanism
@@ -251,7 +251,7 @@ class BeltForce:
         ]  # fmt: skip
 
     def power_lost(self, frames: Frames) -> Term:
-        """Power that strands take in and do not store: ``c x'^2`` of those that pull."""
+        """Power dissipated in the strands [W]: ``c x'^2`` of those in tension."""
         return add(*(
             mul(add(s.whole, neg(s.stored)), s.rate) for s in self._strands(frames)
         ))  # fmt: skip

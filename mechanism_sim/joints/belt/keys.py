@@ -95,7 +95,7 @@ class BeltKeys(PhaseKeys):
         )  # fmt: skip
 
     def _held(self) -> float | None:
-        """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
+        """Coefficient of friction of a belt held by it alone, reduced to flat pulleys."""
         given = self.friction
         if given is None or given.efficiency is not None:
             return None
@@ -115,7 +115,7 @@ class BeltKeys(PhaseKeys):
         return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
 
     def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
-        """Strands that give way, or slip."""
+        """Clearance of elastic or slipping strands: of zero width; None of others."""
         soft = self.stiffness or self._held() is not None
         return ClearanceSpec(radial=0.0, restitution=0.0) if soft else None
 

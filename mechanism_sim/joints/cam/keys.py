@@ -514,7 +514,7 @@ class _CamReader:
             raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
 
     def _check_friction(self) -> None:
-        """A roller rubs on its pin, which must be smaller; nothing else has one."""
+        """Check the pin radius of a roller with friction; other followers have none."""
         joint, radii = self.joint, []
         if joint.friction:
             radii.append((f'{self.where}.friction', 'radius', joint.friction.radius))
@@ -532,7 +532,7 @@ class _CamReader:
                 )
 
     def _check_guide(self, guide: Guide) -> None:
-        """Keys that only one way of moving has."""
+        """Check the keys that apply to one kind of guidance only."""
         joint, where = self.joint, self.where
         if guide.swings and joint.side is None:
             raise InputError(

@@ -355,7 +355,7 @@ class Edge(NamedTuple):
         )
 
     def reversed(self) -> Edge:
-        """The other way round."""
+        """Edge traversed in the opposite direction."""
         return Edge(self.end, self.start, self.centre, -self.sweep)
 
     @property

@@ -1,4 +1,4 @@
-"""Two links that turn, or slide, one of which drives the other one way and is overrun by it.
+"""One-way clutches: two links, one of which drives the other one way and is overrun.
 
 With the rate w of the second against the first, counted in the sense in which it is driven, and
 the moment M of the first on the second, a freewheel has
@@ -25,7 +25,7 @@ from mechanism_sim.planar.view import Draft, Side
 
 @dataclass(frozen=True)
 class Freewheel(Transmission):
-    """A clutch between two links that holds one way."""
+    """A clutch between two links that transmits in one direction."""
 
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
@@ -49,7 +49,7 @@ class Overrun(Wall):
     """Lead of the second link over the first; of a freewheel only its rate."""
 
     def value(self, frames: Frames) -> Jet:
-        """A rate without value, or the way of the pawl from the last tooth that it passed [m]."""
+        """A rate without value, or the pawl's travel from the last tooth that it passed [m]."""
         joint = self.closure.joint
         assert isinstance(joint, Freewheel)  # noqa: S101 - it makes this gap
         (ahead,) = self.closure.values(frames)

@@ -1,4 +1,4 @@
-"""Two gears, or a gear and a rack, in mesh as a joint of a mechanism; teeth may give way.
+"""Two gears, or a gear and a rack, in mesh as a joint of a mechanism, rigid or elastic.
 
 Both turn (the rack slides) on a common carrier: the ground, or the arm of a planetary train. With
 the angles a of the gears against the carrier and their numbers of teeth N, counted negative for
@@ -251,7 +251,7 @@ class MeshSpring:
         return self.closure.wrench(frames, [self._row(frames)])
 
     def power_lost(self, frames: Frames) -> Term:
-        """Power that flanks take in and do not store: ``d x'^2`` of those that press."""
+        """Power dissipated in the flanks [W]: ``d x'^2`` of those in contact."""
         return add(*(
             mul(f.share, mul(add(f.force, neg(mul(f.stiffness, f.pressed))), f.rate))
             for f in self._flanks(frames)
@@ -301,7 +301,7 @@ class GearMesh(PlacedMesh):
 
     @property
     def elastic(self) -> bool:
-        """True if its teeth give way."""
+        """True if the teeth are elastic."""
         return self.elasticity is not None
 
     @property

@@ -41,7 +41,7 @@ _Damping = Annotated[float, si('N s/m'), Field(ge=0.0)]
 
 
 class BacklashPart(Part):
-    """Free way of the teeth, and what happens at its ends."""
+    """Free travel of the teeth, and what happens at its ends."""
 
     width: Length | None = None
     """Free way along the working pitch circle; else what the centre distance leaves. Of a
@@ -211,7 +211,7 @@ class MeshKeys(JointKeys):
         return [TeethFriction(joint.name, mechanism, given.coefficient, arm, share)]
 
     def _play(self, placed: Placed, base_pitch: float) -> float:
-        """Free way of the teeth to either side, along the line of action [m]."""
+        """Free travel of the teeth to either side, along the line of action [m]."""
         backlash = self.backlash
         if backlash is None:
             if placed.backlash:

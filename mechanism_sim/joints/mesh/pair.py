@@ -165,7 +165,7 @@ class Pair:
 
     @property
     def backlash(self) -> float:
-        """Free way [m] along the working pitch circles: pitch less both thicknesses."""
+        """Free travel [m] along the working pitch circles: pitch less both thicknesses."""
         one, two = self.pitch_radii
         pitch = 2.0 * math.pi * one / self.pinion.teeth
         return pitch - self.pinion.thickness(one) - self.wheel.thickness(two)

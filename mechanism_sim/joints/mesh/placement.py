@@ -68,7 +68,7 @@ class PlacedMesh(HigherPair):
 
     @property
     def per_phase(self) -> float:
-        """Way along the line of action by phase of the teeth [m/rad]."""
+        """Displacement along the line of action by phase of the teeth [m/rad]."""
         return self.base_pitch / (2.0 * math.pi)
 
     @property

@@ -1,4 +1,4 @@
-"""The loose revolute joint as the engine sees it: a gap between pin and bushing, or a film."""
+"""Revolute joints with clearance: a gap between pin and bushing, or an oil film."""
 
 from __future__ import annotations
 

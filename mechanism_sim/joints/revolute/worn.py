@@ -156,7 +156,7 @@ class WornSurface:
         return np.asarray(z / np.sqrt(np.abs(z) ** 2 + self.soft**2))
 
     def _turned_along(self, z: ComplexArray, way: ComplexArray) -> ComplexArray:
-        """The derivative of w along a way."""
+        """Derivative of w along a direction."""
         t = np.sqrt(np.abs(z) ** 2 + self.soft**2)
         return np.asarray(way / t - z * (z.conj() * way).real / t**3)
 
@@ -225,7 +225,7 @@ class WornSurface:
 
 
 def _evenly(count: int) -> ComplexArray:
-    """Unit vectors in so many directions, evenly from that of x on."""
+    """Unit vectors in evenly spaced directions, from that of x on."""
     return np.asarray(np.exp(2j * np.pi / count * np.arange(count)))
 
 

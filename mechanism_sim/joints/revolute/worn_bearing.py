@@ -1,4 +1,4 @@
-"""The loose revolute joint whose pin or bushing is worn, dry or in oil, as the engine sees it."""
+"""Revolute joints with clearance whose pin or bushing is worn, dry or in oil."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rotors: disks on a shaft and supports that give way."""
+"""Rotors: disks on a compliant shaft and supports."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class RotorKeys(JointKeys):
         return Revolute(name, a, b, on_a, on_b)
 
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
-        """The link of the disks, and how it gives way."""
+        """Link of the disks, and the compliance of its shaft and supports."""
         where = f'joints.{name}'
         (_, place), (link, _) = names.ends(name)
         polar = names.scene.links[link].inertia or 0.0

@@ -80,7 +80,7 @@ class SlotClosure(HigherClosure[PinInSlot]):
         return [nx * x + ny * y]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The slot's wall feels the pin where the pin is."""
+        """Wrench of the pin on the slot's wall, at the pin."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         nx, ny = self.normal(frames)
         force = neg(mul(forces[0], nx.value)), neg(mul(forces[0], ny.value))
@@ -89,7 +89,7 @@ class SlotClosure(HigherClosure[PinInSlot]):
 
 @dataclass(frozen=True)
 class SlotWall(Wall):
-    """A wall of a slot with play, along which its pin may rub."""
+    """A wall of a slot with play, with friction on its pin."""
 
     pin_radius: float = 0.0  #: [m]
 
