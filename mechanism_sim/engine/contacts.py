@@ -233,7 +233,7 @@ class Contacts:
                     state.adopt_modes()
 
     def _beside_joints(self, stage: int, guard: int) -> int:
-        """`EventStages.go_on` where ideal joints rub by the forces of the contacts."""
+        """Stages of an event, as `EventStages.go_on`, where joint friction depends on contacts."""
         state, log, switching = self.state, self.state.impacts, self.switching
         state.stages.see(stage)
         if stage == STRIKES:

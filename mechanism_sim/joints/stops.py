@@ -281,7 +281,7 @@ class EndStop(_Stop):
 
     @property
     def _way(self) -> float:
-        """1 if s is the way of the first-named link in the second, as of a pin in its slot."""
+        """1 if s is the displacement of the first link in the second, as of a pin in its slot."""
         return 1.0 if isinstance(self.mechanism.joint(self.joint), HigherPair) else -1.0
 
     def value(self, frames: Frames) -> Jet:
