@@ -369,7 +369,7 @@ def _rows(path: Path, data: bytes, where: str) -> tuple[str, list[tuple[int, lis
 
 
 def _framed(lines: Sequence[str], kept: list[int]) -> tuple[bool, list[int]]:
-    """Whether a table is framed by lines that mark its ends, with the lines of it."""
+    """True of a table between lines that mark its ends, and the lines of it."""
     marks = [(n, found) for n in kept if (found := _FRAME.match(lines[n]))]
     begin = next((n for n, found in marks if 'BEGIN' in found[0].upper()), None)
     if begin is None:

@@ -406,6 +406,8 @@ class _Walk:
         # from the start of each segment to that of the next, approaches being parts of the state
         turns = self._across(steps)
         self._refine(turns, k)
+        # single impacts are linear maps, too: they join the maps of their segments, so that only
+        # other events interrupt the products of maps
         count, w, W = len(k), f + of.width, turns.shape[1]
         events = self._events(first, last)
         blows = self._blows(first, events)
@@ -414,6 +416,7 @@ class _Walk:
         states, alive, done = np.empty((count + 1, W, P)), True, count
         states[0, :w], states[0, w:] = self._state, self._approach
         jumps = events.number.keys() - {*blows.segment.tolist()}
+        # maps are multiplied in groups first: states at few boundaries need one product each
         bounds = np.array(sorted({*range(0, count, _GROUP), *(j + 1 for j in jumps), count}))
         grouped = _grouped(turns, bounds)
         for start, end, turn in zip(bounds[:-1], bounds[1:], grouped, strict=True):
@@ -426,6 +429,7 @@ class _Walk:
                     now[:w] = np.nan
                     break
                 now[:w], now[w:] = self._state, self._approach
+        # then the states inside of all groups, at once for equal places in them
         for inner in _within(bounds[bounds <= done]):
             turn = turns[inner - 1]
             states[inner] = turn[..., :W] @ states[inner - 1] + turn[..., W:]

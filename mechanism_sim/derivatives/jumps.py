@@ -373,6 +373,7 @@ class Jumps:
         z, flow = self._differential(x), self._flow(before)
         wide = np.concatenate([z[..., :width], flow[..., None], z[..., width:]], axis=2)
         kinds = np.concatenate([struck[None], ended[None], part, closed])
+        # impacts with the same contacts, closed or struck, have terms of one form: all at once
         for kind in np.unique(kinds[:, alone], axis=1).T:
             which = np.flatnonzero(alone & (kinds == kind[:, None]).all(axis=0))
             joint, asked = [self._names[kind[0]]], self._none(2)
@@ -464,6 +465,8 @@ class Jumps:
         own = touching + ([m + i for i in touching] if self._rows > m else [])
         terms = self._terms_of(now, self._unit_terms(tuple(touching), tuple(own)))
         closed = self._closed(now)
+        # each open gap closes at its own shifted instant: the impact stays one only if all shifts
+        # agree, else the order of the impacts changes with the key
         if dt is None:
             speeds = terms.values[0, 2 * t : 3 * t]
             near = speeds < -_ALIKE * np.abs(speeds).max()  # one may take all of a blow
@@ -477,6 +480,7 @@ class Jumps:
             if np.abs(shifts - dt[:, None]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
                 known = zip([touching[k] for k in first], shifts[0], strict=True)
                 raise _OrderError(dict(known))
+            # variations to the shifted instant of the impact, along the flow before it
             z = z + flow[:, :, None] * dt[:, None]
         values, moved, n, f = terms.values, terms.moved(z), len(own), len(self._free)
         # of unit impulses: rates of rows and coordinates, impulses of drives
@@ -487,6 +491,7 @@ class Jumps:
         _, angle, drate, dA, dW, dD = (moved[:, part] for part in parts)
         A, W, D = A.reshape(E, n, n), W.reshape(E, n, f), D.reshape(E, n, p)
         dA, dW, dD = dA.reshape(E, n, n, C), dW.reshape(E, n, f, C), dD.reshape(E, n, p, C)
+        # restitution acts in approaching open gaps only, and not in the last impact of a chatter
         over = [self._names.index(i) for i in ended]
         applies = np.array([not closed[i] and i not in over for i in touching])
         applies = applies & (rate[:, :t] < 0.0)
@@ -516,6 +521,8 @@ class Jumps:
                 raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
             (x, dx), (share, dshare), lost_ = found
             x, dx, lost = x[None], dx[None], lost_[None]
+            # friction in joints grows in proportion to the contact impulses: its effects are added
+            # to the terms of unit contact impulses, so that the steps below need not know of it
             of_joints = [(friction.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
                          (friction.response, slopes.response),
                          (friction.drive_response, slopes.drive_response)]  # fmt: skip
@@ -532,6 +539,7 @@ class Jumps:
             A, dA = A.swapaxes(1, 2), dA.swapaxes(1, 2)
         else:
             x, dx = impulses(A, dA)
+        # the reset ``v+ = v- + W^T x`` and its differential, by the product rule
         after = rate + np.einsum('eij,ej->ei', A, x)
         dafter = drate + np.einsum('eijc,ej->eic', dA, x) + A @ dx
         v, later, c = now.at.v.copy(), z.copy(), len(self._system.coordinates)

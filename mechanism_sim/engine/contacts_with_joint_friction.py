@@ -50,6 +50,8 @@ def add_joint_friction(state: ContactState, gap: int) -> float:
     friction = joint_friction_problem(present.evaluate(function), sizes, *layout[1:4])
     rows, T, lost = np.empty((m, len(state.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
     before = np.zeros(layout.rows)
+    # fixed-point iteration: contact impulses make friction in joints, which changes the contact
+    # problem; the impacts are tried on copies of the rates, only the problem is kept
     for _ in range(_IMPACTS.joint_rounds):
         now = present.instant()
         done = impact_now(

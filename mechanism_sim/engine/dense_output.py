@@ -335,6 +335,8 @@ class DenseOutput:
         orders = np.arange(1.0, order + 1.0)
         for first, block in zip(range(0, count, BLOCK), self._blocks, strict=False):
             raw, into = block[: count - first], coefficients[first : first + BLOCK]
+            # the series of the rate, integrated term by term: it has a degree more than that of
+            # the coordinate, and its derivative is the integrated rate exactly
             for i, name in enumerate(system.free):
                 c = system.coordinates.index(name)
                 into[:, c, 0] = raw[:, i, 0]

@@ -208,6 +208,7 @@ class Dynamics:
             alpha,
             mass,
         )
+        # the integrator steps the stabilised equations; forces are those of the exact ones
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self.reduced.second_derivatives(self.reduced.exact.a)
@@ -353,6 +354,7 @@ class Dynamics:
             for i, x in enumerate(self._dragged(normal, c)):
                 S[i][c] = add(S[i][c], neg(x), dot(scaled[i], dragged))
             each[c] = [add(x, neg(y)) for x, y in zip(each[c], dragged, strict=True)]
+        # what sticking leaves of the normal equations; their forces then give those of sticking
         left = [add(x, neg(dot(row, free))) for x, row in zip(right, scaled, strict=True)]
         N, det = cramer(S, left)
         margin = reduce(truediv, map(dense, factorise(smooth)[1]), dense(det))

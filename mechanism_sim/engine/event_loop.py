@@ -200,6 +200,7 @@ class EventLoop:
                     continue
                 step = self._steps.locate(tau, h)
             end = step.tau + step.h
+            # a step beyond `until` stays pending, uncut: where callers look changes no run
             if end > min(limit, self._laws.next_change):
                 self._pending = step
                 if self._change_law(min(limit, end)):
@@ -212,6 +213,7 @@ class EventLoop:
                     return
             self._pending = None
             tau = self._enter(step)
+            # local times near zero keep all their digits, as do angles without their whole turns
             if end > self._laws.next_base:
                 ta.time = end
                 self._laws.rebase()

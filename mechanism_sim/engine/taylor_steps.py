@@ -129,6 +129,8 @@ class TaylorSteps:
             if check is not None:
                 h = self._checked(tau, h, check)
             end, guard = tau + h, pars[fired]
+            # leave the fast loop for steps beyond a change of law or base, near a root of a guard
+            # where a second event may hide, or ahead of a singular position
             if (
                 not tau < end <= stop
                 or (watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT and not
@@ -145,6 +147,7 @@ class TaylorSteps:
             if guard:
                 pars[fired] = 0.0
                 respond(int(guard) - 1, end)
+            # Baumgarte's rate follows the usual step; one cut short by the horizon is not usual
             elif h < reach or reach == longest:
                 pars[self._stabilisation] = min(1.0 / h, self._quickest)
         self._laws.since = since + len(lengths) - begun
@@ -282,6 +285,7 @@ class TaylorSteps:
         place = np.array([[q[c]] for c in self._system.coordinates])
         if gone := film_gone(self._system.elements, place, time):
             return gone
+        # springs and ropes have no direction where their ends meet: a singularity of their formula
         size = self._system.mechanism.size
         for e in self._system.elements:
             if not (isinstance(e, Directed) and e.directed):

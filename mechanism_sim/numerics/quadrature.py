@@ -242,6 +242,7 @@ def integrate(
     before = np.zeros(len(whole.value)) if largest is None else largest
     running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
+    # most batches are smooth everywhere: they end here, without any bookkeeping of parts
     if not corners and (whole.error <= relative * whole.size).all():
         value, error, size = whole.value, whole.error + _ROUNDING.sum * whole.size, whole.size
         return Integrals(value, error, running[:, -1], size, running)
@@ -259,6 +260,7 @@ def integrate(
     elif not foretold:
         sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
         whole = whole._replace(error=sharper)
+    # intervals whose errors are too large, or not numbers, are split; the others are final
     wanted = ~(whole.error <= limit)
     value, error, refined = *(np.where(wanted, 0.0, x) for x in (whole.value, whole.error)), wanted
     begin, interval, parent = parts.begin, every, whole
@@ -283,6 +285,7 @@ def integrate(
         agrees = np.tile(np.maximum(differ, _joined(now.missed, n)) <= limit, n)
         off = np.where(agrees, np.fmin(now.error, np.tile(limit / n, n)), now.error)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
+        # parts of the last split, or without a number, count as they are, with their errors
         settled |= np.isnan(now.error) | (k == len(_SPLIT) - 1)
         pending = _gathered(interval, wanted & ~settled, size.shape)
         settled |= pending[:, interval] > _QUADRATURE.parts

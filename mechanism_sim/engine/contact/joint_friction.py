@@ -80,6 +80,7 @@ def friction_impulses(friction: JointFrictionProblem, x: Array, start: Array) ->
                     if friction.walls[t] * force >= 0.0:
                         bound += friction.coefficients[t] * math.sqrt(square)
                 first = friction.ends[t]
+            # slip under all present impulses, and the impulse that ends it, cut to its bound
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]

@@ -316,6 +316,8 @@ def impact_of_all(
                 rate[r] = 0.0
         e[k] = 0.0 if c.closed[i] or rate[k] >= 0.0 else c.restitution[i]
         mu[k], hypothesis[k] = c.friction[i], c.hypothesis[i]
+    # first with restitution; contacts whose rebound would be the last of a chatter then get e = 0,
+    # and the impact is solved again, as their impulses change those of the others
     x, after, found = impulses(A, rate, e, mu, hypothesis)
     ended, again = np.zeros(n, dtype=np.bool_), False
     for k in range(n):
@@ -344,6 +346,7 @@ def impact_of_all(
         resting[i] = low or after[k] <= max(-_IMPACTS.rebound * rate[k], stays)
         rests = rests or resting[i] or c.closed[i]
         if not resting[i]:
+            # a root near the start of a long step is lost: the rebound's return bounds the next
             horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
     return ImpactOutcome(rests, horizon, count, True)
 
@@ -387,6 +390,8 @@ def press(
             mu[k] = min(c.friction[rows[k]], _IMPACTS.rough)
     # what slides no farther than rounding reaches may as well be at rest
     slow = max(limits.still, math.sqrt(2.0 * limits.touching * largest(c.free_acceleration)))
+    # slow slips count as none at first; if the forces then drive a contact against its true slip,
+    # the slips are taken as they are
     for still in (slow, limits.still):
         for k in range(n):
             i = rows[k]
@@ -570,11 +575,13 @@ def come_to_rest(
     if len(last):
         book_rest(c, limits, kept, drives, last[0])
     begins[:] = begin(c, limits, grips, kept)
+    # whether positions or rates of kept rows need a projection before the run goes on
     off = False
     for r in range(len(kept)):
         if kept[r]:
             off = off or abs(c.rate[r]) > limits.bare
             off = off or (r < m and abs(c.value[r]) > limits.touching)
+    # accelerations under these forces decide which open gaps are drawn shut
     for r in range(len(kept)):
         gained = 0.0
         for k in range(len(kept)):

@@ -56,7 +56,7 @@ class CamPair(PlacedCam):
         return read_cam(self, view)
 
     def slides(self, link: str, mechanism: Mechanism) -> bool:
-        """Whether the law counts displacements: of the cam, or of the follower."""
+        """True if the law counts displacements: of the cam, or of the follower."""
         return self.distance.slides if link == self.first else not self.distance.swings
 
     def draw(self, draft: Draft) -> None:

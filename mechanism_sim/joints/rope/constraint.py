@@ -74,7 +74,7 @@ class Rope(HigherPair):
         return max(abs(p.radius) for p in self.pulleys)
 
     def bears(self, link: str) -> bool:
-        """Whether a link carries a point of the rope."""
+        """True if a link carries a point of the rope."""
         return link in self.links
 
     def closure(self, mechanism: Mechanism) -> RopeClosure:
