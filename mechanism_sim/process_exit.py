@@ -29,7 +29,7 @@ _HANGUP = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.S
 SIGNALS = signal.SIGINT, signal.SIGTERM, *_HANGUP  # the last by a terminal that is closed
 
 PARENT = 'MECHANISM_SIM_PARENT'
-"""In the environment: id of the parent process, with which it ends and which speaks for it."""
+"""Environment variable: id of the parent process, with which it ends."""
 
 LOOK = 0.1  # [s] between looks at the parent
 _GRACE = 0.6  # [s] to end in good order without it

@@ -38,14 +38,14 @@ from mechanism_sim.units import QuantityValue, to_si
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
 _JITTER = 1e-3
-"""Of the interval between samples, by which evenly taken ones are off in a file."""
+"""Share of the sampling interval by which evenly taken samples are off in a file."""
 _COARSEST = 0.2
-"""Of that interval, to which times may be rounded: else one is not told from the next."""
+"""Share of that interval to which times may be rounded: else samples coincide."""
 _DIGITS = re.compile(r'[-+]?\d*(?:\.(\d*))?(?:[eE]([-+]?\d+))?')
 _LOOKS = 1000  # cells in which digits are counted
 GRAVITY = QuantityValue(9.80665, 'm/s^2')
 GRAVITIES = 'g', 'gn', 'g_0'
-"""Of accelerometers; 'g' is a gram otherwise."""
+"""Units of acceleration in g; 'g' is a gram otherwise."""
 _PURPOSE = 'this kind of signal'
 _QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
@@ -397,4 +397,4 @@ READERS: dict[str, Callable[..., list[ChannelSamples]]] = {
     '.csv': _table, '.txt': _table, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
     **dict.fromkeys(ENDINGS, _table),
 }  # fmt: skip
-"""By the ending of a file."""
+"""Readers by the ending of a file."""

@@ -36,7 +36,7 @@ from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40
-"""Of the drive that are drawn."""
+"""Number of orders of the drive that are drawn."""
 _FEWEST = 16  # samples of a spectrum
 
 

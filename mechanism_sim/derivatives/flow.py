@@ -52,7 +52,7 @@ CHATTER = (
     'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
     'closed from this impact on'
 )
-"""Of a limit where a chatter is ended."""
+"""Text of a limit where a chatter is ended."""
 
 
 _SEATED = (

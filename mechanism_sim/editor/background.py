@@ -240,7 +240,7 @@ def _shown(machine: Any, solution: Any) -> dict[str, Any]:
 
 
 Figure = tuple[str, str, float | None, str, float | None]
-"""Of what, of which part, value (None: without limit), unit, instant [s] if there is one."""
+"""Quantity, part, value (None: without limit), unit, and instant [s] if there is one."""
 
 
 def _figures(machine: Any, solution: Any) -> list[Figure]:

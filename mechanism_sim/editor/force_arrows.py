@@ -15,7 +15,7 @@ _BUDGET = 0.012
 _SOME = 4
 
 _LENGTH = 0.3
-"""Of the arrow of the largest force, of the machine's size."""
+"""Length of the arrow of the largest force, as share of the machine's size."""
 
 
 class ForceArrows:

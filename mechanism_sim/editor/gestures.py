@@ -25,7 +25,7 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.schema import Scene
 
 _ON_AXIS = 0.02
-"""Of the frame's length: a joint so near its axis stays on it."""
+"""Share of the frame's length: a joint so near its axis stays on it."""
 
 
 class Moved(NamedTuple):

@@ -26,7 +26,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
 INSTANTS = 73
-"""Of a turn, or of a run, both ends included."""
+"""Number of instants of a turn, or of a run, both ends included."""
 
 _STEPS = 12
 """Towards a place, of a machine that is pulled."""

@@ -16,7 +16,7 @@ from mechanism_sim.documents import flow
 from mechanism_sim.errors import InputError
 
 WIDTH = 99
-"""Of lines that are written here."""
+"""Width of lines that are written here."""
 
 Path = Sequence[str]
 """Keys, and numbers of entries of lists as text, from the whole to a value."""

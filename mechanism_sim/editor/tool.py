@@ -16,7 +16,7 @@ Draw = Callable[[Sketch, Spot, Spot], list[Edit]]
 part cannot be there: what it needs."""
 
 _Refit = Callable[[Sketch, str, Any], list[Edit]]
-"""From a sketch whose links were moved, a joint's name and its keys to edits that make it fit."""
+"""Function from a sketch whose links were moved, a joint's name and keys to refitting edits."""
 
 
 @dataclass(frozen=True)

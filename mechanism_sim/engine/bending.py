@@ -20,7 +20,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _MECHANISM = TOLERANCES.mechanism
 _SECTIONS = 33
 _PLACES = Nodes((0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
-"""Of a step, at which it is looked at."""
+"""Places of a step at which bending is checked."""
 
 
 class BendWatch:

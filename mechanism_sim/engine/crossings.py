@@ -22,7 +22,7 @@ _SINGULAR = TOLERANCES.singular
 
 Segments = NDArray[np.intp]
 Distance = Callable[[Segments, Array], Array]
-"""Of the closures from depending on each other (K S,) at times (K, S) [s] in segments (K,)."""
+"""Measure of the closures' independence (K S,) at times (K, S) [s] in segments (K,)."""
 
 _NODES = 33
 _DEGREE = 9

@@ -26,7 +26,7 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _MEET = TOLERANCES.steps.meet
 _LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
-"""Where in a step the ends of a spring are seen on either side of each other."""
+"""Places in a step at which the ends of a spring are compared for a passage."""
 
 
 class Physics(Protocol):

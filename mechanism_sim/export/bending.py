@@ -16,7 +16,7 @@ _STATIONS = 41
 """Points along an axis from which viewers without shape functions draw."""
 
 _VISIBLE, _MOST = 0.04, 1000.0
-"""How much of a machine's size the largest deflection covers, if it need not grow by more."""
+"""Share of a machine's size that the largest deflection covers, and greatest magnification."""
 
 
 @dataclass(frozen=True)

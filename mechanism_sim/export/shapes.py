@@ -303,4 +303,4 @@ _BUILDERS: dict[Kind, Callable[[Shape], list[ShapePath]]] = {
     'point': _disc('ink', MARK),
     'drive': _drive,
 }
-"""Of the kinds that are not just bodies: wheels, cams, sliders."""
+"""Shapes of the kinds that are not just bodies: wheels, cams, sliders."""

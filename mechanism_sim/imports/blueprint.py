@@ -18,7 +18,7 @@ from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.units import to_si, unrounded
 
 Pose = tuple[float, float, float]
-"""Of a frame at the start: x, y and angle [rad]."""
+"""Pose of a frame at the start: x, y and angle [rad]."""
 
 _WIDTH = 99
 _ROUNDING = 1e-14  # of lengths of machines, in any unit

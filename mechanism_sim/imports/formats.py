@@ -30,7 +30,7 @@ READERS: dict[str, Reader] = {
     '.urdf': urdf.read,
     '.xml': mjcf.read,
 }
-"""By ending: they take the path, the text of the file, and the unit of its lengths if told."""
+"""Readers by ending: of the path, the text, and the unit of lengths, if it is told."""
 
 _METRIC = '.sdf', '.urdf', '.xml'
 """Formats whose lengths are in metres."""

@@ -23,7 +23,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _MECHANISM = TOLERANCES.mechanism
 
 NODES = chebyshev_nodes(15)
-"""Of the polynomials of pieces, as shares of their length."""
+"""Nodes of the polynomials of pieces, as shares of their length."""
 ENDED = np.array([*NODES, 1.0])
 AHEAD = 1e-9  # of a piece: where the rows are looked for that begin at an edge
 END = 1e-12  # of a piece: what lies no farther beyond its end is at its end

@@ -35,7 +35,7 @@ INVALID_POSE = 101  # SetEntityState.Response
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
 STEPS, _HALT = 'steps', 'a pause'
 ROUNDING = 1e-12
-"""Of times, relative: steps that end with the run are not beyond it; and of poses."""
+"""Relative rounding of times, of steps that end with the run, and of poses."""
 
 
 class Observable(Protocol):

@@ -16,7 +16,7 @@ from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 ROUNDING = 1e-9
-"""Of times, relative: pieces of motion that follow each other meet."""
+"""Relative rounding of times at which consecutive pieces of motion meet."""
 
 
 class MotionFollower:

@@ -53,7 +53,7 @@ _NAMESPACES: dict[Kind, str] = {
     'point': 'points',
     'drive': 'drives',
 }
-"""Of the kinds of shapes."""
+"""Namespaces of the kinds of shapes."""
 
 _LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
 _EDGE = 0.12  # width of lines, likewise

@@ -10,7 +10,7 @@ import scipy
 from mechanism_sim.arrays import Array
 
 BATCHES = 20
-"""At most, of which the spread is taken; their means are nearly independent if they are long."""
+"""Greatest number of batches; means of long ones are nearly independent."""
 _FEWEST = 10  # batches, where there are so many values
 
 

@@ -18,7 +18,7 @@ Interpolation = Literal['linear', 'cubic', 'quintic']
 _Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
 
 _WIDEST = 0.25 * TWO_PI
-"""Of the intervals of a curve that repeats every turn."""
+"""Greatest width of an interval of a curve that repeats every turn."""
 
 
 @dataclass(frozen=True)

@@ -162,7 +162,7 @@ _UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
     'tanh': (_rising(hy.tanh), lambda x: 1.0 - hy.tanh(x.least) * hy.tanh(x.least)),
     'atan': (_rising(hy.atan), lambda x: 1.0 / (1.0 + x.least * x.least)),
 }
-"""By name: the enclosure, and the largest slope in it."""
+"""Enclosures of functions by name, and their largest slopes within."""
 
 
 class _Operation(NamedTuple):

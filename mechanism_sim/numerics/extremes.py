@@ -37,7 +37,7 @@ _COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radiu
 _NODES = chebyshev_nodes(_COUNT)
 _FEW = chebyshev_nodes(5)  # to tell which intervals are worth a look
 GLANCES = Nodes(tuple(_FEW.tolist()))
-"""Where functions are looked at before it is known which intervals matter."""
+"""Places at which functions are sampled before it is known which intervals matter."""
 
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
 _GRID: Array = np.array(np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T, np.float64)

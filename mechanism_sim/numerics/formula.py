@@ -25,7 +25,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name i
 """Smooth ones of one argument."""
 
 PERIODIC = 'sin', 'cos', 'tan'
-"""Those that repeat after a turn of their argument."""
+"""Functions with a period of a turn of their argument."""
 
 _EMPTY = 10.0 * TOLERANCES.switches.margin
 """Of the size of a state and of the terms of x: up to there ``sqrt(max(x, 0))`` in the rate of a

@@ -152,7 +152,7 @@ def _powers() -> Rule:
 
 
 SMOOTH = _smooth(8)
-"""For functions with a series about every point of an interval, its ends included."""
+"""Rule for functions with a series about every point of an interval, its ends included."""
 
 SECOND = _smooth(9)
 """A rule with none of its nodes: what one of the two misses the other one may see."""
@@ -179,10 +179,10 @@ def _watched(rule: Rule) -> Rule:
 
 
 WATCHED = _watched(SMOOTH)
-"""For functions with corners: `SMOOTH` does not see those beside the ends of an interval."""
+"""Rule for functions with corners: `SMOOTH` misses those beside the ends of an interval."""
 
 POWERS = _powers()
-"""For functions that behave as any power of the distance from an end."""
+"""Rule for functions that behave as any power of the distance from an end."""
 
 
 class Assumptions(NamedTuple):

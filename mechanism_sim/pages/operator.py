@@ -12,7 +12,7 @@ from mechanism_sim.nodes.services import SIMULATION
 from mechanism_sim.pages.controls import DRIVE, Control
 
 PLAYING, PAUSED = 1, 2
-"""As in simulation_interfaces/msg/SimulationState."""
+"""States as in simulation_interfaces/msg/SimulationState."""
 _DONE, _ALREADY = 1, 101
 
 

@@ -34,7 +34,7 @@ SLOW = 2_000_000
 STUCK = 4 * SLOW
 """Bytes that wait for a page from which on it is cut off."""
 PAGES = 50
-"""That may be open."""
+"""Greatest number of open pages."""
 LARGEST = 10_000
 """Bytes of a command."""
 _BURST, RATE = 300.0, 100.0

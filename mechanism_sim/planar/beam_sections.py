@@ -17,7 +17,7 @@ from mechanism_sim.arrays import Array
 Shape: TypeAlias = Literal['rectangle', 'circle', 'any']
 
 _NODES = 4
-"""Of Gauss' quadrature: the second moment of a section is of the fourth degree in its sizes."""
+"""Nodes of Gauss' quadrature: second moments are of the fourth degree in the sizes."""
 
 
 def geometry(shape: Shape, sizes: Sequence[Any]) -> tuple[Any, Any, Any]:

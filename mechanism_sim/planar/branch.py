@@ -33,7 +33,7 @@ _DEGREE = 13
 _POINTS = np.sin((2.0 * np.arange(1, _PAIRS + 1) - 1.0) * np.pi / (4.0 * _PAIRS))
 _BOTH = np.concatenate([-_POINTS[::-1], _POINTS])
 SAMPLES = _BOTH
-"""Where functions along a branch are sampled, as parts of its width."""
+"""Places along a branch at which functions are sampled, as parts of its width."""
 _BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
 _SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
 for _k in range(1, _DEGREE + 1):

@@ -18,7 +18,7 @@ from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 
 _RANK = 1e-9
-"""Of the largest pivot: rows that add less to those before follow from them."""
+"""Share of the largest pivot: rows that add less to those before follow from them."""
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
 
 Number: TypeAlias = 'Jet | hy.expression | float'
 STATE = 'state:'
-"""With which the names of states of first order begin in `Frames.outside`."""
+"""Prefix of the names of states of first order in `Frames.outside`."""
 
 
 @dataclass

@@ -146,11 +146,11 @@ def corner_name(mechanism: Mechanism, joint: Prismatic, end: str, side: Side) ->
 
 
 ENDS = 'front', 'rear'
-"""Of a bearing along its axis: that on the reader's side, and the other."""
+"""Ends of a bearing along its axis: that on the reader's side, and the other."""
 
 
 STOPS = 'stop_front', 'stop_rear'
-"""Of a bearing along its axis: what the first link meets moving towards the reader; or back."""
+"""Axial stops of a bearing, which the first link meets moving towards the reader, or back."""
 
 
 def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:

@@ -18,9 +18,9 @@ Kind = Literal[
     'frame', 'belt', 'wheel', 'cam', 'rail', 'support', 'link', 'slot', 'slider', 'bushing', 'pin',
     'cog', 'point', 'drive',
 ]  # fmt: skip
-"""Of shapes, in the order in which they are painted."""
+"""Kinds of shapes, in the order in which they are painted."""
 Side: TypeAlias = Literal['left', 'right']
-"""Of a higher pair that opens: on which side of its closure there is a wall."""
+"""Side of a higher pair's closure on which there is a wall."""
 
 
 class Trajectory(NamedTuple):

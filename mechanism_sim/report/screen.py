@@ -30,7 +30,7 @@ from mechanism_sim.results.quantities.motion import choose_points
 from mechanism_sim.results.run import instants
 
 FLASH = tint(ACCENT, 0.4)
-"""Of impacts."""
+"""Colour of impacts."""
 
 EDGE = 1.32
 """Half the width of the lens, in radii of the bushing."""

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 
 SHARE = 0.999
-"""Of the time: the load that is not exceeded meanwhile stands beside the largest one."""
+"""Share of the time for the load not exceeded, which stands beside the largest one."""
 
 _BRIEF = 1.5  # times the load of that share: what is larger is a peak
 _SENTENCES = 4  # of what repeats

@@ -37,10 +37,10 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
 _SMALL = 2e-3
-"""Of clearances and speeds: displacement of a motion whose differences are taken."""
+"""Displacement of a motion for differences, as share of clearances and speeds."""
 
 _DEPTH = 0.05
-"""Of a clearance: how deep compliant contacts go, roughly."""
+"""Share of a clearance that compliant contacts are compressed by, roughly."""
 
 _NEAR = 5e-3
 """Of a clearance: by so much gaps open at most where a machine is changed under its motion. Forces

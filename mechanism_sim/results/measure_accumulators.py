@@ -40,7 +40,7 @@ EXACT = 'of the motion'
 R = TypeVar('R', str, tuple[str, str])
 
 _FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
-"""Of what figures are integrals over time: an argument, its square, or the power it is part of."""
+"""Integrands of figures: an argument, its square, or the power of which it is part."""
 
 
 def speed_of(machine: Machine, f: Figure) -> str:

@@ -30,9 +30,9 @@ OVER_TIME = (
     'work', 'distance', 'largest_distance',
 )  # fmt: skip
 _DISTANCES = 'distance', 'largest_distance'
-"""Of a path from points of a file: root mean square, and largest."""
+"""Distances of a path from points of a file: root mean square, and largest."""
 INDICATORS = 'crest', 'kurtosis', 'skewness'
-"""As `sensing.indicators` has them."""
+"""Indicators as `sensing.indicators` has them."""
 _OF_EVENTS = 'count', 'sum', *INDICATORS
 FUNCTIONS = *OVER_TIME, *_OF_EVENTS
 """Functions that make a figure."""

@@ -25,7 +25,7 @@ from mechanism_sim.sensing.joint_view import JointView
 
 T = TypeVar('T')
 PARTS = 'x', 'y', 'size', 'direction', 'moment', 'along', 'across', 'axial'
-"""Of a vector, as the last word of a name."""
+"""Parts of a vector, as the last word of a name."""
 
 
 class View:

@@ -329,7 +329,7 @@ BATCH = Batch(8192, 8192)
 
 
 _MOST_STEPS = 1e11
-"""Of a run: they take weeks."""
+"""Most steps of a run: they take weeks."""
 
 Observer = Callable[[Piece], object]
 """Is handed every piece of a run in order, such as ``digest.add``."""

@@ -28,7 +28,7 @@ _BRANCHES = TOLERANCES.branches
 _TRIES = 256
 _RANK = 1e-9
 _OPENING = 1e-9
-"""Of the largest rate times the size: what rounding may open a loop with."""
+"""Share of the largest rate times the size by which rounding may open a loop."""
 
 
 class Assembly(NamedTuple):

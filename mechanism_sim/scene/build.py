@@ -34,7 +34,7 @@ from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import QuantityValue, counted
 
 _MARGIN = 0.01
-"""Of the way between the limits, at either: at a limit itself two ways lead on."""
+"""Share of the range next to each limit that is left out: at a limit two branches meet."""
 _MECHANISM = TOLERANCES.mechanism
 
 

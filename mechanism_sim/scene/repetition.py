@@ -26,9 +26,9 @@ from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 MOST = 12
 """Turns of the drive up to which it is looked whether a machine repeats itself."""
 WHOLE = 1e-6
-"""Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
+"""Tolerance for whole turns, or tables: angles in degrees have six digits."""
 _CENTRED = 1e-9
-"""Of the size of the machine: what is so near to the centre of a wheel is there."""
+"""Share of the machine's size within which a point is at the centre of a wheel."""
 PROSE = 'title', 'description', 'tables'
 _GEOMETRY = 'links', 'joints', 'gears'
 

@@ -520,7 +520,7 @@ class DrivePart(Part, metaclass=PartMaker):
 
 
 StartValue = QuantityValue | tuple[float, float]
-"""Of a coordinate, or of a point."""
+"""Start of a coordinate, or of a point."""
 _StartPlace = Annotated[StartValue, si_or_point('m', 'rad', 'm')]
 _StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
 

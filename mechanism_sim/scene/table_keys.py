@@ -165,7 +165,7 @@ _SAID = {
     'rad': 'SI units, an angle in rad',
     'rad/s': 'SI units, rotation in rad/s',
 }
-"""How a column is read of which no unit is known, by the first of those that it may have."""
+"""Assumed reading of a column without unit, by the first of its possible units."""
 
 
 def _points_of(

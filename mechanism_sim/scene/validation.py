@@ -32,12 +32,12 @@ from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.start import check_apart
 
 _ROUNDING = 1e-9
-"""Of the size of the machine: by so much nothing overlaps."""
+"""Share of the machine's size within which nothing overlaps."""
 _PLAYS = 10.0
 """Plays of loose joints, all together, by which they may give way."""
 _INSTANTS = 2001
 _TURNS = 16
-"""Of a steady drive, whose way is tried."""
+"""Turns of a steady drive that are tried."""
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
 """[rad/s] of the drive where it is tried out; in sizes of the machine if it slides."""

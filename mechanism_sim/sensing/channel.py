@@ -25,7 +25,7 @@ from mechanism_sim.sensing.chain import Instrument, half_sine
 _TOUCH = 1e-12
 """[turns] nearer than this to an angle is on it: a drive may rest there."""
 _FARTHEST = 0.49
-"""Of a sampling period: so far at most jitter moves a sample, that none overtakes another."""
+"""Largest jitter, in sampling periods, so that no sample overtakes another."""
 BLOCK = 256
 """Samples of a block without a trigger."""
 _MOST = 100_000_000

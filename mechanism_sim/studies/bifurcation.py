@@ -45,11 +45,11 @@ DIRECTIONS = 'up', 'down'
 _NOTHING: dict[str, Any] = {'period': 0, 'impacts': 0.0, 'points': [], 'returns': []}
 START = 'start'
 _RETURN = 1e-2
-"""Of what the clearances leave free: sections that come back so near are the same."""
+"""Share of the free travel in clearances within which sections are the same."""
 ONE = 5.0 * _RETURN
 """Likewise: those that two runs come to are of one response."""
 _OF_RANGE = 1e-4
-"""Of the range of a rate or displacement in all sections: likewise."""
+"""Share of the range of a rate or displacement in all sections, likewise."""
 APART = 0.381966
 """Of a turn before its end: where it is seen whether the motion comes back. Machines often begin
 where something strikes, and at that very instant rates have two values."""
@@ -64,16 +64,16 @@ near to where they settle, and their sections fill a diagram together."""
 _SEEN = 4
 """Turns at least, over which a transient is compared with as many before."""
 _SETTLED = 1e-3
-"""Of the distance within which sections are the same: what may be left of a transient."""
+"""Share of the distance within which sections are the same: remainder of a transient."""
 _PATIENT = 8
-"""As many turns as are planned, times this, are waited for what still converges."""
+"""Factor on the planned turns for motions that still converge."""
 _EVEN, _FALLEN, _STEADY = 0.8, 0.8, 0.95
 """Of a decay: how its shares agree, in logarithms, what it leaves, and in how many turns it goes
 on. Where nothing repeats, it must do so."""
 _CLEAR = 10.0
 """Distance of two turns of a period over what is left of the transient, at least."""
 _BENT = 0.5
-"""Of a step from one response to the next: what steps of one branch differ by, at most."""
+"""Largest difference between steps from response to response on one branch, relative."""
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
 """Where a run begins on the course of the responses before: turns that are compared, and of
 the distance within which sections are the same, how far off it begins. That is seen to grow where

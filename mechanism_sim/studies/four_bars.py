@@ -36,7 +36,7 @@ from mechanism_sim.units import argument
 
 _STARTS, _STEPS = 1 << 11, 40
 _REACH = 8.0
-"""Of points and centres from the first position, in sizes of all."""
+"""Greatest distance of points and centres from the first position, in sizes of all."""
 _SAME = 1e-5
 _DYADS, _NEAR = 48, 10
 """Points that are combined, if exact and if near to circles only."""

@@ -58,7 +58,7 @@ from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import to_si_like
 
 PLACES = 180
-"""Of a surface, evenly from angle 0 on, whose depths are followed."""
+"""Number of places of a surface, evenly from angle 0 on, whose depths are followed."""
 OWN = {'clearance': 'm', 'depth': 'm'}
 """Figures of worn bearings that a condition may name, the largest of all or of one joint."""
 _ROUNDEST = 0.3  # of the clearance: least radius of what the pin's centre runs along, in runs

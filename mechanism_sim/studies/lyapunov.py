@@ -22,11 +22,11 @@ from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.studies.periodic import PoincareMap
 
 _DIGITS = 16.0
-"""With which a run begins."""
+"""Digits at the start of a run."""
 _ALIGNING = 10
 """Turns until any directions have turned to those that grow most."""
 _LOST = 64.0 * float(np.finfo(float).eps)
-"""Of the largest growth in a turn, and at least of 1: what of a direction is rounding."""
+"""Share of the largest growth in a turn, or of 1, below which a direction is rounding."""
 _WINDOW = 64
 """Segments, after each of which errors of the steps join those of the run so far."""
 

@@ -40,22 +40,22 @@ _TRIED, KEPT = 60, 5
 """Curves from which least squares go on, and solutions that are shown."""
 _POLISHED = 20
 _EXACT = 1e-6
-"""Of the size of a path: distances that no machine has."""
+"""Share of the size of a path: deviations below those of any machine."""
 _PHASES = 48
 _COMPARED = 12
 """Points of an open path that are compared with arcs."""
 _LARGEST = 30.0
-"""Of lengths, and of the point from the crank pin, in sizes of the path."""
+"""Greatest lengths, and distance of the point from the crank pin, in sizes of the path."""
 _MARGIN, _WEIGHT = 0.01, 10.0
-"""Of the transmission angle [rad] beyond its limit, and of its cosine beside distances."""
+"""Margin of the transmission angle [rad]; weight of violated limits beside distances."""
 _LONGEST, _FARTHEST = 12.0, 3.0
-"""Of lengths in cranks, or cranks in lengths; of the point in couplers."""
+"""Greatest ratio of lengths to the crank, either way; of the point to the coupler."""
 _LEAST_TURN = 0.3
 """[rad] of the crank along a path; pieces that are found begin with half a radian or more."""
 _NEAR = 1e-6
 """Weight of unknowns, less those where least squares begin: it moves exact points by 1e-12."""
 _STEP = 1e-6
-"""Of central differences: the third root of the rounding."""
+"""Step of central differences: the third root of the rounding."""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, FinishedRows, Row, Show, Workers
 
 BENT = 0.1
-"""Of three deviations of a measure: so far from a straight line, first order is not enough."""
+"""Relative deviation of a measure from a straight line beyond which first order fails."""
 _TAIL = 0.00135  # of a normal distribution beyond three deviations
 
 

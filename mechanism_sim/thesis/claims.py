@@ -15,7 +15,7 @@ from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats, mm, r
 
 MORE, LESS, UNDECIDED = 'more', 'less', 'not decided'
 SAME = 'the same'
-"""Of two figures of which [SB] says so: intervals can speak against it, but not decide for it."""
+"""Verdict on two figures that [SB] calls equal: intervals can only speak against it."""
 
 
 class Comparison(NamedTuple):

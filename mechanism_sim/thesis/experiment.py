@@ -523,7 +523,7 @@ class Experiment:
 
 
 _LimitErrors = Mapping[tuple[str, str], Mapping[str, Errors]]
-"""By (quantity, link) and method."""
+"""Errors by (quantity, link) and method."""
 
 LIMITS = 2.0, 0.2
 """[Hz] lower limits of the Brüel & Kjær 2635 for acceleration. [SB] does not say which was set."""

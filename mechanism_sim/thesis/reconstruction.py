@@ -22,7 +22,7 @@ from mechanism_sim.errors import InputError
 
 _Band = tuple[float, float]
 Weight = Callable[[Array], NDArray[np.complex128] | Array]
-"""From frequencies (K,) [Hz] to factors (K,)."""
+"""Weight: a function from frequencies (K,) [Hz] to factors (K,)."""
 
 
 def crank_pin(

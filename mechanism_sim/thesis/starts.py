@@ -20,7 +20,7 @@ from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 _SAME = 1e-9
-"""Of times until contact is lost: a difference that symmetrical starts may have by rounding."""
+"""Tolerance of times until contact is lost: symmetrical starts differ by rounding."""
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ UNSOLVED, JAMMED, SHOCK = -1, -2, -3
 slide is to be stopped by an impact without collision. The last two go on with `RESTS`."""
 
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
-"""By stage, the function of the state that is evaluated before."""
+"""Function of the state that is evaluated before each stage."""
 
 (STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, AGAIN, WATCHED,
  GUARDS, SMOOTH, RELATIONS, SIZE, LAYOUT) = range(17)  # fmt: skip

@@ -22,7 +22,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.mesh.pair import Path
 
 HARMONICS = 5
-"""Of the number of touching teeth, if nobody says how many."""
+"""Number of harmonics of the contact ratio, unless given."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
 _NOTHING = 1e-9
-"""Of the largest of its kind: what is less is rounding."""
+"""Share of the largest of its kind below which a value is rounding."""
 
 _KINDS = {
     'position': ('Angles', 'Displacements'),
