@@ -41,7 +41,7 @@ NAMED = re.compile(
 
 
 def may_be_large(text: str) -> bool:
-    """Whether a class of a file may have too many methods or attributes."""
+    """True if a class of a file may have too many methods or attributes."""
     found = list(CLASS.finditer(text))
     for k, this in enumerate(found, 1):
         after = (x.start() for x in found[k:] if len(x[1]) <= len(this[1]))
