@@ -64,7 +64,7 @@ class UsageError(ValueError):
 def missing(
     sentence: str, name: str, known: Iterable[str], kind: type[Exception] = UsageError
 ) -> Exception:
-    """There is no such thing; the nearest of those that are there."""
+    """Error of an unknown name; it names the nearest of those that are there."""
     (close,) = get_close_matches(name, list(known), 1, 0.5) or ('',)
     return kind(f"{sentence}; did you mean '{close}'?" if close else sentence)
 

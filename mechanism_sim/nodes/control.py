@@ -458,7 +458,7 @@ class SimulationControl:
         return answered(result, reason)
 
     async def _go_singly(self, goal: Any, steps: int) -> str:
-        """Why the steps of a goal are not done; empty if they are."""
+        """Carry out the steps of a goal one by one; returns why not, or an empty text."""
         kind = action_class(f'{SIMULATION}/action/SimulateSteps')
         for done in range(1, steps + 1):
             if goal.is_cancel_requested:
@@ -472,7 +472,7 @@ class SimulationControl:
     # --- what they have in common -------------------------------------------------------------
 
     async def _go(self, steps: int) -> str:
-        """So many steps on a grid that begins where the simulation was paused.
+        """Carry out a number of steps on a grid that begins where the simulation was paused.
 
         Gives back why they are not done; empty if they are. Its times are products, not sums: a
         hundred steps of 1 ms end at 0.1 s.
@@ -497,7 +497,7 @@ class SimulationControl:
             self.busy = ''
 
     async def refusal(self, during_steps: bool = False) -> str:
-        """Why nothing can be asked for; empty, once the nodes have found each other, if it can."""
+        """Reason to refuse requests; empty, once the nodes have found each other, without one."""
         await self._drive.until_ready()
         if self._drive.final:
             return (

@@ -48,7 +48,7 @@ class Operator:
         ))  # fmt: skip
 
     async def step(self, steps: int) -> str:
-        """So many steps of a paused run."""
+        """Carry out a number of steps of a paused run."""
         kind = f'{SIMULATION}/srv/StepSimulation'
         return _outcome(await self._call(kind, 'step_simulation', steps=steps))
 
