@@ -43,15 +43,15 @@ _OPEN_BLOCK = 128  # the same where every segment is sampled densely
 
 @dataclass(frozen=True)
 class Energy:
-    """Energy balance of a run [J]; `residual` is what does not add up.
+    """Energy balance of a run [J]; `residual` is its violation.
 
     Attributes
     ----------
-    error : what `drive_work` and `dissipated` may be off together, by an estimate
-    exchanged : what a residual is measured by: magnitudes of the works of drives, loads and
-        friction, and of all changes of kinetic and potential energy. No height or angle at which
-        an energy is called zero is part of it
-    rounding : what the sizes of the energies themselves round away
+error : estimated quadrature error of the sum of `drive_work` and `dissipated`
+    exchanged : reference of the relative residual: magnitudes of the works of drives, loads and
+        friction, and of all changes of kinetic and potential energy. It does not depend on the
+        height or angle chosen as zero of a potential energy
+    rounding : rounding error of the energies and their sums
     """
 
     initial: float
@@ -69,7 +69,7 @@ class Energy:
 
     @property
     def share(self) -> float:
-        """The residual beyond rounding, of what was exchanged."""
+        """Residual beyond rounding as a share of `exchanged`."""
         left = max(abs(self.residual) - self.rounding, 0.0)
         return left / self.exchanged if self.exchanged else math.inf if left else 0.0
 
@@ -88,8 +88,8 @@ class Work(NamedTuple):
 
     drive: Array  #: (m,) done by the drives
     friction: Array  #: (m,) lost in joints, contacts, dampers, or taken by loads
-    error: Array  #: (m,) what both may be off together, by an estimate
-    gross: Array  #: (m,) magnitudes of what drives, joints and loads exchange, each by itself
+    error: Array  #: (m,) estimated quadrature error of both together
+    gross: Array  #: (m,) sum of the magnitudes of the works of drives, joints and loads
 
 
 class Audit:
@@ -98,9 +98,9 @@ class Audit:
     Attributes
     ----------
     max_penetration : [m] deepest violation of an open gap
-    max_closure_error : [m] farthest a closed gap was from zero
-    drive_work, dissipated : [J] so far
-    min_normal_force : [N] smallest force in following; infinite without following
+    max_closure_error : [m] largest distance of a closed gap from zero
+    drive_work, dissipated : [J] since the start of the run
+    min_normal_force : [N] smallest force in a closed gap; infinite if none was closed
     """
 
     def __init__(self, physics: Physics) -> None:

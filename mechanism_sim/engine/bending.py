@@ -20,7 +20,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _MECHANISM = TOLERANCES.mechanism
 _SECTIONS = 33
 _PLACES = Nodes((0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
-"""Places of a step at which bending is checked."""
+"""Positions within a step at which bending is checked."""
 
 
 class BendWatch:
@@ -28,7 +28,7 @@ class BendWatch:
 
     Parameters
     ----------
-    mechanism : whose links they are
+    mechanism : mechanism with elastic links
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
@@ -41,7 +41,7 @@ class BendWatch:
         self._said: set[str] = set()
 
     def look(self, motion: Motion) -> list[str]:
-        """A sentence for each link, once a run, that bends beyond the theory in a motion."""
+        """Warnings, one a link and run, of bending beyond the theory in a motion."""
         found = []
         for link in self._beams.keys() - self._said if len(motion) else ():
             curve = motion.curve
@@ -61,7 +61,7 @@ class BendWatch:
         return sorted(found)
 
     def now(self, q: Array) -> str:
-        """Words on coordinates (n,) in which links bend beyond the theory."""
+        """Warnings of links that bend beyond the theory at coordinates (n,)."""
         found = [
             f'{self._beyond(link, q)} beyond the theory of small bends'
             for link in self._beams

@@ -22,8 +22,8 @@ class Base:
     Attributes
     ----------
     time : [s], exact
-    turns : whole turns by coordinate, not contained in angles counted from here
-    laws : of the prescribed coordinates, in powers of the time since then
+    turns : whole turns by coordinate, to be added to angles counted from this base
+    laws : coefficients of the prescribed coordinates, in powers of the time since the base
     torques : coefficients of the torque laws, for angles counted from here
     """
 
@@ -39,7 +39,7 @@ class Base:
 
     @cached_property
     def low(self) -> float:
-        """Rest [s] that `high` rounds away."""
+        """Remainder [s] that `high` rounds away."""
         return float(self.time - Fraction(self.high))
 
     def at(self, tau: float) -> float:
@@ -55,7 +55,7 @@ class Base:
     def next_after(self, rate: float = 0.0) -> float:
         """Local time [s] after which a new base is due: one turn of the fastest drive.
 
-        Without one, of what turns with `rate` [rad/s] now.
+        Without a drive, one turn at the present `rate` [rad/s].
         """
         fastest = max((abs(c[1]) for c in self.laws if len(c) > 1), default=rate)
         return min(float(TWO_PI) / fastest, 1.0) if fastest else 1.0
@@ -82,7 +82,7 @@ def horner(coefficients: Sequence[float], x: float) -> float:
 
 
 def take_off_turns(angle: float) -> tuple[int, float]:
-    """Whole turns in an angle [rad], and what is left of it, smaller than a turn."""
+    """Whole turns in an angle [rad], and the remainder, smaller than a turn."""
     if abs(angle) < 6.0:  # less than a turn
         return 0, angle + 0.0
     whole = int(Fraction(angle) / TWO_PI)

@@ -28,23 +28,23 @@ _WEIGHTS = np.array([0.0 if k % 2 else 1.0 / (1.0 - k * k) for k in range(_COUNT
 
 
 class OngoingTouch(NamedTuple):
-    """A touch still in progress, as far as it is known; without one, `begin` is infinite."""
+    """A touch in progress, up to the present; without one, `begin` is infinite."""
 
-    begin: float = math.inf  #: [s]; negative infinite if it is that of the start
-    approach: float = 0.0  #: [m/s]
+    begin: float = math.inf  #: [s]; minus infinity if closed from the start of the run
+    approach: float = 0.0  #: closing speed at the beginning [m/s]
     angle: float = 0.0  #: [rad] of the normal at the beginning
-    normal: float = 0.0  #: [N s] so far
-    tangential: float = 0.0  #: [N s] so far
-    loss: float = 0.0  #: [J] so far
-    peak: float = 0.0  #: [N] so far
+    normal: float = 0.0  #: normal impulse so far [N s]
+    tangential: float = 0.0  #: tangential impulse so far [N s]
+    loss: float = 0.0  #: dissipated energy so far [J]
+    peak: float = 0.0  #: largest normal force so far [N]
 
 
 class Touches:
-    """Gathers the touches of a run, batch by batch; how it is cut does not matter.
+    """Gathers the touches of a run, batch by batch; independent of the batches' lengths.
 
     Attributes
     ----------
-    present : of every gap, what is not complete
+    present : touch in progress of every gap
     """
 
     def __init__(self, system: System) -> None:
@@ -53,18 +53,18 @@ class Touches:
         self.restart()
 
     def restart(self) -> None:
-        """Forget what lasts; a contact that is closed next has been so from the start."""
+        """Discard touches in progress; contacts closed next count as closed from the start."""
         self.present: tuple[OngoingTouch, ...] = (OngoingTouch(-math.inf),) * len(
             self._system.gaps
         )
 
     def add(self, motion: Motion) -> list[Impact]:
-        """Go on with the segments that follow; returns the touches that end there."""
+        """Add the next segments; returns the touches that end within them."""
         self.present, found = self.follow(motion)
         return found
 
     def follow(self, motion: Motion) -> tuple[tuple[OngoingTouch, ...], list[Impact]]:
-        """Touches that last at the end of the segments that follow, and those that end there."""
+        """Touches in progress at the end of the next segments, and those that end within."""
         present, found = [], []
         for gap, touch in enumerate(self.present):
             last, ended = self._follow(gap, touch, motion)
@@ -110,7 +110,7 @@ class Touches:
         return float(seen.rate[gap, 0]), float(seen.normal_angle[gap, 0])
 
     def _ended(self, gap: int, touch: OngoingTouch, motion: Motion, segment: int) -> Impact:
-        """A touch that is over where `segment` begins."""
+        """The completed touch that ends at the start of `segment`."""
         t = float(motion.curve.start[segment])
         return Impact(
             t=t,

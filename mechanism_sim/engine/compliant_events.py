@@ -12,9 +12,9 @@ _CONTACTS = TOLERANCES.contacts
 
 
 def initialise_rates(state: ContactState) -> None:
-    """Initialise the damping of contacts that the start presses, from their load.
+    """Initialise the approach speeds of contacts closed at the start, from their load.
 
-    Those that part faster than they press recover.
+    Contacts whose force would be tensile are set to `Mode.RECOVERING`.
     """
     terms, speeds = state.terms(), list(state.approach)
     gaps = state.present.system.gaps
@@ -34,9 +34,9 @@ def initialise_rates(state: ContactState) -> None:
 
 
 def touch_or_part(state: ContactState, gap: int) -> None:
-    """Let a contact begin, or end: a hair beyond zero, at the speed it has.
+    """Begin or end a contact at the present speed, with the gap a rounding beyond zero.
 
-    Or it stops to press, or begins to do so again, while the links overlap.
+    Or switch a closed contact to recovery without force, or back from it.
     """
     terms, joint = state.terms(), state.present.system.gaps[gap]
     law = joint.law
@@ -65,7 +65,7 @@ def touch_or_part(state: ContactState, gap: int) -> None:
 
 
 def is_leaving(state: ContactState, gap: int) -> bool:
-    """True if a contact is about to open: its force and friction are nothing."""
+    """True if a contact opens: separating at a depth near zero, where its force vanishes."""
     terms = state.terms()
     depth = -float(state.present.system.gaps[gap].distance(np.array(terms.value[gap])))
     return depth <= _CONTACTS.inside and bool(terms.rate[gap] > 0.0)

@@ -43,18 +43,18 @@ class ContactState:
     Parameters
     ----------
     present : the integrator's state
-    rule : when bounces are left out
-    rtol : relative error of a step
-    speed : [m/s] that this error refers to
+    rule : cut-off of Zeno chatter
+    rtol : relative tolerance of a step
+    speed : [m/s] reference speed of `rtol`
 
     Attributes
     ----------
-    modes, approach : of every gap, and the speeds of first touches of compliant contacts [m/s]
-    run : the arrays of all that follows, by which `contact.respond` resolves events
-    problem, arrays : as of the last `refresh`, except for what is closed
-    impacts, changes : the events so far
-    stages : of events
-    floors : of every guard, what it may be below zero by rounding
+    modes, approach : mode of every gap; speeds of initial contact of compliant contacts [m/s]
+    run : arrays of the run, on which `contact.respond` resolves events
+    problem, arrays : as of the last `refresh`; only the flags `closed` are current
+    impacts, changes : logs of the events since the last `drain`
+    stages : kernels of the stages of events
+    floors : lowest value of every guard by rounding, not above zero
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class ContactState:
         self.set_modes((int(Mode.FREE_FLIGHT),) * m)
 
     def _arrays(self) -> tuple[tuple[Any, ...], respond.EventArrays]:
-        """The arrays by which events are responded to, but for the logs, and what they hold."""
+        """Arrays on which events are resolved, without logs: flat, then by name."""
         system, present = self.present.system, self.present
         gaps, m, size = system.gaps, len(system.gaps), system.contact_layout.size
         least = max(
@@ -126,7 +126,7 @@ class ContactState:
 
     @property
     def horizon(self) -> float:
-        """Longest next step [s]: beyond it a root close to its start would be lost."""
+        """Longest next step [s]: in a longer one a root close to its start would be missed."""
         return self._reals[respond.HORIZON]
 
     @horizon.setter
@@ -177,7 +177,7 @@ class ContactState:
 
     @property
     def status(self) -> Status:
-        """Contacts and switches that a step is taken with; the same object until it changes."""
+        """Modes and switch rows of the next step; the same object until they change."""
         known = self._status
         if not self._acts and known.modes is self.modes and known.approach is self.approach:
             return known
@@ -226,7 +226,7 @@ class ContactState:
         )
 
     def terms(self) -> ContactProblem:
-        """The contact problem at the present state, until asked again."""
+        """The contact problem at the present state, overwritten by the next call."""
         self.refresh()
         return self.problem
 

@@ -46,7 +46,7 @@ _CONTACTS = TOLERANCES.contacts
 
 
 class Contacts:
-    """Resolves events: what became of gaps, switches and friction when a guard fell.
+    """Resolves events: transitions of gaps, switches and friction when a guard fell.
 
     Parameters
     ----------
@@ -57,11 +57,11 @@ class Contacts:
         self.state, self.present = state, state.present
         self.switching = Switching(state.present, state.problem)
         self._system = state.present.system
-        #: whether all that can happen is resolved by `contact.respond`
+        #: whether `contact.respond` resolves every event of this system
         self._resolves_all = bool(state.run.counters[WATCHED])
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """Let impacts in all gaps of a joint have another coefficient.
+        """Set the coefficient of restitution of all gaps of a joint.
 
         Raises
         ------
@@ -77,7 +77,7 @@ class Contacts:
     # --- the start ----------------------------------------------------------------------------
 
     def start(self, closed: Sequence[bool]) -> None:
-        """Begin a run: contacts that start closed are set, those that touch are resolved."""
+        """Begin a run: set the contacts that start closed, and resolve those that touch."""
         state, slipping = self.state, self._system.set_valued.slipping
         if self._system.switches:
             self.switching.find_rows()
@@ -141,7 +141,7 @@ class Contacts:
     # --- events -------------------------------------------------------------------------------
 
     def handle(self, guard: int, t: float, earlier: int) -> None:
-        """A guard fell through zero at a time [s], after some others at this very instant."""
+        """Resolve a guard's zero crossing at a time [s], after `earlier` ones at this instant."""
         found = self._system.guards[guard]
         self.state.begin_event(t, earlier)
         self._respond(found, guard)
@@ -167,10 +167,10 @@ class Contacts:
             self._release()
 
     def _release(self) -> None:
-        """Let switches hold no more what contacts move, or hold.
+        """End the holding of switches whose motion contacts move, or hold themselves.
 
-        A contact that sticks to what is held without it has no friction that is determined: it
-        slides rather, the way it will, and has no slip.
+        The friction of a contact that sticks to a link held by a switch is not determined: the
+        contact is set to slide in the direction of its acceleration, at zero slip.
         """
         state, m = self.state, len(self.state.modes)
         for i in range(m):
@@ -189,7 +189,7 @@ class Contacts:
         self._book(self.switching.release())
 
     def _book(self, stopped: ImpulseWork) -> None:
-        """Add the work that stops again what an impact has moved to that impact."""
+        """Add the work of an impulse that follows an impact to the impact's row in the log."""
         log = self.state.impacts
         if log.count and log.rows[log.count - 1, T] == self.present.time:
             log.rows[log.count - 1, [DRIVE, WORK, LOSS]] += stopped
@@ -211,7 +211,7 @@ class Contacts:
             self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
 
     def _go_on(self, stage: int, guard: int) -> None:
-        """Let an event of a gap be resolved from a stage on."""
+        """Resolve an event of a gap, from a stage on."""
         state, jams = self.state, _CONTACTS.jams
         while stage != DONE:
             if stage == JAMMED:
@@ -264,14 +264,14 @@ class Contacts:
 
     @property
     def _jumps(self) -> bool:
-        """True if a closed gap moves, more than by a step's error."""
+        """True if a closed gap has a rate beyond a step's error."""
         count, state = len(self._system.guards), self.state
         seen = self.present.evaluate(self._system.functions.watch).tolist()
         rates = zip(state.modes, seen[count:], strict=False)
         return any(abs(x) > state.limits.still for mode, x in rates if mode > Mode.FREE_FLIGHT)
 
     def _change_compliant(self, guard: Guard) -> None:
-        """A compliant contact touches, parts or recovers, or its friction changes."""
+        """Resolve an event of a compliant contact: contact, recovery, separation, friction."""
         state, gap, before = self.state, guard.gap, self.state.modes
         if not guard.friction or is_leaving(state, gap):
             touch_or_part(state, gap)

@@ -42,7 +42,7 @@ def add_joint_friction(state: ContactState, gap: int) -> float:
 
     Returns
     -------
-    What that dissipates [J].
+    Energy dissipated by joint friction [J].
     """
     present, plain, m = state.present, state.arrays.terms.copy(), len(state.modes)
     function, sizes = present.system.functions.joint_friction_function

@@ -33,15 +33,15 @@ class Crossings:
 
     Parameters
     ----------
-    motion : of all coordinates
-    segments : (N,) in question
-    free : the coordinates that are integrated
-    distance : from singular positions
+    motion : motion of all coordinates
+    segments : (N,) segments to be searched
+    free : indices of the integrated coordinates
+    distance : distance from singular positions, see `Distance`
 
     Attributes
     ----------
-    segments : (K,) that do
-    touch : (K,) when, from their starts [s]
+    segments : (K,) segments with a crossing
+    touch : (K,) times of the crossings since the start of their segments [s]
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Crossings:
         self._duration = curve.duration
 
     def near(self, segments: Segments, dt: Array) -> NDArray[np.bool_]:
-        """Mask of the instants `dt` (N,) [s] whose forces a near singular position spoils."""
+        """Mask of the instants `dt` (N,) [s] so near a crossing that forces are inaccurate."""
         close = np.zeros(len(dt), dtype=bool)
         for segment, touch in zip(self.segments, self.touch, strict=True):
             width = _SINGULAR.away * 0.5 * self._duration[segment]

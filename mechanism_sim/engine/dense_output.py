@@ -27,16 +27,16 @@ _KEYS, _REMEMBERED = 8192, 2**16  # segments that are compared at once, and with
 class Motion:
     """Motion of all coordinates, and the mode of every gap, on m segments."""
 
-    curve: PiecewisePolynomial  #: of the n coordinates, in the order of the mechanism
-    modes: NDArray[np.uint8]  #: (m, gaps)
-    approach: Array  #: (m, gaps) [m/s] of the first touch of compliant contacts, else (m, 0)
+    curve: PiecewisePolynomial  #: the n coordinates, in the order of the mechanism
+    modes: NDArray[np.uint8]  #: (m, gaps) values of `Mode`
+    approach: Array  #: (m, gaps) [m/s] speeds of initial contact; rigid contacts: (m, 0)
     torques: Array  #: (m, k, 3) coefficients of the torque laws of k powered coordinates
     acting: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 0), np.uint8))
     """(m, h) rows of switches of loads and frictions that depend on rates: off, on or holding;
-    then 1 or 0 by the side on which each line that rubs is pressed. Where not known (0, 0)."""
+    then 1 or 0 for the sign of each normal force with joint friction. (0, 0) if not known."""
     states: Array = field(default_factory=lambda: np.zeros((0, 0, 1)))
     """(m, k, d + 1) coefficients of k states of first order, as those of `curve`, each in its own
-    unit; without them (0, 0, 1)."""
+    unit; (0, 0, 1) without states."""
 
     def __len__(self) -> int:
         return len(self.curve)
@@ -55,7 +55,7 @@ class Motion:
         return self.modes_at(segments, dt) > Mode.FREE_FLIGHT
 
     def approach_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Speeds of the first touch (gaps, N) [m/s]."""
+        """Speeds of initial contact (gaps, N) [m/s]."""
         return _repeated(self.approach[segments], dt).T
 
     def torques_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -84,7 +84,7 @@ class Motion:
         return PiecewisePolynomial(c.start, c.start_low, c.duration, turns, powers)
 
     def alike(self, segments: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Numbers (k,) of segments (k,): one for those that move alike but for whole turns.
+        """Numbers (k,) of segments (k,), equal for equal motions but for whole turns.
 
         Their coefficients agree on a grid, which is coarser than rounding. Of very many different
         ones, as of chaotic motions, only the first are remembered.
@@ -115,7 +115,7 @@ class Motion:
         return found
 
     def _of_rows(self, rows: PiecewisePolynomial, kept: slice) -> Motion:
-        """Some of the segments, of which `rows` has coordinates and states."""
+        """Motion of some segments, from their coordinates and states `rows`."""
         n = self.curve.turns.shape[1]
         turns, powers = rows.turns[:, :n], rows.coefficients[:, :n]
         curve = PiecewisePolynomial(rows.start, rows.start_low, rows.duration, turns, powers)
@@ -161,12 +161,12 @@ class Motion:
 
     @property
     def columns(self) -> tuple[NDArray[Any], ...]:
-        """All that it has beside `curve`."""
+        """All fields beside `curve`."""
         return self.modes, self.approach, self.torques, self.acting, self.states
 
 
 class GrowingMotion:
-    """Motion put together from consecutive parts that need not be kept, see `GrowingRows`."""
+    """Motion joined from consecutive parts that need not be kept, see `GrowingRows`."""
 
     def __init__(self) -> None:
         self._rows: list[GrowingRows] = []
@@ -185,7 +185,7 @@ class GrowingMotion:
 
 
 def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:
-    """Rows of segments at each of the instants that are asked for in them."""
+    """Rows of segments, repeated for each requested instant in them."""
     each = instants(dt)
     return rows if each == 1 else np.repeat(rows, each, axis=0)
 
@@ -200,11 +200,11 @@ class Status(NamedTuple):
 
     modes: tuple[int, ...]
     approach: tuple[float, ...]
-    acting: tuple[int, ...] = ()  #: rows of the switches of rates, then of sides
+    acting: tuple[int, ...] = ()  #: rows of the switches of rates, then signs of sides
 
 
 BLOCK = 256
-"""Steps of a block of memory."""
+"""Number of steps in a block of memory."""
 _KEPT = 2**24  # [B] of blocks that runs leave to later ones
 
 
@@ -223,8 +223,8 @@ class DenseOutput:
     Attributes
     ----------
     slots : views of (width) (order + 1) floats, always with room for two more steps
-    taus : of every step its start since the base [s]
-    lengths : of every step [s]
+    taus : start of every step, since the base [s]
+    lengths : length of every step [s]
     """
 
     _left: ClassVar[Reused[tuple[Array, list[memoryview[float]]]]] = Reused(
@@ -289,7 +289,7 @@ class DenseOutput:
             self.grow()
 
     def mark(self, base: Base, status: Status) -> None:
-        """Steps entered from now on count from `base` and are taken in `status`."""
+        """Set base and status of the steps entered from now on."""
         if not self._bases or base is not self._bases[-1]:
             self._bases.append(base)
         if self._marks and self._marks[-1][0] == len(self.lengths):

@@ -27,10 +27,10 @@ class DriveLaws:
 
     Attributes
     ----------
-    laws, coming : that hold, and that will, in the order of time
+    laws, coming : laws that hold now, and announced ones in the order of time
     next_base : local time [s] after which a new base is due
     next_change : local time [s] from which the next law holds; infinite if none is to come
-    since : steps since the directions were computed
+    since : number of steps since the directions were computed from the angles
     """
 
     def __init__(
@@ -47,13 +47,13 @@ class DriveLaws:
         self.next_base, self.next_change = 0.0, math.inf
 
     def begin(self, laws: Sequence[Law]) -> None:
-        """Let laws hold from now on, and no others follow."""
+        """Set the laws that hold from now on, and discard all announced ones."""
         self.laws = list(laws)
         self.coming.clear()
         self._sources = {}
 
     def announce(self, law: Law, known: float) -> None:
-        """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
+        """Announce a law that replaces that of its coordinate from ``law.valid_from`` on.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class DriveLaws:
         self.next_change = self._present.base.local(first.valid_from) if first else math.inf
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
-        """Let laws follow from sources, by coordinate, where no others are announced."""
+        """Set sources of laws, by coordinate, for times without an announced law."""
         self._sources = dict(sources)
         for c in sources:
             self._continue(c)
@@ -102,7 +102,7 @@ class DriveLaws:
                 self._enter(following)
 
     def switch(self) -> None:
-        """Let the next law hold."""
+        """Replace a law by the next announced one."""
         law = self.coming.popleft()
         index = [known.coordinate for known in self.laws].index(law.coordinate)
         before = self.laws[index]

@@ -52,10 +52,10 @@ _IMPACTS = TOLERANCES.impacts
 
 
 _CRAMER = 3
-"""Contacts up to which there are not too many minors."""
+"""Number of contacts up to which forces are solved by minors."""
 
 _YIELDS = 1e40
-"""[1/kg] Compliance of what is not kept: beside it that of any links is below rounding."""
+"""Compliance [1/kg] of inactive rows: that of any links is below its rounding."""
 
 
 class Solved(NamedTuple):
@@ -63,10 +63,10 @@ class Solved(NamedTuple):
 
     a: Vector
     N: Vector  #: (m,) normal forces [N]
-    T: Vector  #: (m,) friction forces on the first-named links [N]; both along the rows
-    closing_forces: Vector  #: of the closures on the first-named links [N]
-    #: determinant of the equations of the normal forces over that without the friction of what
-    #: slides; where it is 0, that friction jams
+    T: Vector  #: (m,) friction forces [N]; both on the first-named links, along the rows
+    closing_forces: Vector  #: forces of the loop closures on the first-named links [N]
+    #: determinant of the equations of the normal forces over that without friction of sliding
+    #: contacts; 0 where that friction jams
     jam_margin: Term = None
     sticks: bool = True  #: whether contacts may stick
 
@@ -74,34 +74,34 @@ class Solved(NamedTuple):
 class ModeFlags(NamedTuple):
     """Runtime parameters for the modes: which contacts carry force, and how."""
 
-    closed: list[hy.expression]  #: (m,)
-    sticks: dict[int, hy.expression]  #: by index of the gaps with friction
-    slips: dict[int, hy.expression]  #: likewise, the sign of the slip
-    approach: list[hy.expression]  #: of compliant contacts, the speed of their touch [m/s]
-    presses: list[hy.expression]  #: whether it is they that carry force while closed
-    margin: hy.expression  #: [m/s] by which these are late to let go, and to press again
+    closed: list[hy.expression]  #: (m,) 1 for a closed gap
+    sticks: dict[int, hy.expression]  #: 1 for sticking, by index of the gaps with friction
+    slips: dict[int, hy.expression]  #: sign of the slip, by index of the gaps with friction
+    approach: list[hy.expression]  #: speeds of initial contact of compliant contacts [m/s]
+    presses: list[hy.expression]  #: 1 for a closed compliant contact that carries force
+    margin: hy.expression  #: [m/s] hysteresis of their loss of force and recovery
 
 
 class Drives(NamedTuple):
     """Torques of the powered coordinates [N m, N]."""
 
-    coefficients: list[hy.expression]  #: of every coordinate three, of its law
-    characteristics: Vector  #: of motors
-    torques: Vector  #: of every coordinate, that of its law and of its motor
+    coefficients: list[hy.expression]  #: three of the torque law of every coordinate
+    characteristics: Vector  #: torques of the motors' characteristics
+    torques: Vector  #: sums of the torques of law and motor of every coordinate
 
 
 class ContactRows(NamedTuple):
     """Rows of m gaps: all normals and, if any gap has friction, the tangents of all."""
 
-    normal: list[Jet]  #: (m,)
+    normal: list[Jet]  #: (m,) gaps
     tangent: dict[int, Jet]  #: slips, by index of the gaps with friction
-    rows: list[Jet]  #: of all
-    laws: list[ForceLaw | None]  #: (m,) of compliant contacts
-    friction: list[float]  #: (m,) coefficients
-    mu: dict[int, Term]  #: the same as parameters, by index of the gaps with friction
-    engaged: dict[int, hy.expression]  #: flags of the parts of the cycle in which a contact rubs
-    active: Vector  #: flag of every row: closed for a normal, sticking for a tangent
-    softness: Vector  #: of every row, by which it yields while others of its joint hold the same
+    rows: list[Jet]  #: all normals, then all tangents
+    laws: list[ForceLaw | None]  #: (m,) force laws; None for a rigid contact
+    friction: list[float]  #: (m,) coefficients of friction
+    mu: dict[int, Term]  #: the coefficients as parameters, by index of the gaps with friction
+    engaged: dict[int, hy.expression]  #: flags of the parts of the cycle with friction
+    active: Vector  #: flags of the rows: closed for a normal, sticking for a tangent
+    softness: Vector  #: compliances [1/kg] of the rows while others of a joint hold the same
 
     @property
     def frictional(self) -> list[int]:
@@ -110,16 +110,16 @@ class ContactRows(NamedTuple):
 
     @property
     def compliant(self) -> bool:
-        """True if contacts push back by a law of force."""
+        """True if contacts are compliant: their normal force follows a force law."""
         return any(law is not None for law in self.laws)
 
 
 class AppliedForces(NamedTuple):
-    """Forces that are no contact."""
+    """Applied forces other than contact forces."""
 
-    elements: Sequence[ForceElement] = ()  #: between links
-    motors: Sequence[Motor] = ()  #: of powered coordinates, beside the drive's torque
-    frictions: Sequence[JointFriction] = ()  #: of ideal joints
+    elements: Sequence[ForceElement] = ()  #: force elements between links
+    motors: Sequence[Motor] = ()  #: motors of coordinates, added to the drives' torques
+    frictions: Sequence[JointFriction] = ()  #: friction in ideal joints
 
 
 class Dynamics:
@@ -127,17 +127,17 @@ class Dynamics:
 
     Parameters
     ----------
-    degree : of the laws of the prescribed coordinates
-    constraint_mass : [kg] to the rows of the closures, see `engine.reduction`; 0 for none
+    degree : degree of the laws of the prescribed coordinates
+    constraint_mass : [kg] mass added along the closures, see `engine.reduction`; 0 for none
 
     Attributes
     ----------
-    gaps, elements, relations : as given
+    gaps, elements, relations : gaps, force elements and loop closures as given
     free, prescribed, powered : names of coordinates
-    flags, contacts, drives : see there
+    flags, contacts, drives : see `ModeFlags`, `ContactRows`, `Drives`
     frictional_joints : friction in ideal joints
-    state_rates : of the states of first order
-    depths : of compliant contacts, by the symbols that stand for them
+    state_rates : derivatives of the states of first order
+    depths : depths of compliant contacts [m], by the symbols that stand for them
     reduced : the equations without contact forces
     exact, stabilised : the solution without and with Baumgarte's terms
     free_acceleration : second derivatives of the rows without contact forces
@@ -289,7 +289,7 @@ class Dynamics:
         return Solved(a, N, friction, closing, margin, sticks)
 
     def _masked_compliance(self, rows: Sequence[int], columns: Sequence[int]) -> Matrix:
-        """Compliance of what is kept, and the identity for what is not."""
+        """Compliance of the active rows, and the identity for the others."""
         K: Matrix = []
         for r in rows:
             line: Vector = []
@@ -424,7 +424,7 @@ class Dynamics:
         return a | {c: of_laws[c] if self.degree > 1 else None for c in self.prescribed}
 
     def struck(self, impulses: Sequence[Term]) -> Solved:
-        """Free motion with impulses of all rows, of whose loads friction in joints is one."""
+        """Free motion with impulses of all rows, including friction in ideal joints."""
         m, rubbing = len(self.gaps), self.contacts.frictional
         T = [impulses[m + i] if i in rubbing else None for i in range(m)]
         a, closing = self.reduced.pushed(self.reduced.exact, list(impulses))
@@ -451,9 +451,9 @@ class Dynamics:
         return dense(law.relief(self.compressed(i)[1], self.flags.approach[i]))
 
     def held(self, i: int) -> hy.expression:
-        """Positive while a closed compliant contact presses on, or recovers on.
+        """Positive while the mode of a closed compliant contact, force or recovery, lasts.
 
-        It falls through zero with the depth, and where the force changes between there and not.
+        It falls through zero with the depth, and where the force vanishes or sets in again.
         """
         sign = 2.0 * self.flags.presses[i] - 1.0
         return self.compressed(i)[0] * (

@@ -19,10 +19,10 @@ from mechanism_sim.numerics.quadrature import Parts
 class EnergyTerms(NamedTuple):
     """Work and losses of a motion of m segments [J]."""
 
-    work: Work  #: in each segment, without impulses
-    impacts: Sequence[Impact]  #: those within the motion
-    drive_work: float = 0.0  #: before the motion
-    dissipated: float = 0.0  #: before the motion
+    work: Work  #: work in each segment, without impulses
+    impacts: Sequence[Impact]  #: impacts within the motion
+    drive_work: float = 0.0  #: work of the drives before the motion [J]
+    dissipated: float = 0.0  #: losses before the motion [J]
 
     @property
     def after(self) -> tuple[float, float]:

@@ -50,17 +50,17 @@ class EventLoop:
     ----------
     system : the compiled equations
     laws : one for each prescribed coordinate, then one for each powered coordinate
-    state : where to start; open gaps that touch are resolved at once
+    state : initial state; open gaps that touch are resolved at once
     rtol : error per step relative to a tenth of the fastest drive's speed, at least 1 rad/s
     atol : [m] displacement that may be left out when chatter is ended
     max_step : [s] longest Taylor step
     compact : compile smaller but slower code (for many coordinates)
-    fastest : [rad/s] speed that the error refers to; of the first laws or the state if not given
+    fastest : [rad/s] reference speed of `rtol`; by default of the first laws or the state
 
     Attributes
     ----------
     events : number of events since the start
-    films : looks how many steps are left, and whether they make them short
+    films : prediction of the remaining steps, shortened by thin films
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class EventLoop:
         return True
 
     def compile(self) -> None:
-        """Make all code now that the run may come to need."""
+        """Compile all code that the run may need."""
         self._integrators.compile()
 
     @property
@@ -163,7 +163,7 @@ class EventLoop:
         return self._gaps.terms()
 
     def change_law(self, law: Law) -> None:
-        """Let a law replace the present one of its coordinate from ``law.valid_from`` on.
+        """Announce a law that replaces that of its coordinate from ``law.valid_from`` on.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class EventLoop:
         self._laws.announce(law, self.time)
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
-        """Let laws of coordinates follow from sources where no others are announced."""
+        """Set sources of laws, by coordinate, for times without an announced law."""
         self._laws.go_on_by(sources)
 
     def advance(self, until: float, final: bool = False, most: int | None = None) -> None:
@@ -268,7 +268,7 @@ class EventLoop:
         return self._output.peek(self._pending.tau, h) if h > 0.0 else None
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """Let impacts of a joint with clearance have another coefficient, from now on.
+        """Set the coefficient of restitution of a joint with clearance, from now on.
 
         Raises
         ------
@@ -295,7 +295,7 @@ class EventLoop:
         self._mark()
 
     def _mark(self) -> None:
-        """Enter what steps are taken with from now on."""
+        """Set base and status of the steps entered from now on."""
         self._marked = self._gaps.status
         self._output.mark(self._present.base, self._marked)
 

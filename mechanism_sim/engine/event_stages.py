@@ -41,13 +41,13 @@ class EventStages:
     Parameters
     ----------
     present : the integrator's state
-    run, known : the arrays of a run, and by what they are handed over, but for the logs
+    run, known : arrays of a run by name, and as arguments of the kernels without the logs
     impacts, changes : logs
 
     Attributes
     ----------
-    counters : those of `run`
-    fallen : the guard that the last stage of an event is about
+    counters : counters of `run`, see `respond.STAGE`
+    fallen : guard of the last stage of an event
     changed : whether the last call changed any mode
     """
 
@@ -72,7 +72,7 @@ class EventStages:
         self._look_there = _Response(respond.look_there, (*there, *known))
 
     def see(self, stage: int) -> None:
-        """Evaluate what a stage needs at the present state."""
+        """Evaluate the function that a stage needs, see `respond.NEEDS`, at the present state."""
         name, present, run = respond.NEEDS[stage], self._present, self._run
         function = getattr(present.system.functions, name)
         out = run.terms if stage < respond.PROJECTED else run.seen[: function.nouts]
@@ -81,13 +81,13 @@ class EventStages:
             self._find_code(name, function)
 
     def go_on(self, stage: int, guard: int) -> int:
-        """Take a stage, whose function is evaluated, for a guard or in a gap; the next one."""
+        """Take a stage whose function is evaluated, for a guard or gap; returns the next one."""
         after = self._called(self._one, stage, guard)
         self.counters[respond.TAKEN] = stage
         return after
 
     def resolve(self, stage: int, guard: int) -> int:
-        """Take stages, for a guard or in a gap, as far as functions are known; the next one."""
+        """Take stages, for a guard or gap, as far as code is available; returns the next stage."""
         if self._all.compiled:
             if not self._addresses[stage]:
                 self.see(stage)
@@ -101,7 +101,7 @@ class EventStages:
         return self.go_on(stage, guard)
 
     def past_zero(self, fell: int | None) -> int | None:
-        """A guard that is past zero at the present state, beside one that `fell`."""
+        """Index of a guard below zero at the present state, other than `fell`; None if none is."""
         beside = -1 if fell is None else fell
         if self._addresses[respond.MISSED]:
             self._present.set_time()
@@ -126,7 +126,7 @@ class EventStages:
         return after
 
     def _find_code(self, name: str, function: hy.cfunc_dbl) -> None:
-        """Let `resolve` call the machine code of a function itself, where that can be."""
+        """Give `resolve` the address of a function's machine code, where it is available."""
         code = foreign_code(function.llvm_states[0].object_code, 'cfunc')
         if code:
             self._codes.append(code)

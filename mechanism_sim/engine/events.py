@@ -73,7 +73,7 @@ class Impact(NamedTuple):
     works on it by its torque, not by an impulse. What touches from the start on is no impact.
     """
 
-    t: float  #: [s] of a touch, its end
+    t: float  #: time [s]; of a touch, its end
     joint: str
     normal_angle: float  #: [rad] of the direction from bushing centre to pin centre
     approach_speed: float  #: [m/s]
@@ -82,15 +82,15 @@ class Impact(NamedTuple):
     tangential_impulse: float  #: [N s]
     energy_loss: float  #: [J]
     drive_impulse: float  #: [N m s] of the drives that hold their law
-    drive_work: float  #: [J] of these impulses
-    ends_chatter: bool  #: the rest of a chatter sequence is contained in this impact
-    chatter_time: float = 0.0  #: [s] how long that rest would have lasted
-    duration: float = 0.0  #: [s] of a touch
+    drive_work: float  #: [J] work of these impulses
+    ends_chatter: bool  #: whether the rest of a chatter sequence is contained in this impact
+    chatter_time: float = 0.0  #: [s] duration of that rest, which is left out
+    duration: float = 0.0  #: [s] duration of a touch
     peak_force: float = 0.0  #: [N] largest normal force of a touch
 
     @property
     def sudden_loss(self) -> float:
-        """Energy [J] that is lost at `t`, beside what the motion loses: none of a touch."""
+        """Energy [J] lost at the instant `t`: 0 for a touch, whose loss is in the motion's."""
         return 0.0 if self.duration else self.energy_loss
 
 

@@ -26,7 +26,7 @@ def unjam(state: ContactState, jams: int) -> int:
 
     Returns
     -------
-    The stage of `contact.respond` after it.
+    The next stage of `contact.respond`.
     """
     terms, resting, present = state.problem, state.resting, state.present
     names = [present.system.gaps[i].name for i in chosen(resting)]
@@ -55,7 +55,7 @@ def shock_contacts(
 
     Parameters
     ----------
-    jammed : the contact that jams, whose friction has no bound here
+    jammed : index of the contact that jams, whose friction is taken as unbounded
 
     Returns
     -------

@@ -22,7 +22,7 @@ class GapGeometry:
         self._system = system
 
     def distances(self, values: Array) -> Array:
-        """The gaps (m, N) [m] that belong to values in their own measure."""
+        """The gaps (m, N) [m] from their values in the measure of each."""
         rows = [g.distance(row) for g, row in zip(self._system.gaps, values, strict=True)]
         return np.array(rows).reshape(values.shape)
 
@@ -80,8 +80,8 @@ class GapGeometry:
 
         Parameters
         ----------
-        outside : (k, N) what `Frames.outside` names
-        rows : (r, N) values of the switches, if not those at these places
+        outside : (k, N) values of `Frames.outside`
+        rows : (r, N) values of the switches; by default those at these positions
         """
         if not self._system.gaps:
             return np.zeros((0, q.shape[1]))

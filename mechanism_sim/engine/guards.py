@@ -26,14 +26,14 @@ _SWITCHES = TOLERANCES.switches
 class Guard(NamedTuple):
     """Subject of a guard: the normal direction of a gap, its friction, or a switch.
 
-    Or of friction in ideal joints the side on which a line presses, or whether the force of a pin
-    has turned far: there it may have vanished, and its size has no Taylor series. And where it is
-    none of all these, the margin to a jam.
+    For friction in ideal joints it is the sign of a normal force, or the direction of a pin force:
+    after a large rotation that force may have vanished, where its magnitude has no Taylor series.
+    A guard with none of these indices is that of the margin to a jam.
     """
 
     gap: int
-    #: 0: touching or letting go; +1: sliding that ends, or sticking that gives way backwards;
-    #: -1: sliding that jams, or sticking that gives way forwards
+    #: 0: impact or separation; +1: end of sliding, or onset of backward slip from sticking;
+    #: -1: sliding that jams, or onset of forward slip from sticking
     friction: int
     switch: int | None = None
     side: int | None = None
@@ -53,7 +53,7 @@ def guards_of(dynamics: Dynamics, index: RuntimeParameters) -> list[Guard]:
 def guard_functions(
     run: RunExpressions, guards: Sequence[Guard], solved: Solved
 ) -> list[hy.expression]:
-    """Functions that fall through zero at events, in the order of `guards`, by a solution."""
+    """Functions that fall through zero at events, in the order of `guards`, under `solved`."""
     result = []
     for guard in guards:
         if guard.switch is not None:
@@ -76,7 +76,7 @@ def guard_functions(
 
 
 def _of_gap(d: Dynamics, gap: int, solved: Solved) -> hy.expression:
-    """Positive while an open gap is open, and while a closed one presses.
+    """Positive while an open gap is open, and while a closed one carries compressive force.
 
     One that has a rate only, see `Gap.value`, is open while that is positive.
     """
@@ -109,7 +109,7 @@ def _of_friction(d: Dynamics, guard: Guard, solved: Solved) -> hy.expression:
 
 
 def _of_joint_friction(run: RunExpressions, guard: Guard) -> hy.expression:
-    """Positive until a line presses on its other side, a pin's force turns far, or it jams."""
+    """Positive until a normal force changes sign, a pin force rotates far, or a joint jams."""
     forces, index = run.set_valued, run.parameters
     found = forces.acting(run.dynamics.stabilised)
     if guard.side is not None:

@@ -27,12 +27,12 @@ class Acting(NamedTuple):
 
     values: dict[
         hy.expression, hy.expression
-    ]  #: by the flag of a load, and by the T of a friction
-    parts: list[hy.expression]  #: of every switch, 0 to 1: of its flag
-    residual: list[hy.expression]  #: of every friction that slides, what is left of its law
-    pressed: list[hy.expression]  #: [N] of every side, what it is the sign of
-    carried: list[list[hy.expression]]  #: [N] the components of every other term
-    jam_margin: Term  #: 1 without friction; at 0 what slides jams; None if nothing rubs
+    ]  #: values by the flag of a load, or the force T of a friction
+    parts: list[hy.expression]  #: flag of every switch, between 0 and 1 where it holds
+    residual: list[hy.expression]  #: residual of Coulomb's law of every sliding friction
+    pressed: list[hy.expression]  #: [N] normal force whose sign is that of a side
+    carried: list[list[hy.expression]]  #: [N] force components of every other term
+    jam_margin: Term  #: 0 where sliding friction jams, 1 at rest; None without friction
 
 
 def acting(
@@ -41,14 +41,14 @@ def acting(
     forces: Sequence[hy.expression | None],
     bounds: Sequence[Sequence[Pressed]],
 ) -> Acting:
-    """Solve for what acts.
+    """Solve for all set-valued forces.
 
     Parameters
     ----------
-    switches : k that may hold
-    rates : (k,) of their functions, linear in each flag of a load, and in every T
-    forces : (k,) the T of a friction, None of a load
-    bounds : (k,) their terms, likewise linear; none of a load
+    switches : k switches that may hold
+    rates : (k,) rates of their functions, linear in each flag of a load, and in every T
+    forces : (k,) force T of a friction; None for a load
+    bounds : (k,) terms of the bounds of friction, linear in the same unknowns; none for a load
     """
     unknowns = [s.flag if T is None else T for s, T in zip(switches, forces, strict=True)]
     components = [dense(c) for b in bounds for p in b for c in p.components]
@@ -135,7 +135,7 @@ def acting(
 def _factors(
     switches: Sequence[Switch], rates: Sequence[hy.expression], unknowns: Sequence[hy.expression]
 ) -> dict[hy.expression, hy.expression]:
-    """Flags that stand in slopes of other unknowns, with whether they hold.
+    """Flags that are factors of other unknowns, each with the expression for its holding.
 
     Such as of a brake on what is fast enough: the product of two conditions.
     """
@@ -153,9 +153,9 @@ def _tangent(
     at: Sequence[hy.expression],
     way: hy.expression,
 ) -> tuple[hy.expression, list[hy.expression]]:
-    """A bound times `way`, linear about some values of the unknowns: at none of them, by each.
+    """Linearised bound times `way` about `at`: its value at zero unknowns, and its slopes.
 
-    A size is homogeneous but for the resolution: its tangent at ``c = start + slopes at`` is
+    A norm is homogeneous but for the resolution: its tangent at ``c = start + slopes at`` is
     ``(c start + resolution^2)/size`` and ``c slopes/size``.
     """
     off: list[Term] = []
@@ -211,7 +211,7 @@ def _linear(
 def _eliminated(
     rows: list[list[hy.expression]],
 ) -> tuple[list[hy.expression], list[hy.expression]]:
-    """Solve linear equations, the right side behind each row, by pivots on the diagonal.
+    """Solve linear equations, each row followed by its right side, by diagonal pivots.
 
     Returns
     -------

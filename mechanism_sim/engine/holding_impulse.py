@@ -12,21 +12,21 @@ from mechanism_sim.engine.present_state import PresentState
 
 
 class ImpulseWork(NamedTuple):
-    """Work of the drives that hold their law in an impulse."""
+    """Impulse and work of the driven coordinates' drives, and the loss."""
 
-    drive_impulse: float = 0.0  #: [N m s, N s]
-    drive_work: float = 0.0  #: [J]
-    loss: float = 0.0  #: [J] of that, and of the energy of motion
+    drive_impulse: float = 0.0  #: sum of the drives' impulses [N m s, N s]
+    drive_work: float = 0.0  #: work of these impulses [J]
+    loss: float = 0.0  #: dissipated energy [J]: that work less the gain of kinetic energy
 
 
 def stop(now: PresentState, held: Sequence[int], places: Sequence[float]) -> ImpulseWork:
-    """Bring the functions of switches that hold to zero by an impulse of what holds them.
+    """Bring the functions of holding switches to zero by impulses of their own loads.
 
     Parameters
     ----------
-    now : its rates are changed
-    held : the switches
-    places : values of the functions of all
+    now : present state, its rates changed in place
+    held : indices of the holding switches
+    places : values of the functions of all switches
     """
     kept, functions = now.parameters.copy(), now.system.functions
     own = [[*now.system.set_valued.holding].index(k) for k in held]

@@ -29,8 +29,8 @@ def with_holding_parts(
 
     Parameters
     ----------
-    rates : of the functions of the switches, by `inputs` (n, N) and rows
-    flags, holds : rows of each switch that may hold
+    rates : rates of the functions of the switches, by `inputs` (n, N) and rows
+    flags, holds : indices in `rows` of flag and holding mark of each switch that may hold
     """
     held = rows[holds] > 0.0
     columns = np.flatnonzero(held.any(axis=0))
@@ -65,15 +65,15 @@ def with_holding_parts(
 def _together(
     free: Array, jump: Array, held: NDArray[np.bool_]
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Parts (h, N) of what holds that leave no rates, and where (N,) there are such of 0 to 1.
+    """Parts (h, N) of holding switches that make their rates zero; mask (N,) of 0 to 1.
 
-    Iteration may go to and fro for ever: what holds one rate may turn another one.
+    They are solved for at once, since iteration may oscillate where switches are coupled.
 
     Parameters
     ----------
-    free : (h, N) rates of what is held, without any part
-    jump : (h, h, N) what all of the first makes of the rate of the second
-    held : (h, N) whether it holds
+    free : (h, N) rates of the functions with all parts at zero
+    jump : (h, h, N) change of the second function's rate by part one of the first switch
+    held : (h, N) whether a switch holds
     """
     several = held.sum(axis=0) > 1
     both = held[:, None] & held[None]

@@ -29,14 +29,14 @@ class Integrators:
 
     Attributes
     ----------
-    main : whose state, series, time and parameters are those of the run, whoever took a step
-    short : whether steps may be of a low order
+    main : integrator with state, series, time and parameters of the run after every step
+    short : whether steps of low order are allowed
     """
 
     def __init__(self, system: System, rtol: float, scale: float, compact: bool) -> None:
         self._system, self._tolerance, self._compact = system, (rtol, scale), compact
         f, rate = len(system.free), _STEPS.low_error * rtol * scale
-        #: what the last terms of coordinates and rates may be at the end of a step of low order
+        #: bound of the last terms of coordinates and rates at the end of a step of low order
         self._allowed = np.repeat([system.rounding, rate], [f, system.width - f])
         # what is small takes its steps in rows, and is compiled once
         self._apart = compact and system.slides
@@ -50,7 +50,7 @@ class Integrators:
         self.short = False
 
     def compile(self) -> None:
-        """Make all code now that a run may come to need."""
+        """Compile all code that a run may need."""
         for order in (None, _STEPS.low_order) if self._chatters else (None,):
             for sticks in (True, False) if self._apart else (True,):
                 if order or sticks == self._apart:  # else the main one
@@ -61,7 +61,7 @@ class Integrators:
         self.short = self._chatters and events >= _STEPS.short_from
 
     def step(self, longest: float) -> float:
-        """Take a step, up to the first event; its length [s]."""
+        """Take a step, up to the first event; returns its length [s]."""
         if not (self._apart and self._stuck):
             return float(self.main.step(longest, True)[1])
         own = self._other(True, None)
@@ -70,7 +70,7 @@ class Integrators:
         return h
 
     def short_step(self, longest: float) -> float | None:
-        """Take a step of low order; None if that is too low."""
+        """Take a step of low order; returns None if its error is too large."""
         low = self._other(not self._apart or self._stuck, _STEPS.low_order)
         h = low.take(longest)
         if not low.leaves(h, self._allowed):
@@ -85,7 +85,7 @@ class Integrators:
         return any(pars[i] for i in self._sticks)
 
     def _other(self, sticks: bool, order: int | None) -> _Substitute:
-        """The integrator in the main one's place, compiled when it is first needed."""
+        """Substitute for the main integrator, compiled when it is first needed."""
         key = sticks, order
         if key not in self._others:
             rtol, scale = self._tolerance if order is None else (0.0, 0.0)
@@ -95,7 +95,7 @@ class Integrators:
 
 
 class _Substitute:
-    """Takes steps in the place of another integrator, whose arrays are then as if it had."""
+    """Takes steps instead of another integrator, and updates the other's arrays."""
 
     def __init__(
         self, system: System, main: hy.taylor_adaptive_dbl, own: hy.taylor_adaptive_dbl
@@ -110,7 +110,7 @@ class _Substitute:
         self._own_series: Array = own.tc
 
     def take(self, longest: float) -> float:
-        """Take a step from where the main one is, up to the first event; its length [s]."""
+        """Take a step from the main one's state, up to the first event; returns its length [s]."""
         own = self._own
         own.time = self._main.time
         self._own_state[:], self._own_pars[:] = self._state, self._pars
@@ -120,13 +120,13 @@ class _Substitute:
         return float(own.step(longest, True)[1])
 
     def leaves(self, h: float, allowed: Array) -> bool:
-        """True if no more than what is `allowed` (width,) is left to the last terms of a step."""
+        """True if the last terms of a step are at most `allowed` (width,)."""
         order = self._own.order
         last = np.abs(self._own_series[: self._width, order]) * h**order
         return bool((last <= allowed).all())
 
     def hand_over(self, h: float) -> None:
-        """Let the arrays of the main one be as after the step just taken, of length `h` [s]."""
+        """Copy the step just taken, of length `h` [s], to the arrays of the main integrator."""
         width, terms, constant = self._width, self._own.order + 1, self._state[self._width]
         self._series[:, :terms], self._series[:, terms:] = self._own_series, 0.0
         self._state[:], self._pars[self._fired] = self._own_state, self._own_pars[self._fired]

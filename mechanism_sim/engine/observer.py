@@ -35,15 +35,15 @@ _JOINT_FRICTION = TOLERANCES.joint_friction
 class Instants(NamedTuple):
     """States of a machine at N instants."""
 
-    q: Array  #: (n, N) of all coordinates
-    v: Array  #: (n, N)
+    q: Array  #: (n, N) all coordinates
+    v: Array  #: (n, N) their rates
     a_p: Array  #: (p, N) prescribed accelerations
-    modes: NDArray[np.uint8]  #: (m, N) of the gaps
-    torque: Array | None = None  #: (k, N) [N m] on the powered coordinates
-    approach: Array | None = None  #: (m, N) [m/s] of the first touch of compliant contacts
-    outside: Array | None = None  #: (k, N) what `Frames.outside` names
-    rows: Array | None = None  #: (r, N) values of the switches, if not those at these places
-    sides: Array | None = None  #: (k, N) signs of what presses on the lines that rub
+    modes: NDArray[np.uint8]  #: (m, N) modes of the gaps
+    torque: Array | None = None  #: (k, N) torques [N m] on the powered coordinates
+    approach: Array | None = None  #: (m, N) speeds of initial contact [m/s] if compliant
+    outside: Array | None = None  #: (k, N) values of `Frames.outside`
+    rows: Array | None = None  #: (r, N) switch values; None for those at these positions
+    sides: Array | None = None  #: (k, N) signs of the normal forces with joint friction
 
 
 class TouchTerms(NamedTuple):
@@ -51,8 +51,8 @@ class TouchTerms(NamedTuple):
 
     normal_force: Array  #: (m, N) [N]
     friction_force: Array  #: (m, N) [N]
-    loss: Array  #: (m, N) [W] by damping and friction
-    rate: Array  #: (m, N) [m/s] of the gap
+    loss: Array  #: (m, N) dissipated power [W] by damping and friction
+    rate: Array  #: (m, N) rate of the gap [m/s]
     normal_angle: Array  #: (m, N) [rad]
 
 
@@ -66,7 +66,7 @@ _OBSERVED = (
 def _in_groups(
     found: Sequence[hy.expression], groups: Iterable[Sequence[Term]]
 ) -> list[list[hy.expression]]:
-    """Terms made of all groups at once, in these again: one by one they would share no parts."""
+    """Split terms, made at once to share subexpressions, into groups as long as `groups`."""
     rest = iter(found)
     return [list(islice(rest, len(group))) for group in groups]
 
@@ -80,7 +80,7 @@ class Observer:
 
     Attributes
     ----------
-    gaps : their geometry
+    gaps : geometry of the gaps
     """
 
     def __init__(self, system: System) -> None:
@@ -189,7 +189,7 @@ class Observer:
 
     @property
     def _has_joint_friction(self) -> bool:
-        """True if ideal joints have friction, with which all that holds is found at once."""
+        """True if ideal joints have friction: then all holding parts are solved for at once."""
         return bool(self.system.dynamics.frictional_joints)
 
     @cached_property

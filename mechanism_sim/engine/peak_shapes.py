@@ -33,14 +33,14 @@ _AT_ONCE = 16  # segments
 class PeakShape(NamedTuple):
     """The time around a peak in which a load is above half of it."""
 
-    begin: float  #: [s]
-    end: float  #: [s]
-    impulse: float  #: of the magnitude in that time [N s, N m s]
-    whole: bool  #: whether it is below half of the peak before and after, as far as is known
+    begin: float  #: time of the rise above half of the peak [s]
+    end: float  #: time of the fall below half of the peak [s]
+    impulse: float  #: integral of the magnitude over that time [N s, N m s]
+    whole: bool  #: whether both times lie within the known motion
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return self.end - self.begin
 
 
@@ -66,12 +66,12 @@ def peak_shape(
 class PeakOutlines:
     """The shapes of the peaks of C loads in a motion that comes in batches.
 
-    Of a peak that is longer than the segments that are kept only that much is known.
+    The shape of a peak longer than the segments that are kept is cut off there.
 
     Parameters
     ----------
     values : the loads (C, N) in segments of a motion, instants as of ``curve.at``
-    count : C
+    count : number C of loads
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class PeakOutlines:
         self._seen = [-math.inf] * count  # [s] up to which the motion was known then
 
     def add(self, motion: Motion, peaks: Callable[[], Sequence[tuple[float, float]]]) -> None:
-        """Enter the segments that follow; `peaks` gives values and times [s] so far, or nothing.
+        """Enter the next segments; `peaks` returns values and times [s] of the peaks so far.
 
         They are looked at before segments are let go, not in every batch: a steady load is largest
         somewhere else in each, by rounding, and lasts as long as all that is kept.
@@ -107,9 +107,9 @@ class PeakOutlines:
         ]
 
     def _look(self, peaks: Sequence[tuple[float, float]], anyway: bool) -> None:
-        """Look at the peaks that are new, or were not over before.
+        """Update the shapes of peaks that are new, or were incomplete.
 
-        Those that go on are looked at again when a quarter more is known of them, or `anyway`.
+        A lasting peak is updated when a quarter more of it is known, or if `anyway` is set.
         """
         if not self._batches:
             return

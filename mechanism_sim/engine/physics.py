@@ -26,11 +26,11 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _MEET = TOLERANCES.steps.meet
 _LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
-"""Places in a step at which the ends of a spring are compared for a passage."""
+"""Positions within a step at which the ends of a spring are compared for a passage."""
 
 
 class Physics(Protocol):
-    """A machine of any level, seen through its motion."""
+    """Forces, energies and gaps of a machine of any level along its motion."""
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -230,7 +230,7 @@ class DynamicPhysics:
     def check_directions(self, motion: Motion) -> None:
         """Refuse a motion in which ends of a spring meet that must not, or a rope leaves a pulley.
 
-        A series has no trace of a place where the length is zero: it leads on to negative ones.
+        A series does not end where the length is zero: it continues to negative lengths.
         """
         if not (self._directed or self._wrapped) or not len(motion):
             return
@@ -256,7 +256,7 @@ class DynamicPhysics:
     def _check_rope(self, gap: WrappedGap, curve: PiecewisePolynomial, q: Array, v: Array) -> None:
         """Refuse a stretch of negative length, and a pulley that turns no rope.
 
-        The root of a square makes of a length that falls below zero one that rises again.
+        As the root of a square, a length that falls below zero would seem to rise again.
         """
         shape = len(curve.duration), len(_LOOKS)
         ahead = 1e-4 * np.repeat(curve.duration, len(_LOOKS))
@@ -302,7 +302,7 @@ class DynamicPhysics:
         return self.observer.load_power(self.inputs(motion, segments, dt))
 
     def touch(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> TouchTerms:
-        """Compliant contacts then."""
+        """Compliant contacts at times `dt` after the start of `segments`."""
         return self.observer.touch(self.inputs(motion, segments, dt))
 
     def moved(
@@ -360,7 +360,7 @@ class DynamicPhysics:
         return found
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """The gaps (m, N) [m] then, infinite where closed."""
+        """The gaps (m, N) [m] at times `dt` in `segments`, infinite where closed."""
         curve, (q, _) = motion.curve, self.moved(motion, segments, dt)
         edges, states = self.system.edges, motion.state_curve
         known = rows(edges, self.coordinates, curve, segments, dt, states)
@@ -459,7 +459,7 @@ def outside(
     dt: Array | Nodes,
     states: PiecewisePolynomial | None = None,
 ) -> Array:
-    """Rows (k, N) of what loads ask for beside the coordinates, as `Frames.outside` names it.
+    """Rows (k, N) of the quantities of loads beside the coordinates, see `Frames.outside`.
 
     The instants are those of ``curve.at(segments, dt)``.
     """

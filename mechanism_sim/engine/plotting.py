@@ -1,4 +1,4 @@
-"""Drawing of runs by a room far above this one, which the package makes known here.
+"""Drawing of runs by a package of a higher layer, which is registered here.
 
 The engine knows nothing of pictures, and yet ``solution.plot()`` is where people look for them,
 and notebooks ask objects themselves how to show them.
@@ -16,7 +16,7 @@ _places: dict[str, str] = {}
 
 
 def register(**places: str) -> None:
-    """Make known where to find, when first needed, what draws runs, shows objects, writes pages.
+    """Register functions that draw runs, show objects and write pages, found when first needed.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def report() -> Callable[..., Any]:
 
 
 def progress(label: str, total: float) -> Callable[..., None] | None:
-    """Shows how far long work is, in the cell of a notebook; None elsewhere."""
+    """Function that shows the progress of long work in a notebook's cell; None elsewhere."""
     known = 'ipykernel' in sys.modules and 'progress' in _places
     return _call('progress', label, total) if known else None
 
@@ -57,5 +57,5 @@ class Rich:
         return {f.name: vars(self)[f.name] for f in fields(self)}  # type: ignore[arg-type]
 
     def _repr_html_(self) -> str | None:
-        """HTML, a few tens of kilobytes; none where no room is known that makes it."""
+        """HTML, a few tens of kilobytes; None if no function for it is registered."""
         return str(_call('html', self)) if 'html' in _places else None

@@ -27,12 +27,12 @@ from mechanism_sim.planar.reactions import energies
 
 
 class PresentFunctions:
-    """Functions that the event loop asks of the present state, compiled when first asked for.
+    """Functions of the present state for the event loop, compiled when first called for.
 
     Parameters
     ----------
-    run : expressions as they are in a run
-    guards : gives those of the guards
+    run : expressions of the run
+    guards : function that returns the expressions of the guards
     """
 
     def __init__(self, run: RunExpressions, guards: Callable[[], Sequence[hy.expression]]) -> None:
@@ -45,14 +45,14 @@ class PresentFunctions:
 
     @cached_property
     def holding_rates(self) -> hy.cfunc_dbl:
-        """Rates of the functions of switches that may hold, then their parts; as `watch`."""
+        """Rates of functions of switches that may hold, then parts; inputs of `watch`."""
         rates = self._forces.rates(self._dynamics.stabilised.a)
         flags = (s.flag for s in self._forces.holding.values())
         return self._compiled(self._run.acted([*rates, *flags]))
 
     @cached_property
     def watch(self) -> hy.cfunc_dbl:
-        """Values to be watched, at free coordinates, rates, states, parameters, time.
+        """Values checked at events, by free coordinates, rates, states, parameters, time.
 
         The guards, the rates of the gaps, of compliant contacts their values, the places of the
         switches.
@@ -73,14 +73,14 @@ class PresentFunctions:
 
     @cached_property
     def supplied(self) -> hy.cfunc_dbl:
-        """Torques of the drives that hold their law, then the kinetic energy; as `watch`."""
+        """Torques of drives that hold their law, then kinetic energy; inputs of `watch`."""
         d = self._dynamics
         torques = d.drive_torques(d.stabilised)
         return self._compiled(self._run.acted([*torques, energies(d.equations)[0]]))
 
     @cached_property
     def contact_function(self) -> hy.cfunc_dbl:
-        """Terms of the gaps, as `contact.problem.problem_of` reads them; of `watch`'s vector."""
+        """Terms of the gaps, in the order of `contact.problem.problem_of`; inputs of `watch`."""
         d, rows = self._dynamics, self._dynamics.contacts.rows
         terms = [
             *(jet.value for jet in d.contacts.normal),
@@ -101,7 +101,7 @@ class PresentFunctions:
 
     @cached_property
     def joint_friction_function(self) -> tuple[hy.cfunc_dbl, list[list[tuple[int, int]]]]:
-        """`joint_friction_terms` of `watch`'s vector."""
+        """Compiled `joint_friction_terms`; inputs of `watch`."""
         terms, sizes = self.joint_friction_terms
         return self._run.compile_now(terms), sizes
 
@@ -109,7 +109,7 @@ class PresentFunctions:
     def joint_friction_terms(self) -> tuple[list[hy.expression], list[list[tuple[int, int]]]]:
         """Terms that `contact.joint_friction.joint_friction_problem` reads; sizes of all bounds.
 
-        The latter are how many components each term of each bound has, and its wall.
+        The sizes are the number of components of each term of each bound, and its wall.
         """
         d, frames = self._dynamics, self._dynamics.equations.frames
         unit = [hy.make_vars(f'struck{k}') for k in range(len(d.contacts.rows))]
@@ -136,7 +136,7 @@ class PresentFunctions:
 
     @cached_property
     def pressing(self) -> hy.cfunc_dbl:
-        """Normal forces of joints with friction [N], as `sides` has them; of `watch`'s vector."""
+        """Normal forces of joints with friction [N], ordered as `sides`; inputs of `watch`."""
         return self._compiled(self._forces.acting(self._dynamics.exact).pressed)
 
     @cached_property
@@ -174,7 +174,7 @@ class PresentFunctions:
         return self._run.compile_now([*outputs, *(d.distances if closures else [])])
 
     def _kept(self, i: int, k: int) -> Term:
-        """Compliance between rows that are kept, and the identity for others."""
+        """Compliance of the rows kept at zero, and the identity for the others."""
         contacts, entry = self._dynamics.contacts, self._dynamics.reduced.contacts.compliance[i][k]
         if i == k and contacts.softness[i] is not None:
             entry = mul(entry, 1.0 + dense(contacts.softness[i]))
@@ -183,6 +183,6 @@ class PresentFunctions:
 
     @cached_property
     def pin_forces(self) -> hy.cfunc_dbl:
-        """Components of the forces in pins with friction, one after the other; as `watch`."""
+        """Components of the forces in pins with friction [N], pin by pin; inputs of `watch`."""
         carried = self._forces.acting(self._dynamics.stabilised).carried
         return self._compiled([c for pair in carried for c in pair])

@@ -22,12 +22,12 @@ class PresentState:
 
     Attributes
     ----------
-    base : from which the integrator counts time and turns
+    base : instant from which the integrator counts time and turns
     x : free coordinates and their rates (2f,), a view of the integrator's
-    state : the same, and the states of first order, read and written as plain floats
-    parameters : runtime parameters, a view of the integrator's; `pars` likewise as floats
+    state : `x`, then the states of first order, read and written as plain floats
+    parameters : runtime parameters, a view of the integrator's; `pars` gives them as floats
     now : the argument of functions of the system: state, runtime parameters and time
-    rows : of the switches, set by `Switching`
+    rows : present rows of the switches, set by `Switching`
     """
 
     def __init__(self, system: System, integrator: hy.taylor_adaptive_dbl, base: Base) -> None:
@@ -40,7 +40,7 @@ class PresentState:
         self.pars = floats(self.parameters)
         self.rows: tuple[int, ...] = (0,) * len(system.switches)
         watched = len(system.guards) + 2 * len(system.gaps) + len(system.switches)
-        #: numbers that functions give, of those that events ask for
+        #: largest number of outputs of ``watch`` and ``projection``
         self.seen = max(watched, 2 * self.free + len(system.equations.relation_jets))
         self.now = np.empty(system.width + len(self.pars) + 1)
         now = self._now = floats(self.now)
@@ -69,7 +69,7 @@ class PresentState:
 
     @property
     def where(self) -> str:
-        """The angle of the first drive, for messages."""
+        """Text for messages with the angle of the first drive."""
         for c, law in zip(self.system.prescribed, self.base.laws, strict=False):
             if c not in self.system.mechanism.displacements:
                 angle = math.degrees(horner(law, self.integrator.time)) % 360.0
@@ -84,7 +84,7 @@ class PresentState:
     def evaluate(
         self, function: hy.cfunc_dbl, ahead: float = 0.0, out: Array | None = None
     ) -> Array:
-        """Evaluate a function of the system now, or a very short time `ahead` [s]."""
+        """Evaluate a function of the system now, or at a linear forecast `ahead` [s]."""
         self._now_state[:], self._now_pars[:] = self.state, self.pars
         self._now[-1] = self.integrator.time + ahead
         if ahead:
@@ -106,7 +106,7 @@ class PresentState:
             self.state[f : 2 * f] = again[f : 2 * f]
 
     def singular_joints(self, distance: float = TOLERANCES.singular.named) -> list[str]:
-        """The joints whose closures depend on those before them, to the root of a distance."""
+        """Joints with closures that depend on those before, with the roots of their distances."""
         seen = self.evaluate(self.system.functions.projection)[2 * self.free :]
         near = [joint for joint, x in zip(self._closed, seen, strict=True) if not x > distance]
         return [*dict.fromkeys(near)]

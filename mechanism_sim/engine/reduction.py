@@ -36,14 +36,14 @@ class FreeMotion(NamedTuple):
     """Motion without contact forces."""
 
     a: Vector  #: accelerations of the free coordinates
-    closing_forces: Vector  #: of the closures
+    closing_forces: Vector  #: forces of the loop closures
 
 
 class UnitResponse(NamedTuple):
     """Effects of unit impulses of some rows, with all loops closed."""
 
     response: Matrix  #: rates of the free coordinates, by row
-    compliance: Matrix  #: of every row of contacts, then of joint friction
+    compliance: Matrix  #: rates of every row of contacts, then of joint friction
     drive_response: Matrix  #: impulses of the drives, by row
 
 
@@ -52,19 +52,19 @@ class Reduction:
 
     Parameters
     ----------
-    equations : of all coordinates
-    prescribed : names of the coordinates whose law a drive gives
+    equations : equations of motion of all coordinates
+    prescribed : names of the prescribed coordinates
     rows : jets of contacts
     slips : jets of joint friction
-    applied : of every coordinate, generalised forces
-    accelerations : of the prescribed coordinates
-    alpha : rate of Baumgarte's stabilisation
+    applied : generalised force on every coordinate
+    accelerations : accelerations of the prescribed coordinates
+    alpha : rate of Baumgarte's stabilisation [1/s]
     constraint_mass : [kg] added along the closures, or None
 
     Attributes
     ----------
-    J : the rows on the free coordinates
-    contacts, joints : by unit impulses of contacts, and of friction in ideal joints
+    J : Jacobian of the rows by the free coordinates
+    contacts, joints : responses to unit impulses of contacts, and of friction in ideal joints
     closings : forces of the closures per unit impulse of each row of contacts
     exact : motion without contact forces and without stabilisation
     """
@@ -149,7 +149,7 @@ class Reduction:
         return [row[i] for i in self._driven]
 
     def shifted(self, start: Vector, factors: Vector, columns: Matrix | None = None) -> Vector:
-        """Add columns, those of the closures if no others are given, times factors."""
+        """Add columns, by default those of the closures, times factors."""
         columns = self._W_G if columns is None else columns
         return [
             add(x, *(mul(column[i], f) for column, f in zip(columns, factors, strict=True)))
@@ -175,7 +175,7 @@ class Reduction:
         return factorise(self._S)[1]
 
     def closing_shift(self, off: Vector) -> Vector:
-        """The shift of the free coordinates that takes `off` from the values of the closures."""
+        """Shift of the free coordinates that reduces the values of the closures by `off`."""
         none: Vector = [None] * len(self._free)
         if not self._G:
             return none

@@ -16,13 +16,13 @@ from mechanism_sim.numerics.symbolic import Term, add, dense, mul, substitute
 
 
 class RunExpressions:
-    """Expressions of the equations of motion as they are in a run.
+    """Expressions of the equations of motion in a run: laws and switches as parameters.
 
     Attributes
     ----------
     dynamics : the equations of motion
-    normals : of every gap, components from bushing to pin
-    set_valued : what steps: loads against a motion, friction in ideal joints
+    normals : components of the normal of every gap, from bushing to pin
+    set_valued : set-valued forces: loads against a motion, friction in ideal joints
     switches : of all loads, tables and frictions
     parameters : indices and values of the runtime parameters ``par[]``
     """
@@ -42,7 +42,7 @@ class RunExpressions:
 
     @property
     def state_rates(self) -> list[hy.expression]:
-        """Rates of these."""
+        """Derivatives of `scaled_states`."""
         known = zip(self.dynamics.states, self.dynamics.state_rates, strict=True)
         return [rate * (1.0 / state.scale) for state, rate in known]
 
@@ -57,12 +57,12 @@ class RunExpressions:
         return self.set_valued.parts(self.dynamics.stabilised)
 
     def acted(self, expressions: Sequence[Term]) -> list[hy.expression]:
-        """The expressions with what acts of loads that hold, and of friction in ideal joints."""
+        """The expressions with the set-valued forces of loads and joint friction put in."""
         terms = [dense(x) for x in expressions]
         return substitute(terms, self._parts)
 
     def driven(self, expressions: Sequence[hy.expression]) -> list[hy.expression]:
-        """The expressions with the laws of the prescribed coordinates, and what loads ask for.
+        """The expressions with the laws of prescribed coordinates and `Frames.outside` put in.
 
         Flags of switches that hold are parameters.
         """
@@ -106,7 +106,7 @@ class RunExpressions:
     def unpulled(self, terms: Sequence[Term]) -> list[hy.expression]:
         """The terms for states that may be a rounding beyond the depth zero of a contact.
 
-        No power of a negative number is real; where a series is wanted, there is no such clip.
+        Depths are clipped at zero for real powers; a Taylor series allows no such clip.
         """
         found = [dense(x) for x in terms]
         if not self.dynamics.contacts.compliant:

@@ -16,24 +16,24 @@ from mechanism_sim.planar.protocols import Gap
 
 @dataclass(frozen=True, eq=False)
 class RuntimeParameters:
-    """Indices of the runtime parameters, and the values (n,) with which a run begins.
+    """Indices of the runtime parameters, and their initial values (n,).
 
     Attributes
     ----------
-    values : of all, SI units
-    closed, sticks, slips : of every gap the flag that it is closed; of those with friction, that
-        it sticks, and the sign of its slip
-    approach, presses : of every compliant contact, the speed of its touch [m/s] and whether it
+    values : initial values of all (n,), SI units
+    closed, sticks, slips : flag of every gap that it is closed; of every gap with friction, flag
+        that it sticks, and sign of its slip
+    approach, presses : speed of initial contact [m/s] of every compliant contact, and flag that it
         carries force while closed
-    margin : [m/s] by which compliant contacts are late to let go; None without them
-    stabilisation : the rate of Baumgarte's method [1/s]
-    towards : of every pin that rubs, components of where its force points: 60 deg or more from its
-        reverse
-    sides : of every side of friction in ideal joints, its sign
-    switches : of every switch, its present row
-    laws, torques : of every prescribed and every powered coordinate the coefficients of its law
-    outside : of the time of the base and of whole turns that loads ask for, by their names
-    fired : the last, which guard ended a step, counted from 1
+    margin : hysteresis [m/s] of force loss of compliant contacts; None without them
+    stabilisation : rate of Baumgarte's method [1/s]
+    towards : components of a direction for every pin with friction, within about 120 deg of its
+        force
+    sides : sign of every normal force of friction in ideal joints
+    switches : values of the present row of every switch
+    laws, torques : coefficients of the law of every prescribed and every powered coordinate
+    outside : time of the base and whole turns that loads depend on, by their names
+    fired : number of the guard that ended a step, counted from 1; the last parameter
     """
 
     values: Array
@@ -56,7 +56,7 @@ class RuntimeParameters:
 def lay_out(dynamics: Dynamics, pins: int) -> RuntimeParameters:
     """Reserve the parameters that change in a run, for `pins` with friction, and find all.
 
-    All that is looked at in a run must have its own before: the last says which guard fired.
+    To be called after all others are reserved: the last parameter must be `fired`.
     """
     p, frames, gaps = dynamics.equations.parameters, dynamics.equations.frames, dynamics.gaps
     names, coefficients = p.names, range(dynamics.degree + 1)
@@ -95,5 +95,5 @@ def lay_out(dynamics: Dynamics, pins: int) -> RuntimeParameters:
 
 
 def symbols(index: Iterable[int]) -> list[hy.expression]:
-    """The parameters of some indices, as they stand in expressions."""
+    """Expressions of the parameters of some indices."""
     return [hy.par[i] for i in index]

@@ -23,11 +23,11 @@ from mechanism_sim.planar.switches import Switch
 
 
 class SetValuedForces:
-    """The forces of a system that step, and what acts of them in a motion.
+    """Set-valued forces of a system, and their values in a motion.
 
     Parameters
     ----------
-    dynamics : the equations; parameters for signs of what presses are reserved in them
+    dynamics : equations; parameters for signs of normal forces are reserved in them
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
@@ -36,7 +36,7 @@ class SetValuedForces:
         self._bounds = {
             id(solved): self._bounds_by(solved) for solved in (dynamics.exact, dynamics.stabilised)
         }
-        #: all of the frames, which grow with what was asked of them
+        #: all switches of the frames, which grow with the expressions made
         self.switches = list(dynamics.equations.frames.switches.values())
         bounds = self._bounds[id(dynamics.stabilised)].values()
         self.pins = sum(x.side is None for bound in bounds for x in bound)
@@ -73,7 +73,7 @@ class SetValuedForces:
         return dict(zip(flags, found.parts, strict=True)) | found.values
 
     def acting(self, solved: Solved) -> Acting:
-        """Values of all that steps against the motion, by one of the solutions."""
+        """Values of all set-valued forces, under one of the solutions."""
         if id(solved) not in self._known:
             switches, known = [*self.holding.values()], self._bounds[id(solved)]
             forces = {joint.switch.flag: joint.T for joint in self._dynamics.frictional_joints}
@@ -87,7 +87,7 @@ class SetValuedForces:
 
     @property
     def least(self) -> Term:
-        """Half of the least normal force [N]: so far beyond zero a side changes."""
+        """Half of the least normal force [N]: value beyond zero at which a side changes sign."""
         return 0.5 * next(
             x.resolution for b in self._bounds[id(self._dynamics.stabilised)].values() for x in b
         )

@@ -55,13 +55,13 @@ def truncate(coefficients: Array, h: float, scale: Array) -> float:
 
     Parameters
     ----------
-    coefficients : (r, p) of r functions of time, by powers; changed
-    h : up to which the polynomials are to serve [s]
-    scale : (r,) sizes of the functions
+    coefficients : (r, p) coefficients of r functions by powers of time, changed in place
+    h : end of the range of the polynomials [s]
+    scale : (r,) magnitudes of the functions
 
     Returns
     -------
-    The error relative to `scale`: the size of the first two terms left out.
+    Error relative to `scale`: magnitude of the first two terms left out.
     """
     terms = np.abs(coefficients / scale[:, None]).max(axis=0) * h ** np.arange(len(coefficients.T))
     pairs = terms[1:-1] + terms[2:]  # every second term may vanish
@@ -71,14 +71,14 @@ def truncate(coefficients: Array, h: float, scale: Array) -> float:
 
 
 _Beyond: TypeAlias = 'tuple[float, int | None, memoryview[float]]'
-"""Length [s] of a step across, the guard that ended it, and its coefficients."""
+"""Length [s] of a step across, index of the guard that ended it, and its coefficients."""
 
 
 class Crossing(NamedTuple):
     """A step across a singular position."""
 
-    terms: memoryview[float]  #: its coefficients
-    origin: Array  #: the state at its start, before it was projected
+    terms: memoryview[float]  #: Taylor coefficients of the step
+    origin: Array  #: state at the start of the step, before its projection
 
 
 class SingularPositions:
@@ -86,10 +86,10 @@ class SingularPositions:
 
     Parameters
     ----------
-    system : of equations with closures
-    integrators : of that system
-    contacts : of the same run
-    index : of the state whose derivative is the distance from singular positions
+    system : system with loop closures
+    integrators : integrators of that system
+    contacts : contacts of the same run
+    index : index of the state whose derivative is the distance from singular positions
 
     Attributes
     ----------
@@ -107,13 +107,13 @@ class SingularPositions:
         self.stride = 0.0
         size = system.mechanism.size
         self._scale = np.array([1.0 if angular else size for angular in system.angular])
-        #: of rates, then of states of first order
+        #: magnitudes of rates, then of states of first order
         self._scales = np.append(self._scale, np.ones(len(system.states)))
 
     def approach(
         self, tau: float, h: float, guard: int | None
     ) -> tuple[float, int | None, Crossing | None]:
-        """End the last step before a singular position, or lead it beyond.
+        """End the last step before a singular position, or extend it across.
 
         Parameters
         ----------
@@ -121,12 +121,12 @@ class SingularPositions:
 
         Returns
         -------
-        Length and guard of the step that is to be taken, and what it is if it leads across.
+        Length and guard of the step to be taken, and the crossing if it is one.
 
         Raises
         ------
         RunError
-            If the way beyond is not decided.
+            If the continuation is not unique.
         """
         self.stride = stride = max(h, _SINGULAR.slower * self.stride)
         zone = _SINGULAR.zone * stride
@@ -168,12 +168,12 @@ class SingularPositions:
 
         Returns
         -------
-        Its length [s], the guard that ended it, and the step.
+        Length of the step [s], index of the guard that ended it, and the step.
 
         Raises
         ------
         RunError
-            If the rates do not decide how the motion goes on.
+            If the rates do not determine the continuation.
         """
         ta, f, width = self._ta, len(self._system.free), self._system.width
         state, now = ta.state[:width], ta.time
@@ -203,7 +203,7 @@ class SingularPositions:
         raise self.undecided()
 
     def _origin(self, start: Array, before: float, now: float) -> bool:
-        """Set the state a little earlier from which a motion passes one (width,) of now."""
+        """Set an earlier state from which the motion passes the present one (width,)."""
         ta, f, width = self._ta, len(self._system.free), self._system.width
         wanted, others = start[: 2 * f].reshape(2, f), start[2 * f :].copy()
         guess = np.array([wanted[0] - before * wanted[1], wanted[1]])
@@ -241,7 +241,7 @@ class SingularPositions:
     ) -> tuple[float, int | None, memoryview[float]] | None:
         """Take a step across a singular position at `touch` [s] from its start.
 
-        Events count that come later than `since` [s].
+        Events earlier than `since` [s] are ignored.
         """
         h = _SINGULAR.beyond * touch
         ta, system, f = self._ta, self._system, len(self._system.free)
@@ -275,7 +275,7 @@ class SingularPositions:
     def _first_event(
         self, go_to: Callable[[float], None], h: float, touch: float, since: float
     ) -> tuple[float, int | None]:
-        """The first guard beyond its fall along a step across a position, and when [s]."""
+        """First guard below zero along a step across a position, and the time [s]."""
         places = h * np.concatenate([_SOON, _PLACES[1:]])
         before = since
         # nearer to the position forces are not known

@@ -15,14 +15,14 @@ from mechanism_sim.planar.drive import DriveLaw, Law, TorqueLaw
 
 @dataclass(frozen=True)
 class State:
-    """All there is to know at the start of a run; what follows depends on nothing else."""
+    """Initial state of a run, which determines the motion together with the laws."""
 
     time: Fraction  #: [s], exact
     turns: tuple[int, ...]  #: whole turns of the free coordinates, 0 for displacements
     q: tuple[float, ...]  #: free coordinates [rad, m]
-    v: tuple[float, ...]  #: their rates
-    closed: tuple[bool, ...]  #: of every gap
-    states: tuple[float, ...] = ()  #: of first order, over their scales
+    v: tuple[float, ...]  #: rates of the free coordinates [rad/s, m/s]
+    closed: tuple[bool, ...]  #: whether a gap is closed, by gap
+    states: tuple[float, ...] = ()  #: states of first order, over their scales
 
 
 _TIMES = 'tau', 'stabilisation', 'horizon', 'next_base', 'last_event', 'stride'
@@ -30,32 +30,32 @@ _TIMES = 'tau', 'stabilisation', 'horizon', 'next_base', 'last_event', 'stride'
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A run that pauses: with it a run of the same machine continues as if it never had.
+    """State of a paused run, from which one of the same machine continues bit-identically.
 
     The time of a snapshot is the end of the last step that is complete, at or before the time up
     to which the run was asked to go: steps are not cut to pause.
     """
 
-    machine: str  #: fingerprint of what moves
-    base: Fraction  #: [s] from where the integrator counts
-    tau: float  #: [s] since then
+    machine: str  #: fingerprint of the mechanical model
+    base: Fraction  #: [s] time from which the integrator counts
+    tau: float  #: [s] time since the base
     turns: dict[str, int]
     state: tuple[float, ...]  #: free coordinates, their rates, states of first order
-    directions: tuple[float, ...]  #: cosine and sine of steady drives, as they were integrated
-    since: int  #: steps since these were computed from the angles
+    directions: tuple[float, ...]  #: integrated cosines and sines of the steady drives' angles
+    since: int  #: number of steps since these were computed from the angles
     modes: tuple[int, ...]
-    approach: tuple[float, ...]  #: [m/s] of the first touch of compliant contacts
-    switches: tuple[int, ...]  #: rows of what changes from part to part of the cycle
-    touches: tuple[tuple[float, ...], ...]  #: of compliant contacts, as a `Touch` each
-    stabilisation: float  #: [1/s]
+    approach: tuple[float, ...]  #: speeds of initial contact of compliant contacts [m/s]
+    switches: tuple[int, ...]  #: present rows of the switches
+    touches: tuple[tuple[float, ...], ...]  #: fields of the `OngoingTouch` of each contact
+    stabilisation: float  #: rate of Baumgarte's method [1/s]
     horizon: float  #: [s] longest next step
-    next_base: float  #: [s]
+    next_base: float  #: local time after which a new base is due [s]
     laws: tuple[Law, ...]
     coming: tuple[Law, ...]
-    last_event: float  #: [s]
-    events: tuple[int, int]  #: at that time, and in all
-    stride: float = 0.0  #: [s] of regular steps
-    rubbing: tuple[float, ...] = ()  #: signs and directions of forces that rub
+    last_event: float  #: time of the last event [s]
+    events: tuple[int, int]  #: number of events at that time, and in all
+    stride: float = 0.0  #: [s] length of regular steps
+    rubbing: tuple[float, ...] = ()  #: signs and directions of friction, `Switching.rubbing`
 
     @property
     def time(self) -> float:

@@ -42,15 +42,15 @@ _STEPS = TOLERANCES.steps
 class StepMotion(NamedTuple):
     """Sources of the variables of loads over a step, and workspace for them, the last two."""
 
-    states: Indices  #: (v,) rows of the step's series, -1 of what is none
-    sizes: Array  #: (v,) of their units
-    laws: NDArray[np.int64]  #: (v, 3) first coefficient, derivative, coefficients; or the first -1
-    turns: Indices  #: (t,) parameters
-    symbols: Indices  #: (w,) those of the switches
-    held: NDArray[np.int64]  #: (q, 2) one of these, and the parameter that says that it holds
+    states: Indices  #: (v,) rows in the step's series; -1 for a variable that is no state
+    sizes: Array  #: (v,) factors from the units of the states
+    laws: NDArray[np.int64]  #: (v, 3) first coefficient or -1, derivative, coefficient count
+    turns: Indices  #: (t,) parameters of whole turns
+    symbols: Indices  #: (w,) parameters of the switches
+    held: NDArray[np.int64]  #: (q, 2) index of a flag in `symbols`, parameter of its holding
     guards: int
-    series: Array  #: (v, n) what moves, over the step as 1
-    given: Array  #: what `Enclosure.doubts_at` takes
+    series: Array  #: (v, n) Taylor series of the variables, with the step as unit of time
+    given: Array  #: argument of `Enclosure.doubts_at`
 
 
 _NONE, _PAIRS = np.zeros(0, np.int64), np.zeros((0, 2), np.int64)
@@ -58,12 +58,12 @@ _EMPTY = np.zeros(0)
 NOTHING = StepMotion(
     _NONE, _EMPTY, np.zeros((0, 3), np.int64), _NONE, _NONE, _PAIRS, 0, np.zeros((0, 0)), _EMPTY
 )
-"""The course of a machine without steep loads."""
+"""Step motion of a machine without steep loads."""
 
 
 @kernel
 def see(jets: Array, parameters: Array, c: StepMotion, time: float, tau: float, h: float) -> None:
-    """Write what loads see of a step from `tau` on, with `time` [s] at zero."""
+    """Write the variables of loads over a step from `tau` on; local time zero is `time` [s]."""
     count = c.series.shape[1]
     for k in range(len(c.series)):
         row, power = c.series[k], 1.0
@@ -134,8 +134,8 @@ class StepCheck:
 
     Parameters
     ----------
-    steep : the loads that are enclosed between the places that are compared
-    limit : [rad/s] change of a rate within a step that a defect may make
+    steep : loads that are enclosed between the instants of comparison
+    limit : [rad/s] largest allowed change of a rate within a step by a defect
     """
 
     def __init__(

@@ -29,34 +29,34 @@ _SINGULAR = TOLERANCES.singular
 _STEPS = TOLERANCES.steps
 
 _TAU, LIMIT, LONGEST, _QUICKEST, _STRIDE, BASE, LENGTH, LARGEST = range(8)
-"""Reals of a row: time of the present state and up to which steps may end [s]; longest step [s];
+"""Reals of a row: time of the present state and latest end of steps [s]; longest step [s];
 fastest stabilisation [1/s]; stride before singular positions [s]; time at local zero [s]; then
-what heyoka gives: length of the step [s], largest magnitude in the state."""
+outputs of heyoka: length of the step [s], largest magnitude in the state."""
 
 STEP, _OUT, _DOUBTS, FIRST, MOST, WIDTH, SIZE, NEAR, STABILISATION = range(9)
 """Whole numbers of a row: addresses of heyoka's functions, the third 0 if nothing is steep; row of
-the first step; steps at most; states that are kept, and all of them; the state that watches
+the first step; largest number of steps; number of states kept, and of all; index of the state for
 singular positions, or -1; index of the stabilisation."""
 
 _SAVED = 2e-6
-"""[s] of a step in Python: what a call of machine code saves."""
+"""Time [s] that machine code saves for a step."""
 
 
 class RowArrays(NamedTuple):
     """The arrays of a row of steps."""
 
-    state: Array  #: of the integrator, changed in place
-    parameters: Array  #: likewise
-    time: Array  #: (1,) of the integrator's functions
+    state: Array  #: state of the integrator, changed in place
+    parameters: Array  #: runtime parameters of the integrator, changed in place
+    time: Array  #: (1,) time argument of the integrator's functions
     reals: Array  #: see `_TAU`
     whole: Indices  #: see `STEP`
     jets: Array  #: (states + guards, order + 1) Taylor coefficients of a step
     scaled: Array  #: (order + 1,) overwritten
-    shut: Indices  #: see `stays`
+    shut: Indices  #: (guards,) see `stays`
     taus: Array  #: starts [s] of the steps, from the first on
-    lengths: Array  #: [s] likewise
-    rows: Array  #: (n, width (order + 1)) their coefficients
-    motion: StepMotion  #: what steep loads see of a step
+    lengths: Array  #: lengths [s] of the steps, from the first on
+    rows: Array  #: (n, width (order + 1)) coefficients of the steps
+    motion: StepMotion  #: variables of steep loads over a step
     doubted: Array  #: (2,) overwritten
 
 
@@ -71,7 +71,7 @@ def end_of(guard: Array, h: float, opens: bool, scaled: Array) -> float:
     Parameters
     ----------
     guard : (n + 1,) coefficients, the constant first
-    opens : whether it may begin a rounding below zero, if it rises from there
+    opens : whether a guard that rises from a rounding below zero counts as positive
     scaled : (n + 1,) overwritten
     """
     n, power, rest, end = len(guard), h, 0.0, float(guard[0])
@@ -100,12 +100,12 @@ def end_of(guard: Array, h: float, opens: bool, scaled: Array) -> float:
 def stays(
     jets: Array, first: int, shut: Indices, parameters: Array, h: float, scaled: Array
 ) -> bool:
-    """True if no guard falls within a step, nor so near to its end that it may be overlooked.
+    """True if no guard falls within a step, nor so near its end that the event may be missed.
 
     Parameters
     ----------
-    first : row of `jets` in which guards begin
-    shut : of each guard the parameter that says that its gap is closed, -1 of friction
+    first : row of the first guard in `jets`
+    shut : parameter of the closed flag of each guard's gap; -1 for guards of friction
     """
     near, low = False, math.inf
     for i in range(len(shut)):
@@ -119,7 +119,7 @@ def stays(
 
 @entry
 def take_row(row: RowArrays) -> int:
-    """Take steps until something may happen in the next one; their number."""
+    """Take steps until the next one may contain an event; returns their number."""
     state, parameters, time, reals, whole, jets, scaled, shut, taus, lengths, rows, seen, more = (
         row
     )
@@ -158,10 +158,10 @@ class StepRows:
 
     Parameters
     ----------
-    output : into which steps are entered
-    longest : [s] step
-    quickest : [1/s] largest stabilisation
-    check : of steps, where loads may be steep: what it doubts is a step of heyoka's own
+    output : dense output that steps are entered in
+    longest : [s] longest step
+    quickest : [1/s] fastest stabilisation
+    check : check of steps with steep loads; a step that fails it is left to heyoka
     """
 
     def __init__(
@@ -189,7 +189,7 @@ class StepRows:
 
         Parameters
         ----------
-        stride : [s] before singular positions
+        stride : [s] step length before singular positions
         base : [s] time at the local time zero
         """
         if take_row.run is take_row.function or not self._served:
@@ -216,7 +216,7 @@ class StepRows:
             kernels.charge(_SAVED * steps)
 
     def _found(self) -> RowArrays | None:
-        """The arrays, with the addresses of what is called; None if there is nothing to be."""
+        """The arrays, with the addresses of the functions; None if machine code is unavailable."""
         ta, system = self._integrator, self._system
         self._code = kernels.foreign_code(ta.llvm_state.object_code, 'step_e', 'd_out_f')
         check = self._check

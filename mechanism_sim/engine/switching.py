@@ -24,7 +24,7 @@ class Switching:
     Parameters
     ----------
     present : the integrator's state
-    problem : the contacts, some of which may rub in a part of their cycle only
+    problem : contacts, some of which may have friction in a part of their cycle only
     """
 
     def __init__(self, present: PresentState, problem: ContactProblem) -> None:
@@ -35,7 +35,7 @@ class Switching:
         self._pars, self._friction = present.pars, problem.friction
         system, gaps = present.system, present.system.gaps
         flags = {s.flag: k for k, s in enumerate(system.switches) if isinstance(s, Switch)}
-        #: parameter that says whether a gap rubs, and the coefficient with which it does
+        #: by gap, parameter of the flag of its friction, and coefficient of friction
         self._engaged = {
             i: (system.parameters.switches[flags[flag]][0], gaps[i].friction)
             for i, flag in system.dynamics.contacts.engaged.items()
@@ -75,10 +75,10 @@ class Switching:
             self.set_rows(tuple(s.row_at(x) for s, x in places))
 
     def turn_over(self, switch: int) -> None:
-        """Let the row follow that comes after the present one.
+        """Set a switch to the row that follows the present one.
 
-        What has let go at this very instant does not hold again: where its part is all or nothing
-        but for rounding, that would go to and fro. It is brought to rest, and moves as it will.
+        A switch released at this very instant does not hold again: with a part within rounding of
+        0 or 1 it would alternate without end. Its function is set to zero by an impulse instead.
         """
         since, rows = self._turns.get(switch, (math.nan, 0))[0], self.rows
         self._count_turns(switch)
@@ -93,9 +93,9 @@ class Switching:
         self._let_go()  # what it may have left without any force
 
     def pass_edges(self) -> None:
-        """Let switches turn over that are at their edge now, where their guards fall too late.
+        """Set the next row of switches at their edge now, whose guards would fall too late.
 
-        So what begins with the run, or with a law, holds from its first instant on.
+        So a load that begins with the run, or with a law, acts from its first instant on.
         """
         tau, before = float(self._now.integrator.time), self.rows
         rates = [
@@ -128,7 +128,7 @@ class Switching:
         return places
 
     def _row_after(self, switch: int) -> int:
-        """The row of a switch that follows on the present one.
+        """Row of a switch that follows the present one.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class Switching:
             raise RunError(f'{error} (t = {self._now.time:.9g} s)') from error
 
     def leads_back(self, switch: int | None) -> bool:
-        """True if a switch fell to the row it has just left, at the very place where it left it.
+        """True if a switch would return to the row just left, at the same position.
 
         Over a row that is narrow beside its distance from zero, places are known to their
         roundings only: it may have been left before its end in these digits.
@@ -164,7 +164,7 @@ class Switching:
         return self._row_after(switch) == row
 
     def _rates_of(self, switch: int) -> list[float]:
-        """Rates that `Switch.holding` asks for of a switch of rates."""
+        """Rates of a switch's function, and its part, as `Switch.holding` takes them."""
         system = self._system
         own = [*self._holding].index(switch)
         function, kept = self._functions.holding_rates, self._now.parameters.copy()
@@ -229,7 +229,7 @@ class Switching:
         return [k for k in self._holding if self.rows[k] == HOLDS]
 
     def freeze(self) -> bool:
-        """Let contacts be resolved under the parts of switches that hold now, if any does."""
+        """Fix the flags of holding switches at their present parts; True if any switch holds."""
         held = self._held
         if held:
             parts = self._now.evaluate(self._functions.holding_rates)[len(self._holding) :]
@@ -239,14 +239,14 @@ class Switching:
         return bool(held)
 
     def release(self) -> ImpulseWork:
-        """Let switches hold no more what an impact has moved, or what contacts hold from now on.
+        """End the holding of switches whose function an impact changed, or contacts now hold.
 
-        What they would stop again within a rounding of the place is stopped now: contacts that
-        part by roundings fall back as fast, and would move it for ever.
+        A motion that would stop again within a rounding of the position is stopped at once by an
+        impulse: contacts that part by roundings would otherwise restart it without end.
 
         Returns
         -------
-        Of the impulse that stops it.
+        Impulse, work and loss of that stop.
         """
         self._let_go()
         places = self.places()
@@ -262,14 +262,14 @@ class Switching:
         return stop(self._now, slow, places) if slow else ImpulseWork()
 
     def _let_go(self) -> None:
-        """Let switches hold no more that are `idle`."""
+        """End the holding of switches that are `idle`."""
         while (k := self.idle()) is not None:
             place = self.places()[k]
             side = place if abs(place) > _SWITCHES.rest else self._rates_of(k)[0]
             self._set_row(k, int(side > 0.0))
 
     def idle(self) -> int | None:
-        """A switch whose part is not determined: others hold without it, or it has no force."""
+        """Switch whose part is not determined: others hold without it, or it has no force."""
         seen = {k: self._rates_of(k) for k in self._held}
         # those without a force come first: what others do cannot be solved for beside them
         forceful = sorted(seen, key=lambda k: self._holding[k].steps(seen[k]))
@@ -280,7 +280,7 @@ class Switching:
         self.set_rows((*self.rows[:switch], row, *self.rows[switch + 1 :]))
 
     def _count_turns(self, switch: int) -> None:
-        """Refuse a switch that turns over again and again at one place.
+        """Refuse a switch that changes rows again and again within a very short time.
 
         Raises
         ------

@@ -46,14 +46,14 @@ class System:
     relations : closures of loops
     powered : names of the coordinates on which a drive's torque acts
     applied : forces that need no gap
-    constraint_mass : [kg] to closures, see `engine.reduction`
+    constraint_mass : [kg] mass added along closures, see `engine.reduction`
 
     Attributes
     ----------
-    set_valued : what steps: loads against a motion, friction in ideal joints
+    set_valued : set-valued forces: loads against a motion, friction in ideal joints
     parameters : indices and values of the runtime parameters ``par[]``
-    guards : of the integrator, in the order of its events
-    functions : of the present state, compiled when first asked for
+    guards : guards of the integrator, in the order of its events
+    functions : functions of the present state, compiled when first called for
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class System:
 
     @cached_property
     def rounding(self) -> float:
-        """[m] Two roundings of a position of the mechanism."""
+        """Two roundings [m] of a position of the mechanism."""
         return 2.0 * float(np.spacing(self.mechanism.reach))
 
     @cached_property
@@ -149,7 +149,7 @@ class System:
 
     @cached_property
     def lone(self) -> bool:
-        """True if there is one gap, and no friction in it: the case that is made fastest."""
+        """True if there is a single gap, without friction: a faster loop serves this case."""
         alone = len(self.guards) == len(self.gaps) == 1
         return alone and not (self.compliant or any(self.rated))
 
@@ -160,7 +160,7 @@ class System:
 
     @cached_property
     def compliant(self) -> bool:
-        """True if contacts push back by a law of force instead of being kept closed."""
+        """True if contacts are compliant: a force law instead of a unilateral constraint."""
         return self.dynamics.contacts.compliant
 
     @cached_property
@@ -197,11 +197,11 @@ class System:
 
         Parameters
         ----------
-        rtol : wanted error of a step relative to `scale`
+        rtol : error of a step relative to `scale`
         scale : size of the largest rate [rad/s]
         compact : compile slower but smaller code (for many coordinates)
-        owner : that steps with it; this system if not given
-        order : of its series, if not that which `rtol` asks for
+        owner : object that steps with it; by default this system
+        order : order of its series; by default from `rtol`
         sticks : whether contacts may stick
         """
         # four orders more: 300 instead of 390 steps in a revolution of the thesis scene

@@ -28,7 +28,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _SINGULAR = TOLERANCES.singular
 _STEPS = TOLERANCES.steps
 
-#: of a guard as it is integrated: a root may be near whatever its rate
+#: value of a guard, as integrated, below which a root may be near at any rate
 _NEAR_ROOT = TOLERANCES.guards.near_root * TOLERANCES.guards.watch_scale
 
 
@@ -40,12 +40,12 @@ _KEPT = 'keep it in its range, as max(x, 1e-6) does, or of rates x^2 + 1e-6'
 class PendingStep(NamedTuple):
     """A step that is known but not yet part of the solution."""
 
-    tau: float  #: [s] where it begins
-    h: float  #: [s]
-    guard: int | None  #: that ended it
-    #: with which stabilisation [1/s], longest step [s] and stride [s]
+    tau: float  #: [s] local time of its start
+    h: float  #: [s] length
+    guard: int | None  #: index of the guard that ended the step
+    #: stabilisation [1/s], longest step [s] and stride [s] with which it was taken
     taken: tuple[float, float, float]
-    origin: Array | None  #: the state at its start, if it was projected then
+    origin: Array | None  #: state at its start before a projection, if there was one
 
 
 class TaylorSteps:
@@ -53,10 +53,10 @@ class TaylorSteps:
 
     Parameters
     ----------
-    laws, contacts, singular, output, integrators : of the same run
+    laws, contacts, singular, output, integrators : parts of the same run
     max_step : [s] longest step
-    defect : [rad/s] change of a rate within a step that its polynomials may be off
-    quickest : [1/s] rate at which errors of gaps and loops are taken back, at most
+    defect : [rad/s] largest allowed change of a rate within a step by its defect
+    quickest : [1/s] fastest stabilisation of gaps and loop closures
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class TaylorSteps:
     ) -> tuple[float, float | None]:
         """Take steps from `tau` on, at most a row, and call `respond` for guards that fall.
 
-        Returns where it came to, and the length of a further step if there is more to it.
+        Returns the time reached, and the length of a further step that is yet to be located.
         """
         gaps, output, ta, step = self._gaps, self._output, self._ta, self._integrators.step
         if self._laws.since >= _STEPS.row:
@@ -197,7 +197,7 @@ class TaylorSteps:
         return PendingStep(tau, h, guard, taken, crossing.origin if crossing else None)
 
     def _taken(self, tau: float, most: float) -> float:
-        """Length of a step from `tau`, of a low order if that serves for `most` [s]."""
+        """Length of a step from `tau` of at most `most` [s], of low order where that suffices."""
         self._ta.time, h = tau, None
         if self._integrators.short and most < self.longest:
             h = self._integrators.short_step(most)
@@ -222,7 +222,7 @@ class TaylorSteps:
         return h
 
     def _look_again(self, tau: float, h: float, guard: int | None) -> tuple[float, int | None]:
-        """Length and guard of a step, taken anew where it overlooked an event.
+        """Length and guard of a step, taken anew where it missed an event.
 
         The search for the roots of a guard gives up where one lies much nearer to the start of a
         step than to its end, or on the point where it bisects; and the root of a step that ends
@@ -267,7 +267,7 @@ class TaylorSteps:
         return h
 
     def _missed(self, guard: int | None) -> int | None:
-        """A guard beyond whose fall a step came to its end, seen by `guard` or by none."""
+        """Guard that is below zero at the end of a step, other than `guard`, which ended it."""
         if guard is None or len(self._system.guards) > 1:
             return self._contacts.missed_event(guard)
         return None

@@ -34,8 +34,8 @@ class _Seen(NamedTuple):
     """Thickness of all films at a time."""
 
     steps: int
-    t: float  #: [s]
-    h: Array  #: [m]
+    t: float  #: time [s]
+    h: Array  #: thicknesses [m]
 
 
 def steps_of_squeeze(h: float, growth: float, step: float, left: float, wall: float) -> float:
@@ -45,8 +45,8 @@ def steps_of_squeeze(h: float, growth: float, step: float, left: float, wall: fl
     ----------
     h : [m] thickness now
     growth : [1/(m^(3/2) s)] rate of ``h^(-3/2)``
-    step : [s] now
-    left : [s] that it goes on for
+    step : [s] present length of a step
+    left : [s] remaining time
     wall : [m] thickness at which walls touch; 0 without
     """
     x = h**-1.5
@@ -83,7 +83,7 @@ class FilmWatch:
 
     Parameters
     ----------
-    present, laws : of the same run
+    present, laws : state and laws of the same run
     """
 
     def __init__(self, present: PresentState, laws: DriveLaws) -> None:
@@ -164,7 +164,7 @@ class FilmWatch:
         return np.array([*present.state, *present.pars, present.integrator.time])
 
     def _rests(self, end: float) -> bool:
-        """True if nothing but films can move the machine until then."""
+        """True if until `end` all drives rest and no load depends on time or on a state."""
         present, system = self._present, self._system
         held = not any(any(law[1:]) for law in present.base.laws)
         lasts = self._laws.next_change >= present.base.local(end)

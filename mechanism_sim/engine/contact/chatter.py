@@ -29,7 +29,7 @@ class ChatterRule:
 
     Attributes
     ----------
-    allowed, resolved : [m] rises that may be left out, and that can be told from rounding
+    allowed, resolved : [m] rises that may be left out, and that exceed rounding
     """
 
     def __init__(self, rtol: float, atol: float, size: float, reach: float = 0.0) -> None:
@@ -39,7 +39,7 @@ class ChatterRule:
     def ends(
         self, rebound: float, free_acceleration: float, restitution: float, depth: float = 0.0
     ) -> bool:
-        """True if a rebound of this speed [m/s] under this gap acceleration [m/s^2] is the end.
+        """True if a rebound [m/s] under a gap acceleration [m/s^2] ends the chatter.
 
         `depth` [m] is how far the gap is violated already.
         """

@@ -44,25 +44,25 @@ class FilmShape(NamedTuple):
     The motion is then seen along axes of a wall.
     """
 
-    depth: list[hy.expression]  #: [m] worn off both walls
-    slope: list[hy.expression]  #: [m] by the angle, of the bushing's depth less the journal's
-    steepest: hy.expression  #: [m] size of the largest slope, about
-    blur: float  #: [rad] within which the film's rupture is spread
+    depth: list[hy.expression]  #: [m] wear depth of both walls together
+    slope: list[hy.expression]  #: [m/rad] derivative of bushing's less journal's depth
+    steepest: hy.expression  #: [m/rad] approximate magnitude of the largest slope
+    blur: float  #: [rad] angle over which the film's rupture is smoothed
 
 
 class JournalMotion(NamedTuple):
     """Motion of a journal in its bushing, in non-rotating axes, as heyoka expressions."""
 
-    x: hy.expression  #: [m] Q, from bushing centre to journal centre
+    x: hy.expression  #: [m] of Q, from bushing centre to journal centre
     y: hy.expression
-    vx: hy.expression  #: [m/s] its rate
+    vx: hy.expression  #: [m/s] of Q', the rate of Q
     vy: hy.expression
-    spin_journal: hy.expression  #: [rad/s]
+    spin_journal: hy.expression  #: wj [rad/s]
     spin_bushing: hy.expression
     share: hy.expression | float = 1.0
     """The film is as thick as at ``share Q``: of walls that give way, no thinner than where they
     touch. The force still takes power from V, whatever the share."""
-    shape: FilmShape | None = None  #: of walls that are not round
+    shape: FilmShape | None = None  #: shape of worn walls; None for round ones
 
     @property
     def squeeze(self) -> Vector:
@@ -102,8 +102,8 @@ class ShortBearing:
     width: float  #: L [m]
     radius: float  #: R [m] of the journal
     clearance: float  #: c [m] radial
-    full: bool = False  #: whether the supply keeps it from rupturing: pressures below it pull
-    supply: float = 0.0  #: [Pa] pressure of the supply above that at which it ruptures
+    full: bool = False  #: True for a film without rupture, which carries suction
+    supply: float = 0.0  #: [Pa] supply pressure p_s less rupture pressure p_c
 
     @_once
     def force(self, motion: JournalMotion) -> Vector:

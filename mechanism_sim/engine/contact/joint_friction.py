@@ -22,17 +22,17 @@ _JOINT_IMPULSES = TOLERANCES.joint_impulses
 
 
 class JointFrictionProblem(NamedTuple):
-    """The k frictions at one state, beside r rows of contacts."""
+    """Joint friction problem of k slips at one state, beside r rows of contacts."""
 
-    rate: Array  #: (k,) their slips [rad/s, m/s]
-    response: Array  #: (k, f) rates of the free coordinates per unit impulse of each
-    compliance: Array  #: (r + k, k) rates of all rows, then of the slips, likewise
-    drive_response: Array  #: (k, p)
-    forces: Array  #: (c, r + k) components of what presses per unit impulse of all
-    coefficients: Array  #: (t,) of every term of all bounds
-    ends: Indices  #: (t,) how many components there are up to that of a term
-    owner: Indices  #: (t,) whose bound a term belongs to
-    walls: Indices  #: (t,) 1 or -1 if it is of forces of that sign only, else 0
+    rate: Array  #: (k,) slip rates [rad/s, m/s]
+    response: Array  #: (k, f) rates of the free coordinates per unit friction impulse
+    compliance: Array  #: (r + k, k) rates of rows, then slips, per unit friction impulse
+    drive_response: Array  #: (k, p) impulses of the drives per unit friction impulse
+    forces: Array  #: (c, r + k) components of normal impulses per unit impulse
+    coefficients: Array  #: (t,) friction coefficients of the terms of all bounds
+    ends: Indices  #: (t,) index after the last row of `forces` of a term
+    owner: Indices  #: (t,) index of the friction to whose bound a term belongs
+    walls: Indices  #: (t,) 1 or -1 for a term of forces of that sign only, else 0
 
 
 def joint_friction_problem(
@@ -56,7 +56,7 @@ def joint_friction_problem(
 def friction_impulses(friction: JointFrictionProblem, x: Array, start: Array) -> Array:
     """Impulses (k,) of friction beside impulses (r,) of contacts, by projected Gauss-Seidel.
 
-    Each ends its slip, or is as large as its bound and against the slip that is left.
+    Each impulse ends its slip, or equals its bound and opposes the remaining slip.
     """
     compliance, forces, owner = friction.compliance, friction.forces, friction.owner
     k, r, size, before, step = len(friction.rate), len(x), 0.0, math.inf, 1.0
@@ -104,16 +104,16 @@ def with_friction(
 ) -> Array:
     """Add the friction that impulses (r,) of contacts cause in joints, in proportion to them.
 
-    Its impulses grow with theirs: what one of these does is from now on done with its share.
+    The effects of a unit contact impulse then include its share of joint friction.
 
     Parameters
     ----------
     c : the contacts alone; its terms are changed in place
-    start : (k,) impulses of friction from where they are looked for
+    start : (k,) initial guess of the impulses of friction
 
     Returns
     -------
-    They (k,) themselves.
+    Impulses (k,) of friction.
     """
     found: Array = friction_impulses(friction, x, start)
     share = np.outer(found, x / (x @ x))

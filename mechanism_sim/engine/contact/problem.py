@@ -42,30 +42,30 @@ Mask = NDArray[np.bool_]
 class ContactProblem(NamedTuple):
     """The m gaps at one state: r rows, f free coordinates, p drives that hold their law."""
 
-    value: Array  #: (m,) [m]
-    rate: Array  #: (r,) [m/s]
-    free_acceleration: Array  #: (r,) their derivatives while no gap carries force [m/s^2]
-    acceleration: Array  #: (r,) their derivatives with the forces of the gaps now closed
-    response: Array  #: (r, f) rates gained per unit impulse, closures kept
+    value: Array  #: (m,) gaps [m]
+    rate: Array  #: (r,) normal, then tangential rates [m/s]
+    free_acceleration: Array  #: (r,) derivatives of `rate` without contact forces [m/s^2]
+    acceleration: Array  #: (r,) derivatives with the forces of the gaps now closed [m/s^2]
+    response: Array  #: (r, f) rates of free coordinates per unit impulse, loops closed
     compliance: Array  #: (r, r) rates of the rows per unit impulse [1/kg]
     drive_response: Array  #: (r, p) impulse of the drives per unit impulse
-    normal_angle: Array  #: (m,) [rad]
-    relief: Array  #: (m,) [m/s] of compliant contacts, else (0,)
-    closed: Mask  #: (m,) which carry force
-    restitution: Array  #: (m,)
+    normal_angle: Array  #: (m,) directions of the normals [rad]
+    relief: Array  #: (m,) `CompliantLaw.relief` [m/s]; (0,) without compliant contacts
+    closed: Mask  #: (m,) gaps that carry force
+    restitution: Array  #: (m,) coefficients of restitution
     friction: Array  #: (m,) Coulomb's coefficients
-    hypothesis: Indices  #: (m,) of restitution, `impact.Hypothesis.code`
+    hypothesis: Indices  #: (m,) restitution hypotheses, `impact.Hypothesis.code`
 
 
 class Limits(NamedTuple):
     """Limits below which contacts count as at rest, or as touching."""
 
     touching: float  #: [m] gaps smaller than this count as closed
-    tie: float  #: [m] what approaches so near strikes at the same instant
-    bare: float  #: [m/s] rounding of a rate after an impact
-    still: float  #: [m/s] what slides or parts slower is at rest: so much a step's error may be
-    allowed: float  #: [m] rise of bounces that are left out, see `chatter.ChatterRule`
-    resolved: float  #: [m] rise that can be told from rounding
+    tie: float  #: [m] approaching gaps smaller than this take part in the same impact
+    bare: float  #: [m/s] rounding error of a rate after an impact
+    still: float  #: [m/s] error of a step: slower sliding or separation counts as rest
+    allowed: float  #: [m] rise of rebounds that are left out, see `chatter.ChatterRule`
+    resolved: float  #: [m] smallest rise that exceeds rounding
 
 
 class Instant(NamedTuple):
@@ -79,9 +79,9 @@ class Instant(NamedTuple):
 class Resting(NamedTuple):
     """Contacts without normal speed, of which some stay closed."""
 
-    resting: Mask  #: (m,) which they are
-    touching: Mask  #: (m,) whose modes are to be set: those at rest, and those that part
-    given: Indices  #: (m,) signs of the slips of those that are about to slide, else 0
+    resting: Mask  #: (m,) contacts without normal speed
+    touching: Mask  #: (m,) contacts whose modes are to be set: at rest, or separating
+    given: Indices  #: (m,) slip signs of contacts about to slide, else 0
 
 
 class Layout(NamedTuple):
@@ -91,7 +91,7 @@ class Layout(NamedTuple):
     rows: int
     free: int
     drives: int
-    compliant: int  #: gaps that have a relief
+    compliant: int  #: number of gaps with a relief
 
     @property
     def size(self) -> int:
@@ -113,21 +113,21 @@ class ContactArrays(NamedTuple):
 class ImpactOutcome(NamedTuple):
     """Outcome of an impact."""
 
-    rests: bool  #: whether some are at rest after it, or were closed before
+    rests: bool  #: whether a contact is at rest after the impact, or was closed before
     horizon: float  #: [s] longest next step
-    entered: int  #: rows of the log so far
-    found: bool  #: whether there are impulses that satisfy all contacts
+    entered: int  #: number of rows in the log
+    found: bool  #: whether impulses satisfy all contacts
 
 
 class Rest(NamedTuple):
     """Outcome for contacts without normal speed."""
 
-    solved: bool  #: whether forces keep them that stay; if not, nothing else is told or done
-    changed: bool  #: whether any mode did
-    begins: bool  #: whether any begins to slide, and its slip can be brought to zero before
-    parts: bool  #: whether any of them opens
-    off: bool  #: whether what is closed now is off zero, in value or rate, by more than rounding
-    draws: bool  #: whether open gaps are drawn shut
+    solved: bool  #: whether forces keep contacts closed; if not, the rest does not apply
+    changed: bool  #: whether any mode changed
+    begins: bool  #: whether a contact begins to slide whose slip can be set to zero first
+    parts: bool  #: whether a contact opens
+    off: bool  #: whether a closed gap deviates from zero, in value or rate, beyond rounding
+    draws: bool  #: whether open gaps are closed by those closed now
     horizon: float  #: [s] longest next step
 
 
@@ -248,7 +248,7 @@ def enter(
     ----------
     impulse : normal and tangential [N s]
     before, after : (2,) normal and tangential rate [m/s]
-    stop : whether it ends a chatter
+    stop : whether the impact ends a chatter sequence
     """
     m, e, (p, q), drives = len(c.value), c.restitution[gap], impulse, now.drives
     given = work = 0.0
@@ -270,7 +270,7 @@ def enter(
 
 @kernel
 def is_last(c: ContactProblem, gap: int, rebound: float, rise: float) -> bool:
-    """True if a rebound [m/s] of a gap rises no more than `rise` [m], or not out of its depth."""
+    """True if a rebound [m/s] of a gap rises by at most `rise` [m], or not above zero."""
     return ends(rise, rebound, c.acceleration[gap], -c.value[gap])
 
 

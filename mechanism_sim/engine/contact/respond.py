@@ -50,12 +50,12 @@ _IMPACTS = TOLERANCES.impacts
 _ROUNDING = TOLERANCES.rounding
 
 DONE, FELL, SLIPS, STRIKES, RESTS, PARTS, PROJECTED, TURNED, MISSED = range(9)
-"""Stages: nothing is left; a guard of a gap fell, or one of friction; a gap strikes; contacts
-rest; gaps part; the state was projected, once or again; what is past zero is looked for."""
+"""Stages: event resolved; zero crossing of a guard of a gap, or of friction; impact; contacts
+at rest; separation; after a first and a second projection; search for missed events."""
 
 UNSOLVED, JAMMED, SHOCK = -1, -2, -3
-"""Instead of a stage: no impulses satisfy all contacts; no forces keep those at rest; the guard's
-slide is to be stopped by an impact without collision. The last two go on with `RESTS`."""
+"""Instead of a stage: no impulses satisfy all contacts; no forces keep those at rest; an impact
+without collision must stop the slide of the guard's gap. The last two continue with `RESTS`."""
 
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
 """Function of the state that is evaluated before each stage."""
@@ -63,23 +63,23 @@ NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
 (STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, AGAIN, WATCHED,
  GUARDS, SMOOTH, RELATIONS, SIZE, LAYOUT) = range(17)  # fmt: skip
 COUNTERS = LAYOUT + len(Layout._fields)
-"""Columns of the counters of a run: the stage to go on from; the guard or gap of it; rows in the
-logs of impacts and of changes; the last stage taken; how often gaps were moved apart; the gap
-whose slip ends, plus 1; whether others are drawn shut, or slides begin, after this stage; guards
-looked at so far, earlier events at this instant, whether guards are looked at here; guards,
-whether nothing rubs or is known by its rate only, whether loops close; numbers of the terms, then
-their layout."""
+"""Columns of the counters of a run: next stage; its guard or gap; numbers of rows in the logs of
+impacts and of changes; last stage taken; number of attempts at a separation; gap whose slip ends,
+plus 1; whether open gaps close, or slides begin, after this stage; numbers of searches for missed
+events and of earlier events at this instant, whether `MISSED` is a stage here; number of guards,
+whether all gaps have values and nothing has friction, whether there are loop closures; number of
+terms, then their layout."""
 
 TIME, HORIZON, FLOOR, MARGIN, LIMITS, DRIVES = 0, 1, 2, 3, 4, 10
-"""Columns of the reals: time [s], longest next step [s], what guards of friction may be below
-zero, two roundings of a place [m]; then limits, rates of the drives, restitutions, frictions."""
+"""Columns of the reals: time [s], longest next step [s], lowest value of guards of friction by
+rounding, two roundings of a position [m]; then limits, drive rates, restitutions, frictions."""
 
 MODE, BEFORE, HYPOTHESIS, GIVEN, CLOSED, STICK, SLIP, PRESS, FRICTIONAL, RATED = range(10)
-"""Rows of the integers of every gap: mode, that before the event, hypothesis, sign of a slip to
-be; parameters of its four flags or -1; the gaps with friction; whether it has a rate only."""
+"""Rows of the integers of every gap: mode, mode before the event, restitution hypothesis, sign of
+an impending slip; parameters of its four flags or -1; gaps with friction; 1 for a rate only."""
 
 SHUT, TOUCHING, RESTING, _BEGINNING, _DRAWN, _PARTING = range(6)
-"""Rows of marks of every gap: closed, taking part, at rest, to slide, drawn shut, parting."""
+"""Rows of flags of every gap: closed, in the event, at rest, to slide, closing, separating."""
 
 
 class EventArrays(NamedTuple):
@@ -87,8 +87,8 @@ class EventArrays(NamedTuple):
 
     x: Array  #: (2f,) free coordinates and rates
     parameters: Array  #: runtime parameters of the equations
-    terms: Array  #: what ``contact_function`` gives, see `contact.problem.problem_of`
-    seen: Array  #: what ``watch`` or ``projection`` gives
+    terms: Array  #: output of ``contact_function``, see `contact.problem.problem_of`
+    seen: Array  #: output of ``watch`` or ``projection``
     reals: Array  #: see `TIME`
     counters: Indices  #: see `STAGE`
     gaps: NDArray[np.int64]  #: (10, m) see `MODE`
@@ -111,7 +111,7 @@ def run_of(
     x: Array, parameters: Array, values: Array, reals: Array, whole: Indices,
     marks: NDArray[np.bool_], impacts: Array, changes: Array,
 ) -> EventArrays:  # fmt: skip
-    """A run's arrays by what they hold: of `values` first the terms, of `whole` the counters."""
+    """Named arrays of a run: terms at the start of `values`, counters at that of `whole`."""
     size, gaps = whole[SIZE], whole[COUNTERS:].reshape((10, whole[LAYOUT]))
     return EventArrays(
         x, parameters, values[:size], values[size:], reals, whole[:COUNTERS], gaps, marks, impacts,
@@ -162,7 +162,7 @@ def flag(run: EventArrays, sticking: Mask) -> None:
 
 @kernel
 def set_mode(run: EventArrays, gap: int, mode: int) -> None:
-    """Let a gap have another mode from now on, and enter that in the log."""
+    """Set the mode of a gap, and enter a change in the log."""
     old = run.gaps[MODE, gap]
     if old != mode:
         row = run.changes[run.counters[CHANGES]]
@@ -192,7 +192,7 @@ def fell(run: EventArrays) -> int:
 
 @kernel
 def _opens(run: EventArrays, gap: int) -> bool:
-    """True of an open gap that reverses before it closes by more than rounding.
+    """True if an open gap reverses before it closes by more than rounding.
 
     It has just begun its flight, at zero but for rounding, where its guard falls at once. So it
     goes on to do where it is pressed shut, and drawn open, by rounding only.
@@ -245,7 +245,7 @@ def _would_jam(s: Situation, gap: int, way: int) -> bool:
 
 @kernel
 def _lift(run: EventArrays, gap: int) -> int:
-    """A closed contact opens, or an open one goes on to."""
+    """Open a contact that was closed, or let an open one stay open."""
     set_mode(run, gap, FLIES)
     flag(run, run.marks[SHUT, :0])
     run.marks[_PARTING] = False
@@ -417,7 +417,7 @@ def part(run: EventArrays) -> int:
 
 @kernel
 def _after(run: EventArrays) -> int:
-    """An event is resolved: hold a slip that goes nowhere, then see what else is past zero."""
+    """End an event: suppress a slip that cannot grow, then search for missed events."""
     n = run.counters
     if n[HELD]:
         _hold_slip(run, n[HELD] - 1)
@@ -434,7 +434,7 @@ def _hold_slip(run: EventArrays, gap: int) -> None:
 
     Where two corners of a block rest on one line, the friction of one may be at its bound
     while the other sticks: then its slip is zero but for rounding, which would fall through
-    zero for ever. A hair within the bound, friction has no slip to watch.
+    zero for ever. A rounding within the bound, friction has no slip to watch.
     """
     if (run.gaps[MODE] != run.gaps[BEFORE]).any():
         return
@@ -457,7 +457,7 @@ def missed(run: EventArrays) -> int:
 
 @kernel
 def _past_zero(run: EventArrays, fell: int) -> int:
-    """A guard of a gap or its friction that is past zero, by what ``watch`` gives; -1 for none.
+    """Index of a guard of a gap or its friction below zero, by ``watch``; -1 for none.
 
     That happens where a step ends within its error of an event. Beside the guard that
     `fell`, others count only beyond what falls at the same instant.
@@ -483,7 +483,7 @@ def _past_zero(run: EventArrays, fell: int) -> int:
 
 @entry
 def look(*arrays: Any) -> int:
-    """The guard that is past zero beside that of the counters, by what ``watch`` gave, or -1.
+    """Index of a guard below zero beside that of the counters, by ``watch``; -1 for none.
 
     Parameters
     ----------
@@ -503,7 +503,7 @@ def look_there(state: Array, now: Array, addresses: Indices, *arrays: Any) -> in
 
 @entry
 def respond(*arrays: Any) -> int:
-    """Take the stage of the counters; the one that follows.
+    """Take the stage of the counters; returns the next stage.
 
     Parameters
     ----------
@@ -543,15 +543,15 @@ _ENDLESS = 2**62
 
 @entry
 def resolve(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
-    """Take stages from that of the counters on; the first that is not taken, `DONE` at the end.
+    """Take stages from that of the counters on; returns the next stage, `DONE` at the end.
 
-    None is taken whose function is not known, or for which the logs have no room.
+    It stops before a stage whose function has no address, or for which the logs have no room.
 
     Parameters
     ----------
     state : (w,) of the integrator
-    now : (w + parameters + 1,) the argument of functions, of which the time is set
-    addresses : by stage, of the machine code of `NEEDS`, 0 if it is not known
+    now : (w + parameters + 1,) the argument of functions, with its time set
+    addresses : by stage, of the machine code of `NEEDS`; 0 if unavailable
     arrays : those of `run_of`
     """
     run = run_of(*arrays)
