@@ -29,8 +29,8 @@ class Collocation(NamedTuple):
     nodes: Nodes
     powers: Array  #: (K, K) coefficients of rising powers of each Lagrange polynomial
     once: Array  #: (K, K) integrals from 0 to each node, of each Lagrange polynomial
-    twice: Array  #: (K, K) integrals of these
-    ends: Array  #: (2, K) both from 0 to 1
+    twice: Array  #: (K, K) integrals of `once`
+    ends: Array  #: (2, K) first and second integrals from 0 to 1
 
 
 @cache
@@ -52,10 +52,10 @@ def rule() -> Collocation:
 
 
 class Steps(NamedTuple):
-    """Variations in N segments, of C columns each: first those of the state at their starts."""
+    """Variations in N segments, of C columns each: first those by the state at the starts."""
 
     rates: Array  #: (N, K, f + s, C) accelerations and rates of states at the nodes
-    end: Array  #: (N, 2f + s, C) of the state at their ends
+    end: Array  #: (N, 2f + s, C) variations of the state at the ends
 
 
 def solve(slopes: Slopes, free: list[int], h: Array, forced: Array) -> Steps:
@@ -63,17 +63,17 @@ def solve(slopes: Slopes, free: list[int], h: Array, forced: Array) -> Steps:
 
     Parameters
     ----------
-    slopes : at the nodes of the segments, one segment after the other
+    slopes : derivatives at the nodes, segment by segment
     free : indices of the free coordinates
     h : (N,) durations [s]
-    forced : (N, K, f + s, P) rates that P columns have beside those of the state
+    forced : (N, K, f + s, P) rates by P keys at constant state
     """
     known, count = rule(), len(h)
     f, w = len(free), forced.shape[2]
     s, K = w - f, COUNT
 
     def nodes(x: Array) -> Array:
-        """(N, K, f + s, columns)."""
+        """Array (N, K, f + s, columns) at the nodes."""
         return np.moveaxis(x, -1, 0).reshape(count, K, w, -1)
 
     Jq, Jv, Js = (nodes(x) for x in (slopes.q[:, free], slopes.v[:, free], slopes.states))

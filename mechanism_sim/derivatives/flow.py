@@ -52,7 +52,7 @@ CHATTER = (
     'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
     'closed from this impact on'
 )
-"""Text of a limit where a chatter is ended."""
+"""Text of a limit at the cut-off of Zeno chatter."""
 
 
 _SEATED = (
@@ -63,14 +63,14 @@ _SEATED = (
 
 @dataclass(frozen=True)
 class DerivativeLimit:
-    """An instant across which derivatives do not exist, or stand for something else.
+    """An instant across which derivatives do not exist, or have another meaning.
 
     Attributes
     ----------
     t : [s]
-    where : joint, drive or load, if it is one
-    text : what happens there, and what is true beyond it
-    ends : whether there are no derivatives beyond it
+    where : name of the joint, drive or load, if it is one
+    text : description of the event, and of the derivatives beyond it
+    ends : whether derivatives end there
     """
 
     t: float
@@ -89,14 +89,14 @@ class Flow:
 
     Attributes
     ----------
-    coefficients : (m, n, d, P) of polynomials as those of the motion, at fixed times
-    states : (m, s, d, P) of states of first order, likewise
-    shift : (m, P) of the instants at which segments begin [s]; between events they move along
-    approach : (m, a, P) of the speeds of touches of compliant contacts
-    impacts : (i, len(NUMBERS), P)
+    coefficients : (m, n, d, P) of the motion's polynomials, at fixed times
+    states : (m, s, d, P) of the polynomials of states of first order
+    shift : (m, P) of the instants at which segments begin [s]; constant between events
+    approach : (m, a, P) of the speeds of initial contact of compliant contacts
+    impacts : (i, len(NUMBERS), P) of the fields `NUMBERS` of impacts
     final : (2f + s, P) of free coordinates, their rates, states at the end
-    limits : in the order of time
-    begun : limits at the start by the column of a key, that of one that ends being not a number
+    limits : limits in the order of time
+    begun : limits at the start by column of a key; the column of one that ends is NaN
     """
 
     coefficients: Array
@@ -110,14 +110,14 @@ class Flow:
 
 
 class Flows:
-    """Takes derivatives along motions of a machine.
+    """Computes derivatives along motions of a machine.
 
     Parameters
     ----------
-    machine : whose equations are integrated
-    influence : derivatives (..., P) of what its runs are made of
-    end : [s] up to which its laws are asked for
-    keys : by whose values the derivatives are, None for a number of the start
+    machine : machine whose equations are integrated
+    influence : derivatives (..., P) of the numbers of its runs
+    end : [s] end of the laws
+    keys : keys of the P columns; None for a number of the initial state
     """
 
     def __init__(
@@ -164,7 +164,7 @@ class Flows:
     def transition(
         self, motion: Motion, impacts: Sequence[Impact]
     ) -> tuple[Array, tuple[DerivativeLimit, ...]]:
-        """State transition matrix (2f + s, 2f + s + P) of a motion, and where it has limits.
+        """State transition matrix (2f + s, 2f + s + P) of a motion, and its limits.
 
         Rows are free coordinates, their rates and states of first order, in their own units, at
         the end, columns those at the start and P keys. Directions that a closed contact or loop
@@ -174,7 +174,7 @@ class Flows:
         return flow.final, flow.limits
 
     def along(self, motion: Motion, impacts: Sequence[Impact], start: Array | None = None) -> Flow:
-        """Derivatives along a motion that begins as the machine does, or with others `start`.
+        """Derivatives along a motion from the machine's start, or with derivatives `start`.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class Flows:
         return found
 
     def torques(self, motion: Motion) -> Array:
-        """Derivatives (m, k, 3, P) of the torque laws of a motion, as it has them."""
+        """Derivatives (m, k, 3, P) of the coefficients of the torque laws of a motion."""
         p, t = len(self.system.prescribed), motion.curve.start
         found = np.zeros((*motion.torques.shape, self.count))
         for k in range(found.shape[1]):
@@ -229,8 +229,8 @@ class Flows:
 class _Events(NamedTuple):
     """Events at the ends of segments."""
 
-    number: dict[int, int]  #: of each by that of its segment
-    sides: tuple[Side, ...]  #: before and after all of them
+    number: dict[int, int]  #: index of an event by that of its segment
+    sides: tuple[Side, ...]  #: states before and after all events
 
     def at(self, segments: Sequence[int]) -> list[Side]:
         """Sides before and after the events at the ends of some segments."""
@@ -240,9 +240,9 @@ class _Events(NamedTuple):
 class _Blows(NamedTuple):
     """E single impacts in a chunk: maps of any state before, with its approaches, and keys."""
 
-    segment: NDArray[np.intp]  #: (E,) of the chunk at whose ends they happen
-    impact: NDArray[np.intp]  #: (E,) their numbers
-    shift: Array  #: (E, 2f + s + a + P) of their instants
+    segment: NDArray[np.intp]  #: (E,) indices of the segments of the chunk that they end
+    impact: NDArray[np.intp]  #: (E,) numbers of the impacts
+    shift: Array  #: (E, 2f + s + a + P) derivatives of their instants
     every: Array  #: (E, 2f + s + len(NUMBERS), 2f + s + a + 1 + P) of state, log; shift between
 
 
@@ -272,7 +272,7 @@ def _product(A: Array, x: Array) -> Array:
 
 
 def _within(bounds: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """The second numbers of all groups between bounds, the third, and so on."""
+    """Indices of the second elements of all groups between bounds, of the third, and so on."""
     for r in range(1, int(np.diff(bounds).max(initial=1))):
         yield bounds[:-1][np.diff(bounds) > r] + r
 
@@ -295,7 +295,7 @@ def _grouped(turns: Array, bounds: NDArray[np.intp]) -> Array:
 
 
 def _composed(blows: _Blows, ends: Array) -> Array:
-    """Maps across impacts after those (E, W, W + P) to the ends of the segments before them."""
+    """Products of maps across impacts and maps (E, W, W + P) across the segments before."""
     W = ends.shape[1]
     shift = blows.shift[:, None, :W] @ ends
     shift[..., W:] += blows.shift[:, None, W:]
@@ -329,7 +329,7 @@ class _Walk:
         self._next = self._following()
 
     def _by_segment(self) -> dict[int, list[int]]:
-        """The impacts that happen where a segment begins, by their numbers."""
+        """Impacts at the start of a segment, by the impacts' numbers."""
         rigid = [i for i, impact in enumerate(self._impacts) if not impact.duration]
         begun = self._motion.curve.begun_by([self._impacts[i].t for i in rigid])
         found: dict[int, list[int]] = {}
@@ -339,9 +339,9 @@ class _Walk:
         return found
 
     def _following(self) -> NDArray[np.intp]:
-        """The segment (m,) that follows on each, without those in which nothing can happen.
+        """Index (m,) of the segment after each, skipping those too short for an event.
 
-        A load that is let go may seem to act in another way for a rounding of time.
+        After its release a load may appear in another row for a rounding of time.
         """
         h, m = self._motion.curve.duration, len(self._motion)
         near = np.isin(np.arange(m), [x - 1 for x in self._struck] + [*self._struck])
@@ -454,8 +454,8 @@ class _Walk:
 
         Parameters
         ----------
-        which : (N,) their numbers
-        at : points at the nodes of each
+        which : (N,) indices of the segments
+        at : points at the nodes of each segment
         since, h : (N,) [s] from the starts of the segments, and durations
         """
         of, slopes, given = self._of, self._of.equations.slopes(at), self._given[which]
@@ -488,7 +488,7 @@ class _Walk:
         return found
 
     def _refine(self, turns: Array, k: NDArray[np.intp]) -> None:
-        """Take segments beside ends of touches in parts that are as long as these are far.
+        """Split segments beside ends of touches into parts as long as their distance.
 
         There the force is a broken power of a depth that is zero, which no polynomial follows.
         """
@@ -571,11 +571,11 @@ class _Walk:
         return _Blows(segments, own_impacts, found.shift[alone], every[alone])
 
     def _strike(self, first: int, blows: _Blows, ends: Array, states: Array) -> None:
-        """Note the single impacts at the ends of some segments that begin with `states`.
+        """Collect the single impacts at the ends of some segments that begin with `states`.
 
         Parameters
         ----------
-        ends : (E, 2f + s + a, 2f + s + a + P) from the starts of their segments to their ends
+        ends : (E, 2f + s + a, 2f + s + a + P) maps across the segments
         """
         known, W = blows.segment < len(states), ends.shape[1]
         segment, impact = blows.segment[known], blows.impact[known]
@@ -594,7 +594,7 @@ class _Walk:
         self._limits += [DerivativeLimit(t, joint, CHATTER, False) for joint in chatters]
 
     def _jump(self, old: int, j: int, before: Side, after: Side) -> bool:
-        """Take derivatives across the event after segment `old`; False if there are none."""
+        """Propagate derivatives across the event after segment `old`; False if there are none."""
         of, k = self._of, int(self._next[old])
         t = float(self._motion.curve.start[k])
         x = self._variation(j, self._ends, np.concatenate([self._state, self._approach]))
@@ -625,7 +625,7 @@ class _Walk:
 
         Parameters
         ----------
-        state : (2f + s + a, C) with approaches; keys are its last P columns
+        state : (2f + s + a, C) with speeds of initial contact; the last P columns are keys
         """
         of, system = self._of, self._of.system
         n, f, first = len(system.coordinates), len(of.free), state.shape[1] - of.count

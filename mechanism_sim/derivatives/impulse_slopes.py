@@ -71,7 +71,7 @@ def of_one(theta: Array, slopes: Array, hypothesis: int) -> tuple[Array, Array]:
     Parameters
     ----------
     theta : (7,) compliances nn, nt, tt, rates, coefficients of restitution and friction
-    slopes : (7, P)
+    slopes : (7, P) derivatives of `theta`
     """
     columns = [[0.0] * 7, *np.eye(7).tolist()]
     found = [
@@ -95,7 +95,7 @@ def of_several(
 
     Parameters
     ----------
-    A, rate, e, mu : as `contact.impact.simultaneous_impulses` has them
+    A, rate, e, mu : see `contact.impact.simultaneous_impulses`
     slopes : their derivatives (..., P)
     """
     m, none, free = len(e), np.zeros(2 * len(e)), np.zeros(len(e), dtype=np.int64)
@@ -140,8 +140,8 @@ def _linear(
 ) -> Array:
     """Derivatives (2m, P) of impulses whose grips stay as they are.
 
-    ``A x + b`` vanishes in what is held, friction is ``mu`` times what presses, and what parts
-    keeps its least impulse.
+    ``A x + b`` vanishes in rows at rest, friction is ``mu`` times the normal impulse, and
+    separating contacts keep their least impulse.
     """
     dA, db, dmu = slopes
     m = len(mu)

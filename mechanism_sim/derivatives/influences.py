@@ -28,32 +28,30 @@ NUMBERS = tuple(n for n in Impact._fields if n not in ('joint', 'ends_chatter'))
 
 
 class LawTable(NamedTuple):
-    """The laws of a drive in the order in which they take over, of k numbers each.
+    """The laws of a drive in the order of time, of k numbers each.
 
-    Of one that prescribes a coordinate these are powers of the time since it took over.
+    Numbers of a prescribed coordinate are coefficients of powers of the time since `start`.
     """
 
-    start: Array  #: (l,) [s]
+    start: Array  #: (l,) times [s] from which the laws hold
     numbers: Array  #: (l, k)
 
 
 class Influence(NamedTuple):
-    """The numbers of a machine that runs are made of, or their derivatives by P keys, behind."""
+    """Numbers of a machine that determine its runs, or their derivatives (..., P) by P keys."""
 
-    parameters: Array  #: (n,) of the equations
-    start: Array  #: (w,) free coordinates, their rates, states of first order
-    laws: list[LawTable]  #: of prescribed, then powered coordinates
-    restitution: Array  #: (m,) of the gaps
-    friction: Array  #: (m,)
-    approach: Array  #: (a,) [m/s] of compliant contacts that touch at the start
-    rows: list[Array]  #: (rows, symbols) of every switch
-    begun: list[
-        set[_Begun]
-    ]  #: by key: contacts and switches of other starts, where it changes them
+    parameters: Array  #: (n,) parameters of the equations
+    start: Array  #: (w,) initial free coordinates, their rates, states of first order
+    laws: list[LawTable]  #: laws of prescribed, then powered coordinates
+    restitution: Array  #: (m,) coefficients of restitution of the gaps
+    friction: Array  #: (m,) coefficients of friction of the gaps
+    approach: Array  #: (a,) speeds of initial contact [m/s] of contacts closed at the start
+    rows: list[Array]  #: (rows, symbols) values in all rows of every switch
+    begun: list[set[_Begun]]  #: by key: modes and switch rows at shifted starts, if they differ
 
 
 def influences(machine: Machine, keys: Sequence[NumericKey], end: float) -> Influence:
-    """Derivatives (..., P) of all that a run up to a time [s] is made of, by P keys."""
+    """Derivatives (..., P) of all numbers that determine a run up to a time [s], by P keys."""
     base, columns, begun = _Parts(machine, end), [], []
     for key in keys:
         base.others = set()
@@ -75,7 +73,7 @@ def own(machine: Machine, end: float) -> Influence:
 
 
 def behind(known: Influence, count: int) -> Influence:
-    """Derivatives by `count` keys on which none of the numbers depends, then the known ones."""
+    """Zero derivatives by `count` keys, followed by the known ones."""
 
     def wide(x: Array) -> Array:
         return np.pad(x, [*[(0, 0)] * (x.ndim - 1), (count, 0)])
@@ -88,7 +86,7 @@ def behind(known: Influence, count: int) -> Influence:
 
 
 class _Parts:
-    """The numbers of a machine in one vector, and those of others that are made like it."""
+    """Numbers of a machine in one vector, and of others of the same structure."""
 
     def __init__(self, machine: Machine, end: float) -> None:
         plan, self._system = machine.plan, machine.equations.system
@@ -173,7 +171,7 @@ def _terms(system: System) -> list[object]:
 
 
 def _numbers(law: Law, at: Law) -> list[float]:
-    """Coefficients of a law about the time at which the law `at` takes over."""
+    """Coefficients of a law about the time from which the law `at` holds."""
     if not isinstance(law, DriveLaw):
         return [*law.coefficients]
     turns, (angle, *rates) = law.about(Fraction(at.valid_from))

@@ -26,9 +26,9 @@ of rates and coefficients are in the first P of the C columns."""
 class ImpactWithJoints(NamedTuple):
     """Impulses of n rows of contacts, and of k joints as shares of them, with derivatives."""
 
-    contacts: tuple[Array, Array]  #: (n,), (n, P)
-    shares: tuple[Array, Array]  #: (k, n), (k, n, P)
-    lost: Array  #: (P,) derivatives of what joints dissipate [J]
+    contacts: tuple[Array, Array]  #: impulses (n,) and derivatives (n, P)
+    shares: tuple[Array, Array]  #: shares (k, n) and derivatives (k, n, P)
+    lost: Array  #: (P,) derivatives of the joints' dissipation [J]
 
 
 def beside(
@@ -42,7 +42,7 @@ def beside(
     Parameters
     ----------
     A : compliance (n, n) of the contacts, and its derivatives (n, n, P)
-    known, slopes : the frictions beside these n rows, and derivatives (..., P) of their terms
+    known, slopes : joint friction problem beside these n rows, and derivatives (..., P)
     """
     (A0, dA), n, k = A, len(A[0]), len(known.rate)
     C, P = known.compliance[:n], dA.shape[2]

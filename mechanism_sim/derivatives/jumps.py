@@ -5,7 +5,7 @@ f- to f+. A change dp shifts the instant by ``dt = -(g_x dx + g_p dp)/g'``, g' a
 before, and what is left at a fixed time is ``R_x (dx + f- dt) + R_p dp - f+ dt`` (P. C. Mueller,
 Calculation of Lyapunov exponents for dynamic systems with discontinuities, Chaos Solitons Fractals
 5, 1995; R. I. Leine, H. Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems,
-2004, ch. 7). Where rates go on without a jump, it does not matter when.
+2004, ch. 7). Where rates do not jump, the shift has no effect.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ _DEPTH = 1e-12  # of the mechanism: to which places are known
 
 
 class NoDerivativeError(Exception):
-    """An event across which there is no derivative, in words."""
+    """An event across which there is no derivative; the message is its reason."""
 
 
 class _OrderError(NoDerivativeError):
-    """Contacts that meet at one instant, and not at one for other values.
+    """Impacts that are simultaneous at these values of keys, but not at others.
 
     Parameters
     ----------
-    shifts : (P,) of the instants [s] of each by its number
+    shifts : (P,) derivatives of the instant [s], by index of the gap
     """
 
     def __init__(self, shifts: dict[int, Array]) -> None:
@@ -56,7 +56,7 @@ class Side(NamedTuple):
 
     Attributes
     ----------
-    at : coordinates, flags
+    at : coordinates, rates and parameters
     rates : (f + s, N) accelerations of free coordinates, rates of states
     a : (n, N) accelerations of all coordinates
     """
@@ -74,32 +74,32 @@ class Side(NamedTuple):
 class Variation(NamedTuple):
     """Derivatives by P keys at an instant, at fixed time; of N instants with N before them."""
 
-    q: Array  #: (n, P)
-    v: Array  #: (n, P)
-    a_p: Array  #: (p, P)
-    states: Array  #: (s, P)
-    parameters: Array  #: (c, P)
+    q: Array  #: (n, P) coordinates
+    v: Array  #: (n, P) rates
+    a_p: Array  #: (p, P) prescribed accelerations
+    states: Array  #: (s, P) states of first order
+    parameters: Array  #: (c, P) chosen parameters
     approach: Array  #: (a, P)
 
 
 class Saltation(NamedTuple):
-    """Derivatives by P keys after an event, and those of its log; of N with N before them."""
+    """Derivatives by P keys after an event, and of its log; of N events with N before them."""
 
-    free: Array  #: (2f + s, P) of the state after it, at fixed time
-    shift: Array  #: (P,) of its instant [s]
-    impacts: list[Array]  #: (len(NUMBERS), P) of each impact
+    free: Array  #: (2f + s, P) of the state after the event, at fixed time
+    shift: Array  #: (P,) of the instant [s]
+    impacts: list[Array]  #: (len(NUMBERS), P) of the fields of each impact
     approach: Array  #: (a, P)
 
 
 class _Terms(NamedTuple):
     """N terms of contacts at a point, or at E points with E before all shapes."""
 
-    values: Array  #: (N,)
-    slopes: Array  #: (N, z)
+    values: Array  #: (N,) values
+    slopes: Array  #: (N, z) derivatives by the z variables
     direct: Array  #: (N, P) derivatives by keys, at a fixed point and fixed parameters
 
     def moved(self, z: Array) -> Array:
-        """Differentials (N, C), by those of the point (z, C), whose last columns are P keys."""
+        """Differentials (N, C) from those of the variables (z, C); the last P columns are keys."""
         found = np.asarray(self.slopes @ z)
         found[..., found.shape[-1] - self.direct.shape[-1] :] += self.direct
         return found
@@ -114,8 +114,8 @@ class Jumps:
 
     Parameters
     ----------
-    equations : of the machine
-    influence : of the keys
+    equations : linearised equations of the machine
+    influence : derivatives of the machine's numbers by the keys
     """
 
     def __init__(self, equations: LinearEquations, influence: Influence) -> None:
@@ -151,12 +151,12 @@ class Jumps:
         return Selected.none(self._eq.sizes, count)
 
     def _differential(self, x: Variation) -> Array:
-        """Differentials (z, P) of the variables on which terms depend."""
+        """Differentials (z, P) of the variables of terms."""
         none = np.zeros((*x.q.shape[:-2], 1, x.q.shape[-1]))
         return np.concatenate([x.q, x.v, x.a_p, x.states, none, x.parameters], axis=-2)
 
     def _flow(self, side: Side) -> Array:
-        """Rates (E, z) of what terms depend on, along the motions up to E events."""
+        """Rates (E, z) of the variables of terms, along the motions up to E events."""
         f, c, count = len(self._free), len(self._eq.chosen), side.a.shape[1]
         none = np.zeros((c, count))
         own = [side.at.v, side.a, 0.0 * side.at.a_p, side.rates[f:], np.ones((1, count)), none]
@@ -171,8 +171,8 @@ class Jumps:
 
         Parameters
         ----------
-        guards : what may have ended the motion before, each in a column
-        law : (P,) shift of the instant at which a law takes over, if one does
+        guards : terms of the guards that may have ended the motion, one a column
+        law : (P,) shift of the instant of a change of law; None if the event is none
         """
         jump = (after.rates - before.rates)[:, 0]
         size = np.abs(np.concatenate([after.rates, before.rates, before.a])).max(initial=0.0)
@@ -202,7 +202,7 @@ class Jumps:
     def _touched(
         self, before: Side, after: Side, x: Variation, guards: Selected, dt: Array
     ) -> Array:
-        """Derivatives of the speeds to which the damping of touches refers."""
+        """Derivatives of the speeds of initial contact, to which the damping refers."""
         z = self._differential(x) + np.outer(self._flow(before)[0], dt)
         found, index = x.approach.copy(), self._system.parameters.approach
         for i in np.flatnonzero(guards.gap.any(axis=1)):
@@ -216,7 +216,7 @@ class Jumps:
         return found
 
     def check_switches(self, before: Side, after: Side, switched: Sequence[int]) -> None:
-        """Refuse switches of rates that an impact does not take clear across their zeros."""
+        """Refuse switches whose arguments do not clearly change sign in an impact."""
         if not switched:
             return
         asked = self._none(len(switched))
@@ -236,7 +236,7 @@ class Jumps:
     # --- starts -------------------------------------------------------------------------------
 
     def begin(self, side: Side, others: Iterable[tuple[tuple[int, ...], tuple[int, ...]]]) -> None:
-        """Refuse a key that would change the contacts or rows with which the motion begins."""
+        """Refuse a key that changes the contacts or switch rows at the start."""
         size = max(np.abs(side.rates).max(initial=0.0), np.abs(side.at.v).max() ** 2)
         for modes, rows in others:
             if (~self._closed(side) & (np.array(modes, dtype=int) > Mode.FREE_FLIGHT)).any():
@@ -265,10 +265,10 @@ class Jumps:
         return np.asarray(moved[n:][self._free, key])
 
     def _at_rest(self, now: Side, z: Array, flags: Side) -> tuple[Side, Array, Array]:
-        """Machine after impulses that keep at rest what is closed or sticks by `flags`.
+        """State after impulses that keep closed and sticking contacts, by `flags`, at rest.
 
-        Gaps that differ are closed by plastic blows before: their order does not matter, for in
-        any order they act along the same lines until all of them are closed.
+        Gaps that close at different instants do so by plastic impacts before: their order does not
+        matter, as they act along the same rows until all of them are closed.
 
         Returns
         -------
@@ -349,16 +349,16 @@ class Jumps:
     def blows(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact], width: int
     ) -> tuple[NDArray[np.bool_], Saltation]:
-        """Saltation across E impacts, each of one contact alone or beside others that stay closed.
+        """Saltation across E impacts of a single contact each, others staying open or closed.
 
-        Nearly all impacts are such ones: they are looked at together. The C columns of their
-        variations are any state of some `width` before, then P keys. The shift of the instant is
-        a column of its own between them in what is found: beside it all is of usual size, however
-        slowly a contact closes.
+        Nearly all impacts are such ones and are processed together. The C columns of their
+        variations are the state of some `width` before, then P keys. In the result the shift of
+        the instant is a column of its own between them: the other columns stay of usual size,
+        however slowly a contact closes.
 
         Returns
         -------
-        Which of them these are, and what is true across them
+        Indices of these impacts, and their saltation
         """
         count, C = x.q.shape[0], x.q.shape[2]
         struck = np.array([self._names.index(i.joint) for i in impacts])
@@ -450,14 +450,14 @@ class Jumps:
         Parameters
         ----------
         z : (E, z, C) differentials, whose last columns are P keys
-        group : joints that are struck
+        group : names of the joints in impact
         dt : (E, C) shifts of the instants, if known
-        alone : whether nothing else takes part
-        ended : joints whose chatter is ended
+        alone : whether no other contact takes part
+        ended : names of the joints whose chatter ends
 
         Returns
         -------
-        The side after it, total differentials, the shifts, (E, len(NUMBERS), C) of each joint
+        The side after it, total differentials, shifts, and (E, len(NUMBERS), C) by joint
         """
         struck, C = [self._names.index(i) for i in group], z.shape[2]
         touching = struck if alone else self._touching(now, struck)
@@ -664,8 +664,8 @@ class Jumps:
     ) -> tuple[Array, Array]:
         """Impulses (E, n) of the rows of impacts, and their differentials (E, n, C).
 
-        Derivatives of rates are by the first, those of coefficients by the last of the columns
-        that rates have; more columns of the compliance are of nothing else.
+        Columns of `rate` are the first of the C of `compliance`, those of coefficients the last of
+        `rate`; in further columns only the compliance varies.
         """
         (A, dA), (r, dr), (e, de), (mu, dmu) = compliance, rate, restitution, friction
         m, C = len(touching), dA.shape[3]
@@ -687,13 +687,13 @@ class Jumps:
 
 
 def _meets(now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
-    """Mask (E,) of the events after whose impacts the rates are those of the machine now."""
+    """Mask (E,) of the events whose computed velocities agree with those of the run after them."""
     speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
     return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)
 
 
 def _of_one_blow(laws: NDArray[np.int64], *known: Array) -> tuple[Array, Array]:
-    """Impulses of the rows of one of them."""
+    """Impulses of the rows of one impact, and their differentials."""
     (A, dA, r, dr, e, de, mu, dmu), m = known, len(laws)
     if len(r) == m:  # no friction anywhere: tangents without effect
         wide, dwide = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m, dr.shape[1]))

@@ -29,23 +29,23 @@ from mechanism_sim.planar.switches import Switch
 class Points(NamedTuple):
     """A machine at N instants of its motion."""
 
-    q: Array  #: (n, N) of all coordinates
-    v: Array  #: (n, N)
+    q: Array  #: (n, N) all coordinates
+    v: Array  #: (n, N) their rates
     a_p: Array  #: (p, N) prescribed accelerations
-    outside: Array  #: (k, N) what `Frames.outside` names
-    parameters: Array  #: (r, N)
+    outside: Array  #: (k, N) values of `Frames.outside`
+    parameters: Array  #: (r, N) runtime parameters
 
 
 class Slopes(NamedTuple):
     """Accelerations of the f free coordinates and rates of s states, and their derivatives."""
 
-    rate: Array  #: (f + s, N)
-    q: Array  #: (f + s, n, N)
-    v: Array  #: (f + s, n, N)
-    a_p: Array  #: (f + s, p, N)
-    states: Array  #: (f + s, s, N)
-    parameters: Array  #: (f + s, c, N)
-    built_in: dict[int, Array]  #: (f + s, N) by keys whose numbers stand in the equations
+    rate: Array  #: (f + s, N) accelerations, then rates of states
+    q: Array  #: (f + s, n, N) derivatives by coordinates
+    v: Array  #: (f + s, n, N) derivatives by their rates
+    a_p: Array  #: (f + s, p, N) derivatives by prescribed accelerations
+    states: Array  #: (f + s, s, N) derivatives by states of first order
+    parameters: Array  #: (f + s, c, N) derivatives by the chosen parameters
+    built_in: dict[int, Array]  #: (f + s, N) derivatives by keys in the equations themselves
 
 
 class Selected(NamedTuple):
@@ -53,12 +53,12 @@ class Selected(NamedTuple):
 
     gap: Array  #: (m, N) values of the gaps
     row: Array  #: (r, N) rates of the rows
-    left: Array  #: (r, N) and
-    right: Array  #: (r, N) of the compliance
-    free: Array  #: (f, N) rates of coordinates by impulses `right`
-    drive: Array  #: (p, N) impulses of drives by them
+    left: Array  #: (r, N) left and
+    right: Array  #: (r, N) right factor of the compliance
+    free: Array  #: (f, N) rates of coordinates by the impulses `right`
+    drive: Array  #: (p, N) impulses of drives by the impulses `right`
     angle: Array  #: (m, N) directions of normals
-    switch: Array  #: (k, N) what the switches are switched by
+    switch: Array  #: (k, N) arguments of the switches
 
     @classmethod
     def none(cls, sizes: Sequence[int], count: int) -> Selected:
@@ -71,8 +71,8 @@ class LinearEquations:
 
     Parameters
     ----------
-    physics : of the machine
-    chosen : (c,) indices of the parameters by which derivatives are asked for
+    physics : physics of the machine
+    chosen : (c,) indices of the parameters of differentiation
     beside : equations at the values of `numeric_keys.OFFSETS`, over their step, by the columns of
         keys whose numbers stand in the equations: of such a number there are differences only
     """
@@ -256,7 +256,7 @@ class LinearEquations:
         return self._compiled([dot(unit, terms)], unit)
 
     def joint_friction(self, at: Points) -> tuple[Array, Array, dict[int, Array]]:
-        """Values (N,) of the terms of friction in ideal joints, and their derivatives likewise."""
+        """Values (N,) of the terms of joint friction, and their derivatives as of `selected`."""
         columns = np.eye(len(self.system.functions.joint_friction_terms[0]))
         wide = Points(*(np.repeat(x, len(columns), axis=1) for x in at))
         found = self._call(self._joint_friction, wide, columns)

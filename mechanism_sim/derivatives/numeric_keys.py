@@ -1,6 +1,6 @@
 """Numbers of a scene by their paths, and how a machine depends on one of them.
 
-What a key does on its way to the machine (units, assembly, seats of pins, laws) is ordinary Python
+The path of a key to the machine (units, assembly, initial pin positions, laws) is ordinary Python
 that ends in a few numbers: runtime parameters, the state at the start, laws, coefficients of
 impacts. Their derivatives are differences of third order of machines that are built anew, with
 errors near 1e-12 of them: there is no motion between, which could make more of a rounding.
@@ -43,10 +43,10 @@ class NumericKey:
     Attributes
     ----------
     path : dotted, as in overrides
-    value : in SI units
-    unit : in which the scene keeps it, if that is not clear from the key
-    step : [SI] of the differences
-    given : whether the scene itself gives it, not only how it starts
+    value : value in SI units
+    unit : unit of the value in the scene, if not given by the key
+    step : [SI] step of the differences
+    given : whether the scene gives the value; else it is one of the computed start
     """
 
     machine: Machine
@@ -66,9 +66,9 @@ class NumericKey:
 
     @cached_property
     def beside(self) -> list[Machine]:
-        """Machines with the values at `OFFSETS`, which can all begin.
+        """Machines with the values at `OFFSETS`, all with a valid start.
 
-        The farthest is checked as any scene: what it fulfils, those between fulfil as well.
+        Only the farthest is checked as a scene: those between then satisfy the checks, too.
         """
         content, name, found = content_of(self.machine.scene).data, self.machine.name, []
         for offset in OFFSETS:
@@ -85,7 +85,7 @@ class NumericKey:
 
 
 def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKey]:
-    """The numbers of a scene by their paths; InputError if one is none."""
+    """The numbers of a scene by their paths; InputError for a path without a number."""
     leaves = dict(_leaves(machine.scene.to_document(exclude=_SILENT)))
     found = []
     for path in dict.fromkeys(listed(paths)):
@@ -99,7 +99,7 @@ def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKe
 
 
 def _leaves(content: Any, path: str = '') -> Iterator[tuple[str, Any]]:
-    """Paths and values of all that a document holds, quantities as value and unit."""
+    """Paths and values of all entries of a document, quantities as value and unit."""
     parts: Any = ()
     if isinstance(content, Mapping):
         parts = content.items()
@@ -123,7 +123,7 @@ def _is_number(x: Any) -> bool:
 
 
 def _at_start(machine: Machine, path: str, leaves: Mapping[str, Any]) -> tuple[float, str]:
-    """A coordinate, a rate or a drive at the start that the scene does not give: as it starts."""
+    """Initial coordinate, rate or drive that the scene does not give, by its computed value."""
     begin, _, coordinate = path.rpartition('.')
     which = {'initial.position': 0, 'initial.velocity': 1}.get(begin)
     free = machine.equations.system.free if machine.level.dynamic else ()
@@ -172,8 +172,8 @@ def differences(key: NumericKey, take: Callable[[Machine], Array], base: Array) 
 
     Parameters
     ----------
-    take : the numbers (n,), as many of each machine
-    base : those of the machine itself
+    take : function that returns the numbers (n,) of a machine
+    base : numbers of the machine itself
     """
     found = np.zeros_like(base)
     for weight, machine in zip(WEIGHTS[::-1], key.beside[::-1], strict=True):

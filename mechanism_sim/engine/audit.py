@@ -47,7 +47,7 @@ class Energy:
 
     Attributes
     ----------
-error : estimated quadrature error of the sum of `drive_work` and `dissipated`
+    error : estimated quadrature error of the sum of `drive_work` and `dissipated`
     exchanged : reference of the relative residual: magnitudes of the works of drives, loads and
         friction, and of all changes of kinetic and potential energy. It does not depend on the
         height or angle chosen as zero of a potential energy

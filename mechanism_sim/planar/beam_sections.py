@@ -43,7 +43,7 @@ class Taper:
 
     Attributes
     ----------
-    length : [m] of the beam
+    length : [m] length of the beam
     points : [m] with rising places, and the sizes of the section there, see `geometry`; two of
         the same place are a step, before the first and after the last the sizes stay
     """
@@ -72,7 +72,7 @@ class Taper:
 
     @property
     def breaks(self) -> Array:
-        """The ends, and where sections change otherwise between them (k + 1,) [m]."""
+        """Breaks (k + 1,) [m]: the ends, and points where the taper changes."""
         return self._intervals[0]
 
     @property
@@ -82,7 +82,7 @@ class Taper:
         return bool((starts == starts[0]).all() and (ends == starts[0]).all())
 
     def geometry(self, x: float | Array) -> tuple[Array, Array, Array]:
-        """Area, second moment and outer fibre as `geometry` has them, at places x (...,) [m]."""
+        """Area, second moment and outer fibre at positions x (...,) [m], see `geometry`."""
         breaks, starts, ends = self._intervals
         x = np.asarray(x, float)
         i = np.clip(np.searchsorted(breaks, x, 'right') - 1, 0, len(starts) - 1)
@@ -91,7 +91,7 @@ class Taper:
         return geometry(self.shape, [*np.moveaxis(sizes, -1, 0)])
 
     def nodes(self, count: int, end: float) -> tuple[Array, Array]:
-        """Places and weights (N,) [m] of quadrature from 0 to `end`, `count` in each interval."""
+        """Nodes and weights (N,) [m] of quadrature from 0 to `end`, `count` in each interval."""
         return nodes(self.breaks, count, end)
 
     def moments(self) -> tuple[float, float, float]:
@@ -108,13 +108,13 @@ class Taper:
         return float(weights @ area) / self.length, float(weights @ moment) / self.length
 
     def shares(self, x: float | Array) -> tuple[Array, Array]:
-        """Area and second moment over their means at places x (...,) [m]."""
+        """Area and second moment over their means at positions x (...,) [m]."""
         area, moment, _ = self.geometry(x)
         return area / self.means[0], moment / self.means[1]
 
 
 def nodes(breaks: Array, count: int, end: float) -> tuple[Array, Array]:
-    """Places and weights (N,) of Gauss' quadrature from 0 to `end`, `count` in each interval."""
+    """Nodes and weights (N,) of Gauss' quadrature from 0 to `end`, `count` in each interval."""
     places, weights = legendre.leggauss(count)
     ends = np.array([*breaks[breaks < end], end])
     half = 0.5 * np.diff(ends)[:, None]

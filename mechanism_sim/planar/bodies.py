@@ -16,7 +16,7 @@ Arms: TypeAlias = dict[tuple[str, ...], Vector2]
 
 
 class LinkExtension(ABC):
-    """Coordinates that a link has beside those of a rigid body, and what they change.
+    """Coordinates of a link beside those of a rigid body, and their effects on it.
 
     A method that a kind does not override adds nothing.
     """
@@ -44,7 +44,7 @@ class LinkExtension(ABC):
 
         Parameters
         ----------
-        place : a point of the link, from one of its plane and a height above that [m]
+        place : position of a point of the link, from a point of its plane and a height above [m]
         """
 
     def spin_of(self, body: Body) -> float:

@@ -33,7 +33,7 @@ _DEGREE = 13
 _POINTS = np.sin((2.0 * np.arange(1, _PAIRS + 1) - 1.0) * np.pi / (4.0 * _PAIRS))
 _BOTH = np.concatenate([-_POINTS[::-1], _POINTS])
 SAMPLES = _BOTH
-"""Places along a branch at which functions are sampled, as parts of its width."""
+"""Positions along a branch at which functions are sampled, as shares of its width."""
 _BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
 _SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
 for _k in range(1, _DEGREE + 1):
@@ -46,8 +46,8 @@ class Branch:
 
     Attributes
     ----------
-    found : (N,) where there is one; elsewhere the numbers mean nothing
-    width : (N,) by how much the parameter may differ from that of the position [rad, m, s]
+    found : (N,) mask of positions with a branch; other entries are meaningless
+    width : (N,) largest deviation of the parameter from that of the position [rad, m, s]
     coefficients : (N, n, d + 1)
     """
 
@@ -60,7 +60,7 @@ class Branch:
 
         Parameters
         ----------
-        shift : (N, K) of the parameter, from the positions on
+        shift : (N, K) change of the parameter from that of the positions
         """
         values = []
         basis, coefficients = chebyshev.chebvander(shift / self.width[:, None], _DEGREE), self
@@ -86,10 +86,10 @@ def follow(
 
     Parameters
     ----------
-    q : (n, N) positions on them
-    slope : (n, N) dq/du there, near enough to tell branches apart
-    drive : (3, p, N) the held coordinates and their first and second derivatives by u
-    reach : (N,) how far the branch must be known [u]
+    q : (n, N) positions on the branches
+    slope : (n, N) dq/du there, accurate enough to distinguish branches
+    drive : (3, p, N) held coordinates and their first and second derivatives by u
+    reach : (N,) range of u over which the branch is needed
     """
     count = q.shape[1]
     scale = kinematics.scale
@@ -118,7 +118,7 @@ def follow(
 
 
 def _stays(kinematics: Kinematics, q: Array, shift: Array) -> Mask:
-    """True where (N,) constraints are as independent a whole width on, either way.
+    """Mask (N,) of positions whose constraints are as independent one width before and after.
 
     As of a linkage that turns as one. Then no sample is better determined than the position
     itself, and none beyond is singular.
@@ -140,7 +140,7 @@ def crossing(kinematics: Kinematics, branch: Branch) -> Array:
 def determinants(kinematics: Kinematics, q: Array) -> Array:
     """Determinants of the constraints (N, K) in K `SAMPLES` beside N positions, of q (n, N K).
 
-    Of redundant ones, what they say in the sample where they are most independent counts.
+    Redundant rows are projected on the row space's basis where they are most independent.
     """
     A = kinematics.directions(q)
     A = A.reshape(-1, len(SAMPLES), *A.shape[1:])
@@ -154,7 +154,7 @@ def determinants(kinematics: Kinematics, q: Array) -> Array:
 def _fitted(
     kinematics: Kinematics, q: Array, slope: Array, drive: Array, width: Array, pace: Array
 ) -> tuple[Array, Mask]:
-    """Coefficients (N, n, d + 1) of the branches on intervals of given widths, and if they hold.
+    """Coefficients (N, n, d + 1) of the branches on intervals of given widths, and their validity.
 
     Samples are taken in pairs from the middle outwards. What a pair is off the tangent is first
     guessed from the pair before: its even part grows as the square, its odd part as the cube.
@@ -220,8 +220,8 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
     Parameters
     ----------
     values : (M, N, K) at the K `SAMPLES` of the intervals
-    determinant : (N, K) of the matrix from which they follow
-    independence : (N, K) of the constraints: how far samples are from the singular position
+    determinant : (N, K) determinant of the matrix from which they follow
+    independence : (N, K) of the constraints: distance of samples from the singular position
 
     Returns
     -------
@@ -287,7 +287,7 @@ def beginnings(kinematics: Kinematics, q: Array, drive: Array) -> Branch:
 
     Parameters
     ----------
-    q : (n,) the position, near enough
+    q : (n,) approximate singular position
     drive : (3, p) as in `follow`
     """
     scale, sought, held = kinematics.scale, kinematics.sought, kinematics.held

@@ -1,4 +1,4 @@
-"""Ideal joints that close a loop, as the engine sees them: what vanishes, what they transmit."""
+"""Loop closures by ideal joints: components that vanish, and wrenches that they transmit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 
 _RANK = 1e-9
-"""Share of the largest pivot: rows that add less to those before follow from them."""
+"""Share of the largest pivot below which a row depends on those before."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Closure:
 
 @dataclass(frozen=True)
 class PrismaticClosure:
-    """A prismatic joint: the second link's point stays on the line, and does not turn on it."""
+    """A prismatic joint: the second link's point stays on the line, without rotation."""
 
     name: str
     mechanism: Mechanism
@@ -174,7 +174,7 @@ J = TypeVar('J', bound=HigherPair)
 
 @dataclass(frozen=True)
 class HigherClosure(Generic[J]):
-    """Closure of a higher pair: its pair, and the tree it closes."""
+    """Closure of a higher pair in a tree of links."""
 
     joint: J
     mechanism: Mechanism
@@ -227,8 +227,8 @@ def independent(relations: Sequence[Relation], rows: Sequence[str], J: Array) ->
 
     Parameters
     ----------
-    rows : the joint of every row
-    J : (r, u) the rows at a position where their rank is that of the motion, free of units
+    rows : joint of every row
+    J : (r, u) dimensionless rows at a position where their rank is that of the motion
     """
     _, triangle, order = scipy.linalg.qr(J.T, mode='economic', pivoting=True)
     sizes = np.abs(np.diagonal(triangle))

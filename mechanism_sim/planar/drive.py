@@ -31,7 +31,7 @@ class DriveLaw:
     reference_time: float = 0.0  #: [s]
     valid_from: float = 0.0  #: [s]
     straight: bool = False  #: of a displacement [m], which has no turns
-    turns: int = 0  #: kept apart, so that no digits are lost after however many
+    turns: int = 0  #: whole turns, kept apart so that no digits are lost
 
     @property
     def degree(self) -> int:
@@ -124,7 +124,7 @@ class TorqueLaw:
     valid_from: float = 0.0  #: [s]
 
     def after(self, turns: int) -> tuple[float, float, float]:
-        """The coefficients if angles are counted without so many whole turns."""
+        """Coefficients for angles counted without a number of whole turns."""
         constant, per_angle, per_speed = self.coefficients
         return constant + per_angle * float(turns * TWO_PI), per_angle, per_speed
 
@@ -147,9 +147,9 @@ def speed_profile(
 
     Parameters
     ----------
-    angle : [rad] at time zero, or displacement [m]
+    angle : [rad] angle at time zero, or displacement [m]
     points : times [s], rising, and speeds [rad/s or m/s]
-    straight : whether it is a displacement
+    straight : whether the coordinate is a displacement
     turns : whole turns at time zero beside the angle
     """
     laws = [DriveLaw(coordinate, (angle, points[0][1]), straight=straight, turns=turns)]
@@ -176,7 +176,7 @@ def curve_laws(
     Parameters
     ----------
     breaks, rows : times (k + 1,) [s], and coefficients (k, n) of powers of the time from each
-    start : None for polynomials of the coordinate; for those of the rate, where it is at time zero
+    start : None for polynomials of the coordinate; for those of the rate, its value at time zero
     """
     times = breaks.tolist()
     if start:
@@ -211,11 +211,11 @@ def largest_speed(laws: Sequence[Law]) -> float:
 
 
 _PATIENCE = 100_000
-"""Laws of a motion without end, in which it must have gone to the next angle that is asked."""
+"""Largest number of laws of an endless motion up to the next requested angle."""
 
 
 def times_of_angles(laws: Iterable[Law], angles: Iterable[float]) -> Iterator[float]:
-    """Times [s] at which consecutive laws have turned their coordinate by rising angles [rad].
+    """Times [s] at which a coordinate has rotated by rising angles [rad] under its laws.
 
     Forward or backward: a drive that swings turns on. They end where it never comes so far.
     """
@@ -241,7 +241,7 @@ def times_of_angles(laws: Iterable[Law], angles: Iterable[float]) -> Iterator[fl
 
 
 def _one_way(laws: Iterable[Law]) -> Iterator[tuple[DriveLaw, float, float]]:
-    """Laws in their order, from when to when [s] each turns one way."""
+    """Laws in their order, with the intervals [s] in which each rotates in one direction."""
     known = (law for law in laws if isinstance(law, DriveLaw))
     for law, later in pairwise(chain(known, [None])):
         assert law is not None  # noqa: S101 - only the last is none
@@ -259,7 +259,7 @@ def _one_way(laws: Iterable[Law]) -> Iterator[tuple[DriveLaw, float, float]]:
 
 
 def _reached(law: DriveLaw, begin: float, end: float, angle: float) -> float | None:
-    """Time at which a law has turned by `angle` [rad] since `begin` [s], if before `end`."""
+    """Time at which a law has rotated by `angle` [rad] since `begin` [s], if before `end`."""
     if law.degree == 1 and law.valid_from == law.reference_time:
         speed = abs(law.coefficients[1])
         t = begin + angle / speed if speed else math.inf
@@ -306,7 +306,7 @@ class FormulaLaws:
 
     Attributes
     ----------
-    rate : whether the formula is that of the rate
+    rate : whether the formula gives the rate
     """
 
     coordinate: str
@@ -368,9 +368,9 @@ class RepeatedLaws:
 
     Parameters
     ----------
-    laws : of one period, whose first takes over where it begins
+    laws : laws of one period, the first valid from its beginning
     period : [s]
-    way : [rad or m] by which it goes on in a period, exactly
+    way : [rad or m] displacement in a period, exact
     """
 
     def __init__(self, laws: Sequence[DriveLaw], period: Fraction, way: Fraction) -> None:
@@ -398,7 +398,7 @@ class RepeatedLaws:
         return self._law(cycle, number, self._starts[number] + cycle * self._period)
 
     def _place(self, time: Fraction) -> tuple[int, int]:
-        """Number of the period and of the law in it that hold from a time [s] on, but rounding."""
+        """Numbers of the period and of its law that hold from a time [s] on, within rounding."""
         cycle = (time - self._starts[0]) // self._period
         since = time - cycle * self._period
         number = bisect_right(self._starts, since) - 1

@@ -44,13 +44,13 @@ Way: TypeAlias = Literal['pinned', 'clamped', 'fixed']
 _ROUNDING = TOLERANCES.rounding
 _SECTIONS = 41
 _FITTED = 16
-"""Coefficients of a polynomial that is a half wave of a beam but for rounding."""
+"""Number of coefficients of a polynomial that is a half wave of a beam to rounding."""
 
 
 def shapes(
     way: Way, functions: Functions, count: int, taper: Taper | None, t: Array, derivative: int
 ) -> Array:
-    """Shapes or their derivatives at places t (...,) from 0 to 1: (count, ...)."""
+    """Shapes or their derivatives at positions t (...,) from 0 to 1: (count, ...)."""
     if not count:
         return np.zeros((0, *np.shape(t)))
     if taper:
@@ -85,7 +85,7 @@ def _cantilever(i: int, t: Array, derivative: int) -> Array:
 
 _T = Legendre([0.5, 0.5], domain=[0.0, 1.0])
 _FACTORS = {'pinned': _T * (1.0 - _T), 'clamped': _T * _T, 'fixed': _T}
-"""Polynomials on 0 to 1 that keep reference conditions; `fixed` is that of stretch."""
+"""Polynomials on 0 to 1 that satisfy reference conditions; `fixed` is that of stretch."""
 
 
 @lru_cache
@@ -117,7 +117,7 @@ def _ritz(ends: str, count: int, derivative: int) -> Array:
 
 @lru_cache
 def gauss(count: int) -> tuple[Array, Array]:
-    """Places and weights (count,) of Gauss' quadrature from -1 to 1."""
+    """Nodes and weights (count,) of Gauss' quadrature from -1 to 1."""
     return legendre.leggauss(count)
 
 
@@ -139,7 +139,7 @@ class Pieces(NamedTuple):
         return int(self.coefficients.shape[1])
 
     def at(self, t: Array, derivative: int) -> Array:
-        """Values or derivatives of the functions at places t (...,) from 0 to 1: (count, ...)."""
+        """Values or derivatives of the functions at positions t (...,) in 0 to 1: (count, ...)."""
         t = np.asarray(t, float)
         i = np.clip(np.searchsorted(self.breaks, t, 'right') - 1, 0, len(self.coefficients) - 1)
         start, wide = self.breaks[i], np.diff(self.breaks)
@@ -187,7 +187,7 @@ def tapered(way: Way, functions: Functions, count: int, taper: Taper) -> Pieces:
 
 
 def _smooth(way: Way, breaks: Array, degree: int, order: int) -> Pieces:
-    """All polynomials between breaks that keep reference conditions.
+    """All polynomials between breaks that satisfy reference conditions.
 
     They have `order` derivatives, the value among them, that do not jump.
     """
@@ -222,18 +222,18 @@ class Damping:
     """
 
     ratio: float = 0.0
-    mass: float = 0.0  #: [1/s]
-    stiffness: float = 0.0  #: [s]
+    mass: float = 0.0  #: [1/s] mass-proportional coefficient
+    stiffness: float = 0.0  #: [s] stiffness-proportional coefficient
 
 
 class AxisPieces(NamedTuple):
-    """All shapes as polynomials of the place along the axis, from break to break.
+    """All shapes as polynomials of the position along the axis, from break to break.
 
     Attributes
     ----------
     breaks : (k + 3,) [m] with the ends of the beam, and infinity beyond both
     rows : (k + 2, n * (degree + 1)) coefficients of rising powers [1/m^j], coordinate by
-        coordinate, of the place from the middle of each piece; beyond the beam from its end
+        coordinate, of the position from the middle of each piece; beyond the beam from its end
     """
 
     breaks: Array
@@ -250,18 +250,18 @@ class Beam(LinkExtension):
 
     Attributes
     ----------
-    modes, stretch : how many bend the axis, and how many stretch it (always polynomials)
+    modes, stretch : numbers of bending modes, and of modes of stretch (always polynomials)
     shortens : whether there is foreshortening; without it the beam is that of linear textbooks
-    lumps : masses [kg] that the beam carries, with their points [m] in the link's frame
+    lumps : masses [kg] carried by the beam, with their points [m] in the link's frame
     spin : moment of inertia [kg m^2] that turns with the link's frame beside beam and lumps
-    fibre : distance [m] of the outer fibres from the axis, if it is known; the largest
-    taper : how the section changes along the beam; stiffnesses and density are then mean values
+    fibre : largest distance [m] of the outer fibres from the axis, if known
+    taper : variation of the section along the beam; stiffnesses and density are then means
     """
 
     length: float  #: [m]
     bending_stiffness: float  #: [N m^2] Young's modulus times second moment of area
     axial_stiffness: float  #: [N] Young's modulus times area
-    density: float  #: [kg/m]
+    density: float  #: [kg/m] mass per length
     youngs_modulus: float  #: [Pa]
     modes: int
     stretch: int = 0
@@ -288,13 +288,13 @@ class Beam(LinkExtension):
         return self.density * self.length
 
     def deflection(self, x: float | Array, derivative: int = 0) -> Array:
-        """Functions phi_i or their derivatives by x at places x (...,) [m]: (modes, ...)."""
+        """Functions phi_i or their derivatives by x at positions x (...,) [m]: (modes, ...)."""
         t, way = np.asarray(x) / self.length, self.ends
         found = shapes(way, self.functions, self.modes, self.taper, t, derivative)
         return found / self.length**derivative
 
     def axis_pieces(self) -> AxisPieces:
-        """All shapes in pieces: exactly if they are polynomials, else but for rounding."""
+        """All shapes as piecewise polynomials: exact for polynomials, else to rounding."""
         L, order = self.length, _FITTED
         if self.taper:
             own = tapered(self.ends, self.functions, self.modes, self.taper)
@@ -320,17 +320,17 @@ class Beam(LinkExtension):
         return AxisPieces(np.array([-np.inf, *breaks, np.inf]), rows.reshape(len(rows), -1))
 
     def elongation(self, x: float | Array, derivative: int = 0) -> Array:
-        """Functions psi_k or their derivatives by x at places x (...,) [m]: (stretch, ...)."""
+        """Functions psi_k or their derivatives by x at positions x (...,) [m]: (stretch, ...)."""
         t = np.asarray(x) / self.length
         found = shapes('fixed', 'polynomial', self.stretch, self.taper, t, derivative)
         return found / self.length**derivative
 
     def outer_fibre(self, x: float | Array) -> Any:
-        """Distance [m] of the outer fibres from the axis at places x (...,) [m], if known."""
+        """Distance [m] of the outer fibres from the axis at positions x (...,) [m], if known."""
         return self.taper.geometry(x)[2] if self.taper and self.fibre else self.fibre
 
     def _nodes(self, end: float) -> tuple[Array, Array]:
-        """Places (N,) and weights (N,) [m] of Gauss' quadrature from 0 to `end`."""
+        """Nodes (N,) and weights (N,) [m] of Gauss' quadrature from 0 to `end`."""
         if self.taper:
             order = tapered(self.ends, self.functions, self.modes, self.taper).order
             return self.taper.nodes(max(order, self.stretch + 1) + 2, end)
@@ -346,11 +346,11 @@ class Beam(LinkExtension):
     def arms(self, at: Vector2) -> Arms:
         """Displacement of a point of the link in its frame: vectors by products of coordinates.
 
-        Beside the axis a point moves with its cross-section, beyond the beam with the end of it.
+        A point beside the axis moves with its cross-section, one beyond the beam with its end.
 
         Parameters
         ----------
-        at : [m] in the link's frame, before it is deformed
+        at : [m] undeformed point in the link's frame
         """
         x = min(max(at[0], 0.0), self.length)
         beyond, y = at[0] - x, at[1]
@@ -388,21 +388,21 @@ class Beam(LinkExtension):
         return {name: x for name, x in zip(self.names, slope, strict=False) if x}
 
     def strain(self, x: float | Array, y: float) -> Array:
-        """Strain at places x (...,) [m] and y [m] from the axis, by coordinate: (n, ...) [1/m].
+        """Strain at positions x (...,) [m] and y [m] off the axis, by coordinate: (n, ...) [1/m].
 
-        ``u' - y w''``: fibres at positive y are pressed where the link bends towards them.
+        ``u' - y w''``: fibres at positive y are compressed where the link bends towards them.
         """
         return np.concatenate([-y * self.deflection(x, 2), self.elongation(x, 1)])
 
     def sag(self, q: Array) -> Array:
-        """Deflection (N,) [m] across the link's x axis in the middle, of deformations (n, N)."""
+        """Deflection (N,) [m] across the link's x axis at mid-length, of deformations (n, N)."""
         middle = self.deflection(0.5 * self.length)
         return np.asarray(middle @ q[: self.modes])
 
     def largest_stress(self, q: Array) -> Array:
         """The largest size (N,) [Pa] at the outer fibres, in steps of a fortieth of the length.
 
-        Of bending, and of stretch where the beam has coordinates for it.
+        Stress of bending, and of stretch where the beam has coordinates for it.
         """
         sections = np.linspace(0.0, self.length, _SECTIONS)
         bent = self.deflection(sections, 2).T @ q[: self.modes]
@@ -412,7 +412,7 @@ class Beam(LinkExtension):
         return np.asarray(self.youngs_modulus * strain.max(axis=0))
 
     def _shares(self, x: Array) -> tuple[Any, Any]:
-        """Area and second moment over their means at places x (N,) [m]."""
+        """Area and second moment over their means at positions x (N,) [m]."""
         return self.taper.shares(x) if self.taper else (1.0, 1.0)
 
     @cached_property

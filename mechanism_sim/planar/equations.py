@@ -36,10 +36,10 @@ class Equations:
     ----------
     M : (n, n) mass matrix, [kg m^2] for angles
     weight : (n,) minus the generalised forces of gravity and elasticity, [N m] for angles
-    bias : (n,) velocity products, weight and damping in links, on the left-hand side, likewise
+    bias : (n,) velocity products, weight and damping in links on the left-hand side [N m, N]
     strain_energy, strain_loss : of elastic links and shafts [J], [W]
     gap_jets : (m,) gaps with their derivatives [m]
-    relation_jets : every component of every relation, likewise
+    relation_jets : every component of every relation with its derivatives [m]
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Equations:
         return [x for jet in self.relation_jets for x in jet.row(self.coordinates)]
 
     def transmitted(self) -> tuple[list[hy.expression], dict[str, Wrench]]:
-        """Symbols of the forces along these rows, and what the joints transmit by them."""
+        """Symbols of the forces along these rows, and the wrenches of the joints by them."""
         forces: list[hy.expression] = []
         wrenches = {}
         for k, relation in enumerate(self.relations):
@@ -213,7 +213,7 @@ class _Vector(NamedTuple):
 class _Extensions:
     """Terms that extensions of links add: strain energy, damping, gyroscopic moments.
 
-    And which terms are of too high an order.
+    `counts` tells which terms are of too high an order.
     """
 
     def __init__(self, mechanism: Mechanism, frames: Frames) -> None:
@@ -251,5 +251,5 @@ class _Extensions:
         return self._forces.get(c)
 
     def damping(self, c: str) -> Term:
-        """Minus the force on a coordinate that comes with rates [N, N m]."""
+        """Minus the rate-dependent force on a coordinate [N, N m]."""
         return self._losses.get(c)

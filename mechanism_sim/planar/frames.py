@@ -73,16 +73,16 @@ class Frames:
         Symbols of each coordinate, angle [rad] or displacement [m], its rate and acceleration.
         They are numbered: the names of a scene are no part of its expressions.
     outside : dict
-        Symbols of what loads ask for beside these: ``time`` [s] since the start of the run,
+        Symbols of further inputs of loads: ``time`` [s] since the start of the run,
         ``COORDINATE.turns``, the whole turns that its symbol leaves out, and ``state:NUMBER``.
     switches : dict
-        What changes from one part of the cycle to another, by name.
+        Switches between parts of the cycle, by name.
     wide : set
-        Names of the switches that hold, or do not hold, over a good part of a turn each time.
+        Names of the switches whose parts each last a good share of a turn.
     formulas : set
-        Names of the loads that formulas give, which may be steep anywhere.
+        Names of the loads by formulas, which may be steep anywhere.
     texts : dict
-        Of formulas, with their expressions, by the keys of their parameters.
+        Texts of formulas, with their expressions, by the keys of their parameters.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Frames:
         return self._switch(name, guard).flag
 
     def slip(self, name: str, rate: hy.expression) -> Switch:
-        """The switch of a friction, on the rate that it acts against: no load shares it."""
+        """Switch of a friction, on its slip rate; not shared with any load."""
         self.slips.add(name)
         return self._switch(name, rate)
 
@@ -154,11 +154,11 @@ class Frames:
 
         Parameters
         ----------
-        along : the coordinate [rad, m], of any number of turns if it is periodic
+        along : coordinate [rad, m], of any number of turns if it is periodic
         breaks : (k + 1,) [rad, m] between which the rows hold; of a turn if it is periodic, each
             then not longer than a right angle
         rows : (k, n)
-        periodic : whether the first row follows on the last; else a run ends beyond the breaks
+        periodic : whether the first row follows the last; else a run ends beyond the breaks
 
         Returns
         -------
@@ -169,7 +169,7 @@ class Frames:
         return known.numbers, local
 
     def past_tooth(self, name: str, along: Jet, count: int) -> Jet:
-        """An angle from the last of so many teeth on a turn that it passed rising [rad]."""
+        """Angle [rad] since the last tooth passed while rising, of a number of teeth on a turn."""
         known = self.switches.get(name)
         if not isinstance(known, ToothTable):
             own = f'row{len(self.switches)}'
@@ -179,12 +179,12 @@ class Frames:
     def lookup(
         self, name: str, place: hy.expression, breaks: Array, rows: Array, periodic: bool
     ) -> hy.expression:
-        """A piecewise polynomial of a place, which may be any function of motion and time.
+        """Piecewise polynomial of a position, which may be any function of motion and time.
 
         Parameters
         ----------
         breaks : (k + 1,) as in `table`, or infinite at both ends
-        rows : (k, n) coefficients of powers, rising, of the place from the middle of its interval,
+        rows : (k, n) coefficients of rising powers of the position from its interval's middle,
             or from the finite end of an infinite one
         """
         known = self._table(name, place, breaks, rows, periodic)
@@ -251,7 +251,7 @@ class Frames:
         return lift(0.0) if frame == GROUND else self.displacement(frame)
 
     def turn(self, turns: Mapping[str, float], label: str) -> Jet:
-        """The angle of a link at a point, by how much each coordinate turns it there."""
+        """Rotation [rad] of a link at a point, as a sum over coordinates."""
         found = Jet(None, {}, None, None)
         for c, slope in turns.items():
             turn = self.displacement(c)
@@ -351,7 +351,7 @@ class Jet:
         )
 
     def __truediv__(self, other: hy.expression | float) -> Jet:
-        """Quotient by something that does not move."""
+        """Quotient by a constant."""
         o = dense(lift(other).value)
         gradient = {n: div(g, o) for n, g in self.gradient.items()}
         return Jet(div(self.value, o), gradient, div(self.rate, o), div(self.curvature, o))
@@ -405,7 +405,7 @@ class Jet:
 
 
 def wrapped(angle: Jet, per: hy.expression) -> Jet:
-    """An angle [rad] without whole turns, times what does not move."""
+    """An angle [rad] without whole turns, times a constant."""
     u = dense(angle.value)
     return angle.chain(per * hy.atan2(hy.sin(u), hy.cos(u)), per, None)
 

@@ -1,4 +1,4 @@
-"""Play in a higher pair, such as of a pin in a slot: its walls, each a gap."""
+"""Clearance in a higher pair, such as of a pin in a slot: its walls, each a gap."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class MeasuredGap:
 
 
 class FrictionlessGap(MeasuredGap):
-    """A gap that presses along an axis or by a moment, without a force in the plane."""
+    """A gap whose force is axial or a moment, without a force in the plane."""
 
     friction: ClassVar[float] = 0.0
 
     def slip(self, _: Frames) -> Jet:
-        """Refuse: there is no friction here, for which alone slips are asked.
+        """Refuse: slips exist only for gaps with friction.
 
         Raises
         ------
@@ -61,7 +61,7 @@ class FrictionlessGap(MeasuredGap):
 
 @dataclass(frozen=True)
 class Wall(MeasuredGap):
-    """One wall of a higher pair with play.
+    """One wall of a higher pair with clearance.
 
     With the offset h of the closure, such as that of a pin from the centre line to the left of its
     slot, the gap is ``c - h`` at the left wall and ``c + h`` at the right one.
@@ -69,12 +69,12 @@ class Wall(MeasuredGap):
 
     closure: PairClosure
     side: Side
-    play: float  #: [m] c, from where the offset is zero
+    play: float  #: c [m], clearance from the position of zero offset
     restitution: float
     friction: float = 0.0
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
-    touch: Rubbing | None = None  #: of a wall that rubs
+    touch: Rubbing | None = None  #: sliding contact of a wall with friction
 
     @property
     def name(self) -> str:
@@ -181,12 +181,12 @@ def with_turning(
     arms: Sequence[float],
     still: Collection[str] = (),
 ) -> Jet:
-    """A slip [m/s] of points, and what links add that turn with surfaces at arms [m] from them.
+    """Slip [m/s] of points, with the rotation of links whose surfaces lie at arms [m].
 
     Parameters
     ----------
-    name : of the gap
-    still : coordinates that do not count
+    name : name of the gap
+    still : coordinates taken at rest
     """
     for (link, at), arm in zip(ends, arms, strict=True):
         for c, turn in mechanism.turns(link, at).items():
@@ -234,7 +234,7 @@ def walls(
     law: ForceLaw | None = None,
     pin_radius: float = 0.0,
 ) -> list[Wall]:
-    """All walls of a higher pair; `play` [m] is from where its offset is zero."""
+    """All walls of a higher pair; `play` [m] is the clearance from the position of zero offset."""
     own = closure.joint.rubbing_wall if friction else None
     touch = closure.joint.touch(closure.mechanism, pin_radius) if friction and not own else None
     friction *= touch.share if touch else 1.0

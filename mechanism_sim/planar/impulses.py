@@ -1,4 +1,4 @@
-"""Impulses in all joints, from what velocities gained.
+"""Impulses in all joints, from steps of the velocities.
 
 ``M delta v = J^T lambda + J_n^T N + J_t^T T + torques`` with the impulses of closures, of contacts
 (which only press) and their friction, and of drives that keep their speed as unknowns; the joints
@@ -34,7 +34,7 @@ class JointImpulses:
 
     Attributes
     ----------
-    outside : what must be known beside the place: ``time``, ``COORDINATE.turns``
+    outside : names of inputs beside the position: ``time``, ``COORDINATE.turns``
     """
 
     def __init__(
@@ -79,9 +79,9 @@ class JointImpulses:
 
         Parameters
         ----------
-        q : (n, N) of the coordinates
-        step : (n, N) of their rates
-        outside : (k, N) what is named by `outside`
+        q : (n, N) coordinates
+        step : (n, N) steps of their rates
+        outside : (k, N) values of the inputs `outside`
         """
         n, count = q.shape
         motion = np.concatenate([q, np.zeros_like(q), step, outside])

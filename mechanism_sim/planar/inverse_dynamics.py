@@ -40,25 +40,25 @@ _SWITCHES = TOLERANCES.switches
 class Observation(NamedTuple):
     """A machine at N instants: n coordinates, j joints of which m have clearance, p drives."""
 
-    position: Array  #: (n, N) [rad]
-    velocity: Array  #: (n, N) [rad/s]
-    acceleration: Array  #: (n, N) [rad/s^2]
+    position: Array  #: (n, N) coordinates [rad, m]
+    velocity: Array  #: (n, N) [rad/s, m/s]
+    acceleration: Array  #: (n, N) [rad/s^2, m/s^2]
     gap: Array  #: (m, N) [m]
     normal_force: Array  #: (m, N) [N]
     friction_force: Array  #: (m, N) [N] on the first-named link, along the tangent
-    friction_power: Array  #: (N,) [W] lost by sliding
-    reaction: Array  #: (j, 2, N) [N] of the first-named on the second-named link
-    reaction_moment: Array  #: (j, N) [N m] likewise, about the joint's point on the latter
+    friction_power: Array  #: (N,) dissipation by sliding [W]
+    reaction: Array  #: (j, 2, N) force of the first-named on the second-named link [N]
+    reaction_moment: Array  #: (j, N) moment [N m], about the joint's point on the latter
     drive_torque: Array  #: (p, N) [N m, N] prescribed drives first
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
-    load: Array = np.zeros((0, 1))  #: (u, N) [N, N m] sizes of loads that follow from the motion
+    load: Array = np.zeros((0, 1))  #: (u, N) [N, N m] magnitudes of unknown loads
     without_turns: Array = np.zeros((0, 1))  #: (n, N) position less whole turns, if it has any
 
     @property
     def local(self) -> Array:
-        """The position (n, N) without whole turns: from that places and forces are computed.
+        """The position (n, N) without whole turns, from which positions and forces follow.
 
         An angle loses digits with every turn that it contains.
         """
@@ -71,23 +71,23 @@ class Observation(NamedTuple):
         return turns
 
     def with_turns(self, turns: NDArray[np.int64]) -> Observation:
-        """Itself, where whole turns (n, N) had been taken off the position."""
+        """Copy with whole turns (n, N) added to the position."""
         if not turns.any():
             return self
         return self._replace(position=self.position + TWO_PI * turns, without_turns=self.position)
 
 
 class NoLimit(NamedTuple):
-    """An instant at which forces grow beyond all bounds, or from which on they are not known."""
+    """An instant of unbounded forces, or from which on they are not known."""
 
     t: float  #: [s]
     drive: float  #: position of the main drive [rad, m]
-    joints: tuple[str, ...]  #: whose forces do
-    rests: bool = False  #: drive or load rest there for a while: forces are not determined
-    loads: tuple[str, ...] = ()  #: which do no work there, so that their sizes are not determined
+    joints: tuple[str, ...]  #: joints with unbounded forces
+    rests: bool = False  #: whether drive or load rest for a while: forces are not determined
+    loads: tuple[str, ...] = ()  #: loads without work there, whose sizes are not determined
 
     def is_at(self, t: float) -> bool:
-        """True if it is at a time but for rounding."""
+        """True if the instant equals a time to rounding."""
         return abs(self.t - t) <= 1e-9 * max(abs(t), 1e-3)
 
 
@@ -95,11 +95,11 @@ class Account(NamedTuple):
     """Terms of the energy balance, at N instants: m joints with clearance."""
 
     normal_force: Array  #: (m, N) [N]
-    friction_power: Array  #: (N,) [W] lost in joints and contacts
+    friction_power: Array  #: (N,) dissipation in joints and contacts [W]
     drive_power: Array  #: (N,) [W]
     kinetic_energy: Array  #: (N,) [J]
     potential_energy: Array  #: (N,) [J]
-    closure_error: float  #: [m] largest distance that should be zero
+    closure_error: float  #: [m] largest deviation of closed gaps and closures from zero
     load_power: Array | None = None
     """(N,) [W] that springs, dampers, films and loads take; None if none do, or where they are
     steep: see `Physics.load_power`"""
@@ -119,11 +119,11 @@ class InverseDynamics:
     relations : its cut joints
     driven : names of the coordinates with a drive
     elements : springs, dampers and loads
-    frictions : of ideal joints
+    frictions : friction in ideal joints
     inertia : whether ``M a`` and the velocity products count; statics leaves them out, and nothing
         else: weights and all that loads owe to speed stay
     unknowns : loads whose sizes follow from the efforts of as many drives
-    efforts : of these drives, by coordinate
+    efforts : given efforts of these drives, by coordinate
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class InverseDynamics:
 
     @cached_property
     def steep(self) -> SteepLoads | None:
-        """Loads that may be steep somewhere, and given efforts, if there are any."""
+        """Loads and given efforts that may be steep somewhere; None without any."""
         if not self.formulas:
             return None
         found = SteepLoads(self.mechanism, self.equations.frames, self._given)
@@ -186,7 +186,7 @@ class InverseDynamics:
 
     @property
     def loses_more(self) -> bool:
-        """True if friction in joints, or loads whose sizes follow, take power beside these."""
+        """True if friction in joints, or unknown loads, take further power."""
         return bool(self._frictional_joints or self.unknowns.sizes)
 
     @cached_property
@@ -202,7 +202,7 @@ class InverseDynamics:
 
     @cached_property
     def _functions(self) -> tuple[SwitchedFunction, SwitchedFunction]:
-        """Efforts to supply with the closure rows; and the joint forces from the closures'."""
+        """Functions: required efforts with closure rows; joint forces from closure forces."""
         eq = self.equations
         frames, a = eq.frames, dict(eq.frames.a)
         accelerated = a if self._inertia else None
@@ -262,7 +262,7 @@ class InverseDynamics:
     def damping(self, q: Array, v: Array) -> Array:
         """Damping matrix of springs, dampers and loads, (n, n, N) ``-dQ/dv``.
 
-        Of forces Q that depend on nothing but the motion.
+        Only for forces Q that depend on the motion alone.
 
         Parameters
         ----------
@@ -285,8 +285,8 @@ class InverseDynamics:
         Parameters
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
-        outside : (k, N) what is named by `outside`
-        rows : (k, N) values of the switches, if not those at these places
+        outside : (k, N) values of the inputs `outside`
+        rows : (k, N) values of the switches; by default those at these positions
         """
         count = q.shape[1]
         given = np.zeros((len(self.outside), count)) if outside is None else outside
@@ -410,8 +410,8 @@ class InverseDynamics:
 
         Parameters
         ----------
-        q : (n,) the position
-        rank : of the largest singular value, below which closures are dependent
+        q : (n,) position
+        rank : share of the largest singular value below which closures are dependent
         """
         first, second = self._functions
         n, closures = len(q), len(self.equations.relation_jets)

@@ -50,9 +50,9 @@ class Pressed(NamedTuple):
     """
 
     coefficient: Term
-    components: Sequence[Term]  #: [N] linear in the joint's wrench
-    resolution: Term  #: [N]
-    side: Term = None  #: 1 or -1; 0 of the wall that is off
+    components: Sequence[Term]  #: force components [N], linear in the joint's wrench
+    resolution: Term  #: smoothing force [N]
+    side: Term = None  #: sign of a single component, 1 or -1; 0 for an unloaded wall
     wall: int = 0  #: 1 or -1
 
 
@@ -60,9 +60,9 @@ class Pressed(NamedTuple):
 class JointFriction(ABC):
     """Friction in an ideal joint."""
 
-    name: str  #: of the joint
+    name: str  #: name of the joint
     mechanism: Mechanism
-    coefficient: float  #: Coulomb's
+    coefficient: float  #: Coulomb's coefficient
 
     @property
     def joint(self) -> Joint:
@@ -103,10 +103,10 @@ class JointFriction(ABC):
 
     @abstractmethod
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
-        """The terms of the bound of |T|, by what the joint carries without its friction."""
+        """The terms of the bound of |T|, from the joint's wrench without its friction."""
 
     def loss(self, force: Array, moment: Array, q: Array, v: Array) -> Array:
-        """Power (N,) lost to it [W]: what the joint's force does to its relative motion.
+        """Dissipated power (N,) [W] of the friction, from the joint's force and motion.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class JournalFriction(JointFriction):
     normal part is ``R/sqrt(1 + mu^2)``.
     """
 
-    radius: float = 0.0  #: [m] of the pin
+    radius: float = 0.0  #: radius of the pin [m]
 
     @property
     def _circle(self) -> float:
@@ -199,7 +199,7 @@ class LineFriction(JointFriction):
     the second-named link.
     """
 
-    length: float = 0.0  #: [m] of a block along its guide; 0: only the force across counts
+    length: float = 0.0  #: length [m] of a block along its guide; 0: no moment counts
 
     @property
     def law(self) -> str:
@@ -272,13 +272,13 @@ class LineFriction(JointFriction):
 
 @dataclass(frozen=True)
 class TeethFriction(JournalFriction):
-    """Teeth that slide: what they lose on the mean, by the mean distance from the pitch point.
+    """Friction of sliding teeth: mean loss, by the mean distance from the pitch point.
 
     They slide at that distance times the rate of one gear against the other. The bound is
     ``mu arm N`` of the force N normal to the teeth, with `radius` as the arm.
     """
 
-    share: float = 1.0  #: N over the force along the line of action in the plane
+    share: float = 1.0  #: ratio of N to the force along the line of action in the plane
 
     @property
     def law(self) -> str:
@@ -314,7 +314,7 @@ class FlankFriction(JointFriction):
     """
 
     arms: tuple[float, float] = (0.0, 0.0)  #: [m] a1 and a2
-    lever: float = 1.0  #: [m] of N about the second shaft
+    lever: float = 1.0  #: lever arm of N about the second shaft [m]
     carrier: str = GROUND
 
     @property
@@ -345,7 +345,7 @@ class FlankFriction(JointFriction):
         return reduce(operator.add, slips).as_rate
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
-        """A moment on each, and what is left on the carrier."""
+        """A moment on each link, and the remaining moment on the carrier."""
         return [
             Load(f'{self.name}.friction.{which}', link, at,
                  moment=mul(T, self._number(frames, f'arm.{which}', arm)))
@@ -382,7 +382,7 @@ class ContactFriction(JointFriction):
     """
 
     touch: Touch
-    wall: int = 0  #: 1 or -1: it bears forces of this sign only, along the row of the pair
+    wall: int = 0  #: 1 or -1: carries forces of this sign only, along the row of the pair
 
     @property
     def law(self) -> str:
@@ -430,14 +430,14 @@ class FrictionalJoint(NamedTuple):
     """A friction in the equations of a mechanism."""
 
     friction: JointFriction
-    T: hy.expression  #: its symbol
-    switch: Switch  #: of its slip
+    T: hy.expression  #: symbol of T
+    switch: Switch  #: switch of the slip's sign
     slip: Jet
     loads: list[Load]
 
     @property
     def power_lost(self) -> Term:
-        """Power that it dissipates [W]."""
+        """Dissipated power [W]."""
         return neg(mul(self.T, self.slip.rate))
 
 
@@ -465,13 +465,13 @@ def solve_friction(
     ----------
     start, slopes : (c, N) and (m, c, N) [N] components of all bounds without friction, and by
         each T
-    numbers : (2 p, N) coefficient and resolution of each of their p terms
-    ways : (m, N) -1, 0 or 1: the sign of T
-    sizes : of each friction, how many components its terms have, and their walls
+    numbers : (2 p, N) coefficient and resolution of each of the bounds' p terms
+    ways : (m, N) sign of T: -1, 0 or 1
+    sizes : by friction, numbers of components of its terms, and their walls
 
     Returns
     -------
-    T (m, N), and where it was found (N,): elsewhere it grows beyond all bounds on the way.
+    T (m, N), and mask (N,) of its validity: elsewhere T grows beyond all bounds.
     """
     m, count = ways.shape
     T, sound = np.zeros((m, count)), np.ones(count, bool)
@@ -499,7 +499,7 @@ def solve_friction(
 
 
 def _growth(slopes: Array, numbers: Array, sizes: Sequence[Sequence[tuple[int, int]]]) -> Array:
-    """Bound (N,) of the spectral radius of what bounds grow by at most, each T by each."""
+    """Upper bound (N,) of the spectral radius of the largest slopes of the bounds by each T."""
     m, _, count = slopes.shape
     most = np.zeros((count, m, m))
     i = p = 0

@@ -53,7 +53,7 @@ class _Closures:
 
     @cached_property
     def facing(self) -> SwitchedFunction | None:
-        """Values positive where links face each other as joints say; None if they must."""
+        """Values positive where links have the orientation of their joints; None without any."""
         frames = self._frames
         found = [x for relation in self._relations for x in relation.facing(frames)]
         return SwitchedFunction(frames, [found], [*frames.q.values()]) if found else None
@@ -71,7 +71,7 @@ class Kinematics:
     ----------
     mechanism : the tree of links, n coordinates
     relations : its closures, r equations
-    held : coordinates that are given: driven, or chosen at a start
+    held : given coordinates: driven, or chosen at a start
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class Kinematics:
     def closure(self, q: Array, rows: Array | None = None) -> tuple[Array, Array]:
         """Residual (N, r) [m] and the Jacobian (N, r, n) at coordinates q (n, N).
 
-        `rows` are the values of the switches, if not those at these places.
+        `rows` are the values of the switches; by default those at these positions.
         """
         n, count = q.shape
         if not self.rows:
@@ -120,14 +120,14 @@ class Kinematics:
         return values.T, slopes.reshape(-1, n, count).transpose(2, 0, 1)
 
     def faces(self, q: Array) -> NDArray[np.bool_]:
-        """True if (N,) closed loops are none that close half a turn, or half a slot, off."""
+        """Mask (N,) of closed loops that are not half a turn, or half a slot, off."""
         facing = self._closures.facing
         return facing(q)[0].min(axis=0) > 0.0 if facing else np.ones(q.shape[1], bool)
 
     def positions(
         self, guess: Array, targets: Array | None = None, apart: bool = False
     ) -> tuple[Array, Array]:
-        """Coordinates that close all loops, near a guess whose held rows count.
+        """Coordinates that close all loops, near a guess; held coordinates stay.
 
         Where more coordinates are sought than there are equations, the nearest.
 
@@ -184,9 +184,9 @@ class Kinematics:
 
         Parameters
         ----------
-        times : the rounding of its terms is allowed
+        times : allowed multiple of the rounding of its terms
         targets : as in `positions`
-        closure : residual and Jacobian there, if they are known
+        closure : residual and Jacobian there, if known
         """
         off, J = closure or self.closure(q)
         off = np.abs(off if targets is None else off - targets)
@@ -242,7 +242,7 @@ class Kinematics:
         return self._together(held, J, -np.einsum('krp,pk->kr', J[:, :, self.held], held))
 
     def accelerations(self, q: Array, v: Array, held: Array, rows: Array | None = None) -> Array:
-        """Accelerations (n, N) of all coordinates from those of the held ones (p, N), likewise."""
+        """Accelerations (n, N) of all coordinates from those of the held ones (p, N)."""
         _, J = self.closure(q, rows)
         right = -np.einsum('krp,pk->kr', J[:, :, self.held], held)
         if self.rows:

@@ -34,13 +34,13 @@ _ROUNDING = 4.0 * float(np.finfo(float).eps)
 
 
 class Excitation(NamedTuple):
-    """A force or a moment of unit size that a response is asked for."""
+    """Unit force or moment as excitation of a response."""
 
     point: LinkPoint
     direction: tuple[float, float] | None  #: unit vector in the world; None for a moment
 
     def load(self, size: hy.expression) -> Load:
-        """Load of a size [N, N m]."""
+        """Load of a magnitude [N, N m]."""
         if self.direction is None:
             return Load('excitation', *self.point, moment=size)
         x, y = self.direction
@@ -52,17 +52,17 @@ class Point(NamedTuple):
 
     q: Array  #: (n,) coordinates [rad, m]
     v: Array  #: (n,) their rates
-    forces: Array  #: (c,) of the closures [N]
-    outside: Array  #: (k,) what loads ask for beside the motion
+    forces: Array  #: (c,) forces of the closures [N]
+    outside: Array  #: (k,) values of the inputs `Linearisation.outside`
 
 
 class Linear(NamedTuple):
     """Equations of n coordinates near a point; rows and columns are in their order."""
 
     F: Array  #: (n,) residual with the forces of the closures [N m, N]
-    closure: Array  #: (c,) [m]
-    J: Array  #: (c, n)
-    M: Array  #: (n, n) mass
+    closure: Array  #: (c,) residual of the closures [m]
+    J: Array  #: (c, n) constraint Jacobian
+    M: Array  #: (n, n) mass matrix
     C: Array  #: (n, n) damping and gyroscopic terms
     K: Array  #: (n, n) stiffness
     input: Array  #: (n,) generalised forces per unit of the excitation
@@ -78,7 +78,7 @@ class Linearisation:
     driven : coordinates whose motion is given
     torques : laws of the coordinates that a torque or a force moves
     elements : springs, dampers and loads
-    motors : of coordinates among those in `torques`
+    motors : motors of coordinates among those in `torques`
     excitation : an external force, for `Linear.input`
 
     Attributes
@@ -126,7 +126,7 @@ class Linearisation:
 
     @cached_property
     def _residual(self) -> list[Term]:
-        """``M a + bias - Q - J^T lambda``, without what holds the driven coordinates."""
+        """``M a + bias - Q - J^T lambda``, without the efforts of the driven coordinates."""
         eq = self.equations
         frames, applied = eq.frames, generalised(self._loads, eq.frames, eq.mechanism)
         for law in self._torques:
@@ -191,7 +191,7 @@ class Linearisation:
 
         Parameters
         ----------
-        at : what else is known, as at this point
+        at : point with all other values, taken as constant
         q, v, a : (n, N) coordinates, rates and accelerations
         t : (N,) [s]
         """
@@ -200,7 +200,7 @@ class Linearisation:
 
     @cached_property
     def steep(self) -> SteepLoads | None:
-        """The loads by formulas, which may be steep somewhere; None without any."""
+        """Loads by formulas, which may be steep somewhere; None without any."""
         self._motion_function  # noqa: B018 - asks for all switches
         eq = self.equations
         torques = [motor.torque(eq.frames) for motor in self._motors]
@@ -209,11 +209,11 @@ class Linearisation:
         return SteepLoads(eq.mechanism, eq.frames, self._elements, torques)
 
     def switches_along(self, at: Point, q: Array, v: Array, a: Array, t: Array) -> Array:
-        """Values (k, N) of what switches forces on and off, as `along`."""
+        """Values (k, N) of the switches of forces, along a motion as in `along`."""
         return self._motion_function.rows(self._motion_inputs(at, q, v, a, t))
 
     def point(self, q: Array, v: Array, outside: Array | None = None) -> Point:
-        """A point without forces of the closures, at time and turns zero but for `outside`."""
+        """Point without closure forces, at time and turns zero unless `outside` gives them."""
         given = np.zeros(len(self.outside)) if outside is None else outside
         return Point(q, v, np.zeros(len(self._forces)), given)
 
@@ -222,7 +222,7 @@ class Linearisation:
 
         Returns
         -------
-        B (n, f), and the f independent coordinates, chosen so that the others follow well
+        B (n, f), and indices of the f independent coordinates, chosen for a well-conditioned B
         """
         n, free = len(self.coordinates), self.free
         scaled = J[:, free] * self.scale[free]
@@ -238,7 +238,7 @@ class Linearisation:
         return B, independent
 
     def equilibrium(self, at: Point) -> Point | None:
-        """The point near another at which no coordinate accelerates; driven ones stay.
+        """Point of equilibrium near another: no acceleration, driven coordinates unchanged.
 
         By Newton's method, downhill where the potential is not convex, so that what is found is
         stable if the forces have a potential. Rates stay too. None if there is no such point.
@@ -276,7 +276,7 @@ class Linearisation:
         return at if np.abs(left / parts).max(initial=0.0) <= _MECHANISM.force else None
 
     def towed(self, at: Point) -> Point:
-        """A point whose driven coordinates turn steadily, with what springs turn along with them.
+        """Point whose driven coordinates rotate steadily, and with them those coupled by springs.
 
         These keep all forces as they are. Unchanged where no rates do.
 
@@ -296,9 +296,9 @@ class Linearisation:
         return at._replace(v=v) if np.abs(K @ v).max() <= _MECHANISM.force * size else at
 
     def turning(self, at: Point, main: int) -> Array:
-        """Rates (n,) of a rotation that changes no force, with that of one coordinate 1.
+        """Rates (n,) of a rotation that changes no force, with the rate of one coordinate 1.
 
-        The nearest to one, if there is none: of all that is tied together by springs and closures.
+        If there is none, the nearest: of all links coupled by springs and closures.
         """
         linear = self(self._closed(at))
         B, _ = self.basis(linear.J)
@@ -312,13 +312,13 @@ class Linearisation:
         return np.asarray(rates / rates[main] if rates[main] else rates)
 
     def steady(self, at: Point, turned: Array) -> Point | None:
-        """The point and the speed near others at which nothing but a steady rotation goes on.
+        """Point and speed of a steady rotation near given ones.
 
         By Newton's method. None if there is no such rotation.
 
         Parameters
         ----------
-        at : its rates are the speed to begin with, times `turned`
+        at : initial guess; its rates are the initial speed times `turned`
         turned : (n,) rates at unit speed
 
         Raises
@@ -355,7 +355,7 @@ class Linearisation:
         return at if found else None
 
     def _largest_force(self, at: Point, linear: Linear) -> float:
-        """Scale of generalised forces: what the stiffness and the closures take."""
+        """Scale of generalised forces: the largest of stiffness and closures."""
         inertia = float(np.abs(linear.M).max(initial=0.0))
         stiff = float(np.abs(linear.K * self.scale).max(initial=0.0))
         held = float(np.abs(linear.J.T @ at.forces).max(initial=0.0))
@@ -414,7 +414,7 @@ class Linearisation:
 
 
 def reduced(matrix: Array, B: Array) -> Array:
-    """``B^T matrix B``, 0 where its parts cancel: a spring beside a rigid joint holds nothing."""
+    """``B^T matrix B``, 0 where its parts cancel, as of a spring beside a rigid joint."""
     found, parts = B.T @ matrix @ B, np.abs(B).T @ np.abs(matrix) @ np.abs(B)
     return np.where(np.abs(found) <= len(B) * _ROUNDING * parts, 0.0, found)
 

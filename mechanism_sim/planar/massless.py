@@ -34,7 +34,7 @@ def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
 
 
 def without_mass(motion: Array, closures: Array) -> Array:
-    """Directions (n, k) that keep closures (r, n) and move nothing of `motion` (m, n)."""
+    """Directions (n, k) that satisfy closures (r, n) and vanish in `motion` (m, n)."""
     free = _null(closures, _size(closures))
     return np.asarray(free @ _null(motion @ free, _size(motion)))
 
@@ -78,7 +78,7 @@ def _size(rows: Array) -> float:
 
 
 def _null(rows: Array, size: float) -> Array:
-    """Orthonormal directions (n, k) in which the rows (r, n) are next to nothing beside a size."""
+    """Orthonormal directions (n, k) in which the rows (r, n) are negligible beside a size."""
     if not rows.size:
         return np.eye(rows.shape[1])
     _, sizes, turned = np.linalg.svd(rows)

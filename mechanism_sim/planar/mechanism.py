@@ -33,22 +33,22 @@ class StraightLine(NamedTuple):
     """A straight line of a link."""
 
     link: str
-    on: Vector2  #: [m] a point of it, in the link's frame
-    axis: float  #: [rad] its direction there
+    on: Vector2  #: [m] a point of the line, in the link's frame
+    axis: float  #: [rad] its direction in the link's frame
 
 
 @dataclass(frozen=True)
 class Connection:
-    """Two links that meet, at a point of each."""
+    """Two links connected at a point of each."""
 
-    #: how many components the closure has if it closes a loop
+    #: number of components of the closure if it closes a loop
     equations: ClassVar[int] = 2
 
     name: str
     first: str
     second: str
-    on_first: Vector2  #: [m] in the frame of `first`
-    on_second: Vector2  #: [m] in the frame of `second`
+    on_first: Vector2  #: [m] point in the frame of `first`
+    on_second: Vector2  #: [m] point in the frame of `second`
 
     @property
     def points(self) -> tuple[LinkPoint, LinkPoint]:
@@ -57,11 +57,11 @@ class Connection:
 
     @property
     def links(self) -> tuple[str, ...]:
-        """All links that it connects."""
+        """All links of the connection."""
         return self.first, self.second
 
     def across(self, link: str) -> tuple[LinkPoint, LinkPoint]:
-        """The points, that of a link first, and that of the other behind it."""
+        """Points of the connection: that of a given link, then that of the other."""
         here, there = self.points
         return (here, there) if link == self.first else (there, here)
 
@@ -71,7 +71,7 @@ class Connection:
 
     @property
     def line(self) -> StraightLine | None:
-        """The straight line along which it lets one of its links slide."""
+        """The straight line along which one of the links slides."""
         return None
 
 
@@ -82,7 +82,7 @@ class Revolute(Connection):
 
 @dataclass(frozen=True)
 class Prismatic(Connection):
-    """A prismatic joint: a point of `second` slides on a line of `first`, and does not turn.
+    """A prismatic joint: a point of `second` slides on a line of `first`, without rotation.
 
     The displacement is zero at the point on `first`.
     """
@@ -98,7 +98,7 @@ class Prismatic(Connection):
 
 @dataclass(frozen=True)
 class Weld(Connection):
-    """Points of two links coincide, and the links do not turn against each other."""
+    """A weld: points of two links coincide, without relative rotation."""
 
     equations: ClassVar[int] = 3
 
@@ -118,19 +118,19 @@ class HigherPair(Connection, ABC):
     """
 
     equations: ClassVar[int] = 1
-    #: where it can open: on which sides of its closure there are walls
+    #: sides of its closure with walls, at which it can open
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
-    #: in words, what may move between them
+    #: description of the motion between them
     parts: ClassVar[str] = 'pin between the walls of a slot'
 
     @property
     def angular_clearance(self) -> bool:
-        """True if its play is an angle [rad]."""
+        """True if its clearance is an angle [rad]."""
         return False
 
     @property
     def bearings(self) -> tuple[str, ...]:
-        """Lower pairs that the row takes for granted: they belong in the tree.
+        """Lower pairs on which the row depends: they belong in the tree.
 
         If such a joint is cut, its force is not that of its own rows alone.
         """
@@ -143,32 +143,32 @@ class HigherPair(Connection, ABC):
 
     @property
     def coupling(self) -> Coupling | None:
-        """A sum over its links that it keeps, as other simulators can; None if it keeps none."""
+        """Constant sum over its links, for other simulators; None if there is none."""
         return None
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """The links that it holds alike at any of their angles, as wheels by their centres."""
+        """Links whose constraint does not depend on their angle, such as wheels."""
         return ()
 
     @property
     def pitches(self) -> Mapping[str, float]:
-        """Displacements of its links [m] after which it is as before."""
+        """Periods of the displacements of its links [m]."""
         return {}
 
     @property
     def elastic(self) -> bool:
-        """True if it has forces of its own, `elements`, instead of a closure and walls."""
+        """True if force `elements` replace its closure and walls."""
         return False
 
     @property
     def preloaded(self) -> bool:
-        """True if it is elastic and without slack or play at rest: it has a stiffness there."""
+        """True if it is elastic without slack or clearance, and so has a stiffness at rest."""
         return False
 
     @property
     def slips(self) -> bool:
-        """True if that is because friction alone holds it."""
+        """True if friction alone transmits its force."""
         return False
 
     @property
@@ -178,10 +178,10 @@ class HigherPair(Connection, ABC):
 
     @abstractmethod
     def closure(self, mechanism: Mechanism) -> PairClosure:
-        """The relation that keeps it closed."""
+        """The relation of the closed pair."""
 
     def bears(self, link: str) -> bool:
-        """True if one of its links may be elastic: then it asks for points and cross-sections."""
+        """True if one of its links may be elastic: its points and cross-sections then count."""
         return False
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
@@ -207,13 +207,13 @@ class HigherPair(Connection, ABC):
     node: ClassVar[str] = ''
     #: the named tuple of its readings, each field annotated by `Told`
     reads: ClassVar[type | None] = None
-    #: fields of them that are not known of this kind
+    #: fields of the readings without a value in this kind
     untold: ClassVar[tuple[str, ...]] = ()
-    #: fields that are worth a chart, by its title
+    #: fields shown in charts, by the chart's title
     charts: ClassVar[Mapping[str, tuple[str, ...]]] = MappingProxyType({})
 
     def reading(self, view: PairView) -> Any:
-        """Readings of it: a named tuple of (N,) arrays, the fields of a message.
+        """Readings of the pair: a named tuple of (N,) arrays, the fields of a message.
 
         Raises
         ------
@@ -236,31 +236,31 @@ class HigherPair(Connection, ABC):
         return ()
 
     def draw(self, draft: Draft) -> None:
-        """Add what it looks like to a drawing."""
+        """Add the shapes of the pair to a drawing."""
 
     def covered(self) -> Sequence[LinkPoint]:
-        """Points that belong into a picture, beside its own."""
+        """Further points that a picture must contain."""
         return ()
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
-        """Discs that it is made of: middle, and radius [m]."""
+        """Discs of the pair: centre, and radius [m]."""
         return ()
 
     def bars(self) -> Sequence[Bar]:
-        """Straight bars that it is made of."""
+        """Straight bars of the pair."""
         return ()
 
 
 class Coupling(NamedTuple):
-    """A sum over two links that keeps its value.
+    """Constant weighted sum of the coordinates of two links.
 
     Attributes
     ----------
-    joint : the pair
-    carrier : against which angles are counted
-    factors : of the angles [rad] of first and second, or of a rack's displacement [m]
-    racks : the guides of those that are racks
-    exact : whether the pair keeps it, not only on the mean
+    joint : name of the pair
+    carrier : link from which angles are counted
+    factors : factors of the angles [rad] of first and second, or of a rack's displacement [m]
+    racks : guides of the racks among them
+    exact : whether the sum is constant, not only on the mean
     """
 
     joint: HigherPair
@@ -273,14 +273,14 @@ class Coupling(NamedTuple):
 class Bar(NamedTuple):
     """A straight bar on a link."""
 
-    end: LinkPoint  #: the middle of one of its long sides
+    end: LinkPoint  #: middle of one of its long sides
     length: float  #: [m]
-    axis: float  #: [rad] along it, in the link's frame
-    back: float  #: [rad] from that side across it
+    axis: float  #: [rad] direction of the bar in the link's frame
+    back: float  #: [rad] direction from that side across the bar
 
 
 class PairClosure(Relation, Protocol):
-    """The closure of a higher pair: one row, its offset [m] from where it is closed."""
+    """The closure of a higher pair: one row, its offset [m] from the closed position."""
 
     @property
     def joint(self) -> HigherPair:
@@ -376,7 +376,7 @@ class Tree:
 
     @cached_property
     def lifting_energy(self) -> float:
-        """Weight of all links times the size [J]: wherever heights count from, they round so."""
+        """Weight of all links times the size [J], a scale of rounding for any zero of height."""
         return sum(b.mass for b in self.bodies) * math.hypot(*self.gravity) * self.size
 
     @cached_property
@@ -401,7 +401,7 @@ class Tree:
 
     @cached_property
     def reach(self) -> float:
-        """Scale of the rounding of places [m]: the size, or how far off the origin it is."""
+        """Scale of the rounding of positions [m]: the size, or the distance from the origin."""
         points = (point for j in self.joints for point in j.points)
         away = (math.hypot(*at) for link, at in points if link == GROUND)
         return max(self.size, *away, 0.0)
@@ -435,7 +435,7 @@ class Tree:
 
     @property
     def floating(self) -> tuple[str, ...]:
-        """The links that no joint carries."""
+        """Floating links, carried by no joint."""
         return self._tree[1]
 
     def parent(self, link: str) -> str:
@@ -443,7 +443,7 @@ class Tree:
         return self.tree_joints[link].across(link)[1][0]
 
     def frame(self, link: str) -> tuple[str, float]:
-        """The angle, or the ground, with which a link turns; and its own angle less that [rad]."""
+        """Angle, or ground, that a link rotates with, and the link's offset from it [rad]."""
         if link == GROUND:
             return GROUND, 0.0
         j = self.tree_joints.get(link)
@@ -455,7 +455,7 @@ class Tree:
 
 @dataclass(frozen=True)
 class Mechanism(Tree):
-    """A tree of links, and where their points are as the coordinates have it."""
+    """A tree of links, with the positions of their points by coordinates."""
 
     def turn(self, link: str, v: Vector2) -> Vector2:
         """A vector of a link's frame in the frame with which the link turns."""
@@ -479,7 +479,7 @@ class Mechanism(Tree):
 
         Parameters
         ----------
-        label : of the parameters
+        label : name of the parameters
         """
         return frames.angle(self.frame(link)[0]) + self.bent(frames, link, at, label)
 
@@ -495,7 +495,7 @@ class Mechanism(Tree):
     def point(self, link: str, at: Vector2 = (0.0, 0.0), deformed: bool = True) -> Point:
         """The point `at` (in the link's frame, [m]) as a sum over arms.
 
-        Of an elastic link it moves with its deformation, or with its frame if not `deformed`.
+        On an elastic link it moves with the deformation, or with the frame if not `deformed`.
         """
         if link == GROUND:
             return {(GROUND, None): at}
@@ -564,7 +564,7 @@ class Mechanism(Tree):
     def spread(self, link: str) -> tuple[Any, Spread]:
         """All masses (K,) of a link in one array, and the arms of all points: (2, K) each.
 
-        Of a link with one particle, numbers instead.
+        For a link with one particle, numbers instead.
         """
         found = self.particles(link)
         if len(found) == 1:
@@ -626,7 +626,7 @@ class Mechanism(Tree):
         return trace(point, trajectory, motion[0].shape[1], len(motion))
 
     def angle_all(self, link: str, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Angle (N,) [rad] of a link's frame in the world, likewise."""
+        """Angle (N,) [rad] of a link's frame in the world at N instants."""
         frame, offset = self.frame(link)
         if frame == GROUND:
             return np.full(q.shape[1], offset)
@@ -648,8 +648,8 @@ class Mechanism(Tree):
 
         Parameters
         ----------
-        pin, bushing : how far off the joint's points these are, in the links' frames [m]
-        height : above the plane of the links [m]
+        pin, bushing : offsets of both from the joint's points, in the links' frames [m]
+        height : height above the plane of the links [m]
         """
         j = self.joint(joint)
         first = _plus(self.point(j.first, j.on_first), self.offset(j.first, pin, height))
@@ -667,7 +667,7 @@ class Mechanism(Tree):
         return _plus(self.offset(j.first, pin, 1.0), _minus(self.offset(j.second, bushing, 1.0)))
 
     def offset(self, link: str, off: Vector2, height: float) -> Point:
-        """A vector of a link's frame, and what a height above the plane adds by leaning [m]."""
+        """Vector of a link's frame [m], with the displacement of a height above by the tilt."""
         fixed: Point = {(self.frame(link)[0], None): self.turn(link, off)}
         return _plus(fixed, self.lean(link, height))
 

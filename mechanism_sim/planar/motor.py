@@ -16,7 +16,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 
 @dataclass(frozen=True)
 class PointsOfTorque:
-    """A motor of which the torque is known at some speeds."""
+    """A motor by its torque at some speeds."""
 
     curve: Curve
 
@@ -45,8 +45,8 @@ class InductionMotor:
     """
 
     synchronous_speed: float  #: [rad/s], not zero
-    breakdown_torque: float  #: [N m] the largest
-    breakdown_slip: float  #: at which it is reached
+    breakdown_torque: float  #: [N m] largest torque
+    breakdown_slip: float  #: slip at the largest torque
 
     name = 'an induction motor'
 
@@ -122,7 +122,7 @@ class Motor:
 
     coordinate: str
     characteristic: Characteristic  #: torque over speed of its shaft
-    ratio: float = 1.0  #: turns of its shaft in one of the link
+    ratio: float = 1.0  #: turns of the motor's shaft per turn of the link
 
     @property
     def name(self) -> str:

@@ -30,7 +30,7 @@ class Relation(Protocol):
         """The components that vanish [m]."""
 
     def facing(self, frames: Frames) -> list[Term]:
-        """Terms positive where it is closed, and negative half a turn, or half a slot, off.
+        """Terms positive where the joint is closed, negative half a turn or half a slot off.
 
         There the components of some kinds vanish, too.
         """
@@ -59,7 +59,7 @@ class ForceElement(Protocol):
 
 @runtime_checkable
 class OilFilm(ForceElement, Protocol):
-    """A film between a journal and its bushing: the thinner, the more it damps."""
+    """Oil film between a journal and its bushing, with a damping that grows as it thins."""
 
     @property
     def clearance(self) -> float:
@@ -103,13 +103,13 @@ class JointForce(ForceElement, Protocol):
     def wrench(self, frames: Frames) -> Wrench:
         """Wrench of the first-named on the second-named link.
 
-        Any loads beyond those on these two act on other links. It need not have a Taylor series.
+        Further loads act on other links. The wrench need not have a Taylor series.
         """
 
 
 @runtime_checkable
 class Directed(ForceElement, Protocol):
-    """A force along the line between two points, which may have to have a direction."""
+    """A force along the line between two points, which may need a direction."""
 
     @property
     def directed(self) -> bool:
@@ -151,10 +151,10 @@ class ForceLaw(Protocol):
         """Damping coefficient, which raises the force while closing; zero for an elastic law."""
 
     def normal_force(self, depth: Any, rate: Any, approach: Any) -> Any:
-        """Force [N] at a depth [m], its rate [m/s], and the rate of the first touch."""
+        """Force [N] at a depth [m], its rate [m/s], and the speed of initial contact [m/s]."""
 
     def relief(self, rate: Any, approach: Any) -> Any:
-        """Rate of the force's sign [m/s]: where it is negative, the contact carries none."""
+        """Rate [m/s] of the sign of the force; without force where it is negative."""
 
     def resting_depth(self, load: float) -> float:
         """Depth [m] under a load [N] that rests."""
@@ -230,30 +230,30 @@ class Gap(Protocol):
 
 @runtime_checkable
 class MotionBound(Gap, Protocol):
-    """A gap of a joint beside its constraint or clearance: a stop, or links that touch."""
+    """Gap of a joint beside its constraint or clearance: a stop, or contact of links."""
 
     @property
     def overlap(self) -> str:
         """Describe the overlap of a negative gap in words."""
 
     def draw(self, draft: Draft) -> None:
-        """Add what is met to a drawing, unless the joint shows it."""
+        """Add the stop to a drawing, unless the joint shows it."""
 
 
 @runtime_checkable
 class EndGap(Gap, Protocol):
-    """A gap at an end of a joint: its force has a moment out of the plane, or is along it."""
+    """Gap at an end of a joint: its force is axial, or has a moment out of the plane."""
 
     @property
     def thrust(self) -> float:
-        """Share of it that pushes the second-named link towards the reader: 1, -1 or 0."""
+        """Share of the normal force on the second-named link towards the reader: 1, -1 or 0."""
 
     def moment(self, q: Array, N: Array, T: Array) -> Array:
         """Moment (2, N) [N m] on the second-named link about the middle of the joint.
 
         Parameters
         ----------
-        q : (n, N) of the coordinates
+        q : (n, N) coordinates
         N, T : (N,) normal and friction force [N]
         """
 
@@ -266,12 +266,12 @@ class WrappedGap(Gap, Protocol):
         """Lengths (k, N) [m] of its open stretches at q (n, N)."""
 
     def arcs(self, q: Array) -> dict[str, Array]:
-        """Angles (N,) [rad] by which it lies on them at q (n, N), 0 to 2 pi; by their names."""
+        """Wrap angles (N,) [rad] on the pulleys at q (n, N), 0 to 2 pi; by their names."""
 
 
 @runtime_checkable
 class BearingGap(Gap, Protocol):
-    """A pin that is loose in a bushing all around: where they touch, they wear."""
+    """Clearance joint: a pin in a bushing, with contact and wear all around."""
 
     @property
     def apart(self) -> Point:
@@ -288,10 +288,10 @@ class BearingGap(Gap, Protocol):
 class Load:
     """A force at a point of a link, and a moment."""
 
-    name: str  #: of the parameters of its point
+    name: str  #: name of the parameters of its point
     link: str
-    at: Vector2  #: [m] in the link's frame
-    force: tuple[Term, Term] = (None, None)  #: [N] in the world
+    at: Vector2  #: point of action [m] in the link's frame
+    force: tuple[Term, Term] = (None, None)  #: [N] components in the world
     moment: Term = None  #: [N m]
 
 
@@ -322,8 +322,8 @@ def contact_wrench(
     normal : unit vector along which the first-named link presses
     N, T : normal force, and friction on the first-named link along the normal turned by +90
         degrees [N]
-    arm : from the joint's point on the second-named link to the contact, along the normal [m]
-    place : from that point to where the arm begins, if they differ [m]
+    arm : distance from the joint's point on the second-named link along the normal [m]
+    place : vector from that point to the start of the arm, if not zero [m]
     """
     x, y = normal
     force = add(mul(N, x.value), mul(T, y.value)), add(mul(N, y.value), neg(mul(T, x.value)))

@@ -1,4 +1,4 @@
-"""The axis of an elastic link as a rail: where something is that slides along it as it is bent.
+"""The axis of an elastic link as a rail: position of a point that slides along it when bent.
 
 In the link's frame a point (X, Y) has its foot on the axis at the place x of the undeformed beam,
 
@@ -38,11 +38,11 @@ Pair = tuple[Jet, Jet]
 class Foot(NamedTuple):
     """Foot of a point on a rail."""
 
-    away: Jet  #: [m] its distance from the line, to the left
-    cosine: Jet  #: of the angle by which the rail is turned there from its link's x axis
+    away: Jet  #: [m] distance of the point from the line, to the left
+    cosine: Jet  #: of the rail's direction there in its link's frame, with `sine`
     sine: Jet
     way: Pair  #: unit vector along the line, in the world
-    slip: Jet  #: [m/s] its velocity along the rail, see `Gap.slip`
+    slip: Jet  #: [m/s] velocity of the point along the rail, see `Gap.slip`
 
     @property
     def normal(self) -> Pair:
@@ -52,7 +52,7 @@ class Foot(NamedTuple):
 
     @property
     def turned(self) -> Jet:
-        """The rate at which the rail's direction turns there in its link's frame [rad/s]."""
+        """Angular velocity of the rail's direction there in its link's frame [rad/s]."""
         return self.cosine.across(self.sine)
 
 
@@ -60,10 +60,10 @@ class Foot(NamedTuple):
 class Rail:
     """A line along the axis of an elastic link, or beside it."""
 
-    name: str  #: of the joint, for parameters
+    name: str  #: name of the joint, for parameters
     mechanism: Mechanism
     link: str
-    height: float  #: [m] to the left of the axis
+    height: float  #: [m] offset to the left of the axis
     sense: float  #: 1 along the link's x axis, -1 against it
 
     def foot(self, frames: Frames, point: Pair, label: str, thick: bool = False) -> Foot:
@@ -71,8 +71,8 @@ class Rail:
 
         Parameters
         ----------
-        label : of the point
-        thick : whether it may be off the axis
+        label : name of the point
+        thick : whether the point may be off the axis
         """
         m, beam = self.mechanism, self.mechanism.having(Beam)[self.link]
         ux, uy = frames.position(m.direction(self.link, 0.0), f'{self.name}.rail.x')
@@ -120,7 +120,7 @@ class Rail:
 
 
 def rail_of(mechanism: Mechanism, name: str, line: StraightLine) -> Rail | None:
-    """The rail that a line of a link is if that is elastic and the line goes along its axis.
+    """Rail of a line along the axis of an elastic link; None for any other line.
 
     Any other line is straight, and goes with the cross-section at its point.
     """
@@ -141,7 +141,7 @@ def chord(mechanism: Mechanism, frames: Frames, link: str, a: Vector2, b: Vector
 
     Parameters
     ----------
-    a, b : [m] in the link's frame, before it is deformed
+    a, b : [m] undeformed points in the link's frame
     """
     beam, apart = mechanism.having(Beam)[link], (b[0] - a[0], b[1] - a[1])
     there, here = beam.arms(b), beam.arms(a)

@@ -29,8 +29,8 @@ def tree_reactions(
     Parameters
     ----------
     a : accelerations by coordinate [rad/s^2, m/s^2]; None leaves inertia out
-    cut : the same in the joints that are cut; of others, that of their stops
-    loads : on the links
+    cut : wrenches in the cut joints; of other joints, those of their stops
+    loads : loads on the links
     """
     mechanism = equations.mechanism
     tree = {joint.name for joint in mechanism.tree_joints.values()}
@@ -132,7 +132,7 @@ def _moment_missing(
 
 
 def generalized_forces(equations: Equations, a: Mapping[str, Term] | None) -> Vector:
-    """``M a + bias``: what drives, loads, gaps and relations must supply, by coordinate [N m].
+    """``M a + bias``: required sum of efforts, loads, contacts and closures [N m, N].
 
     Without inertia (`a` is None) that is minus the generalised force of gravity.
     """

@@ -40,7 +40,7 @@ class Support:
 
     stiffness: Rows  #: (2, p) along x and along y [N/m, N/rad]
     damping: Rows  #: (2, p) [N s/m, N s/rad]
-    rigid: bool = False  #: whether this is the force of the shaft, with its internal damping
+    rigid: bool = False  #: whether it is the force of the shaft, with its internal damping
 
 
 def disk_of(pair: str) -> str:
@@ -52,8 +52,8 @@ class Lump(NamedTuple):
     """A mass on the axis, or beside it: of a support, or of a disk beside that of the link."""
 
     mass: float  #: [kg]
-    shares: tuple[float, ...]  #: (p,) of the pairs that move it
-    cog: tuple[float, float] = (0.0, 0.0)  #: in the frame of the link [m]
+    shares: tuple[float, ...]  #: (p,) displacement per unit of each pair
+    cog: tuple[float, float] = (0.0, 0.0)  #: eccentricity in the frame of the link [m]
     polar: float = 0.0  #: moment of inertia [kg m^2]
 
 
@@ -63,13 +63,13 @@ class Rotor(LinkExtension):
 
     Attributes
     ----------
-    pairs : their names; that of the centre of the link's own disk is empty
+    pairs : names of the pairs; that of the centre of the link's own disk is empty
     stiffness, damping : (2, p, p) along x and along y
     internal : (p, p) damping in the shaft
-    diametral, polar : (p,) moments of inertia that slopes tilt [kg m^2]; 0 of other pairs
+    diametral, polar : (p,) moments of inertia tilted by slopes [kg m^2]; 0 for other pairs
     lumps : masses beside the link's own disk
-    place : where the undeformed axis is in the world [m]
-    relaxation : of the shaft, its internal damping over its stiffness [s]
+    place : position of the undeformed axis in the world [m]
+    relaxation : internal damping of the shaft over its stiffness [s]
     """
 
     pairs: tuple[str, ...]
@@ -145,7 +145,7 @@ class Rotor(LinkExtension):
         Parameters
         ----------
         q, v : coordinates and their rates (2 p, N), in the order of `names`
-        spin : of the disk (N,) [rad/s]
+        spin : angular velocity of the disk (N,) [rad/s]
         """
         support = dict(self.supports)[name]
         r, dr = (u.reshape(len(self.pairs), 2, -1).swapaxes(0, 1) for u in (q, v))
@@ -160,8 +160,8 @@ class RotorForces:
 
     Attributes
     ----------
-    elastic, other : by coordinate, those of stiffness, and those that depend on rates
-    energy, loss : [J], [W]
+    elastic, other : forces of stiffness, and those that depend on rates, by coordinate
+    energy, loss : strain energy [J], dissipated power [W]
     """
 
     def __init__(self, rotor: Rotor, link: str, frames: Frames) -> None:

@@ -31,13 +31,13 @@ class ShakingForce:
     Parameters
     ----------
     mechanism : its links
-    applied : what acts on links, or on the ground, from outside of the machine
+    applied : external loads on links, or on the ground
 
     Attributes
     ----------
-    outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
-    flags : by the name of each switch where its flag is among the rows
-    edges : where along a motion a load begins or ceases to act; None if none does
+    outside : names of inputs beside the motion: ``time``, ``COORDINATE.turns``
+    flags : index of the flag in the rows, by the name of the switch
+    edges : finder of the onset and end of loads along a motion; None without any
     """
 
     def __init__(self, mechanism: Mechanism, applied: Sequence[ForceElement] = ()) -> None:
@@ -77,8 +77,8 @@ class ShakingForce:
         Parameters
         ----------
         q, v, a : (n, N) angles [rad] or displacements [m], rates, accelerations
-        outside : (k, N) what is named by `outside`
-        rows : values of the switches, if not those at these places
+        outside : (k, N) values of the inputs `outside`
+        rows : values of the switches; by default those at these positions
         """
         return self._function(np.concatenate([q, v, a, outside]), rows)[0]
 
@@ -87,7 +87,7 @@ class ShakingForce:
 
         Parameters
         ----------
-        step : (n, N) of the velocities [rad/s, m/s]
+        step : (n, N) steps of the velocities [rad/s, m/s]
         """
         rest = np.zeros_like(q)
         return self(q, rest, step, outside) - self(q, rest, rest, outside)

@@ -1,4 +1,4 @@
-"""Loads that may be steep somewhere, and what must be known of a motion to enclose them."""
+"""Loads that may be steep somewhere, and the inputs for their enclosure along a motion."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ class SteepLoads:
 
     Parameters
     ----------
-    elements : of which those count that `frames` knows as formulas
-    torques : of motors [N m, N]
+    elements : force elements; those by formulas of `frames` count
+    torques : torques of motors [N m, N]
 
     Attributes
     ----------
     moving : derivative (0 or 1) and index of each coordinate that the loads depend on, then of
         states of first order, which are counted after these
-    timed : whether they depend on the time, too
-    outside : names of turns that they ask for
-    symbols : (w,) indices of those of all switches that they depend on
-    held : (q, 2) of these, and that of the symbol that says that their load holds
-    loads, variables : expressions; of what moves, of the time, of turns, and of switches
+    timed : whether they depend on time, too
+    outside : names of the whole turns that they depend on
+    symbols : (w,) indices, among all switch symbols, of those that they depend on
+    held : (q, 2) index of a flag in `symbols`, index of the symbol of its holding
+    loads, variables : expressions; the latter of motion, time, turns and switches
     parameters : values of ``par[]``
-    inertia : of each load the least that it moves [kg m, kg m^2]
+    inertia : least inertia moved by each load [kg m, kg m^2]
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class SteepLoads:
     def switched(self, symbols: Array) -> Array:
         """Values (w,) of the switches that the loads depend on, of those of all switches.
 
-        Of a load that holds both branches count.
+        The flag of a holding load is set to 0.5, so that both branches count.
         """
         chosen: Array = symbols[self.symbols]
         for row, holds in self.held:
@@ -121,7 +121,7 @@ class ResolvedLoads:
     Parameters
     ----------
     steep : the loads
-    nodes : (m,) from 0 to 1, of which the interpolants are
+    nodes : (m,) nodes of the interpolants, from 0 to 1
     """
 
     def __init__(self, steep: SteepLoads, nodes: Array) -> None:
@@ -134,12 +134,12 @@ class ResolvedLoads:
     def longest(
         self, motion: MotionSeries, looked: Sequence[Array], reach: Reach, floor: Array
     ) -> float:
-        """The last of places from 0 to 1 whose interpolant is right at all of them before it.
+        """Largest of positions from 0 to 1 up to which the interpolant is accurate at all.
 
         Parameters
         ----------
-        looked, reach : places at which enclosures have asked for the loads, and how far they came
-        floor : of each load what is none
+        looked, reach : positions at which enclosures evaluated the loads, and their range
+        floor : negligible magnitude of each load
         """
         places = np.sort(np.concatenate([[0.0], *looked]))
         if reach.fault is not None:
@@ -179,7 +179,7 @@ class ResolvedLoads:
         return bool((off <= _MECHANISM.load * size + floor).all())
 
     def _values(self, motion: MotionSeries, places: Array) -> Array:
-        """The loads (l, N) at places."""
+        """The loads (l, N) at positions."""
         series, _, fixed, parameters = motion
         count = len(places)
         given = np.concatenate([
@@ -192,7 +192,7 @@ class ResolvedLoads:
 
 @lru_cache(maxsize=64)  # of whole pieces the places are always the same
 def _interpolant(count: int, places: bytes) -> Array:
-    """Matrix (count, N) from values at Chebyshev's nodes to their interpolant at N places."""
+    """Matrix (count, N) from values at Chebyshev's nodes to their interpolant at N positions."""
     at = np.polynomial.chebyshev.chebvander(2.0 * np.frombuffer(places) - 1.0, count - 1)
     return np.asarray(chebyshev_coefficients(np.eye(count)) @ at.T)
 

@@ -1,4 +1,4 @@
-"""Compiled functions of a motion that is known: which rows of switches hold follows from it."""
+"""Compiled functions of a known motion, from which the rows of switches follow."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class SwitchedFunction:
     Parameters
     ----------
     frames : of the expressions; all of their switches must have been asked for
-    groups : of expressions
+    groups : groups of expressions
     variables : v symbols; switches that depend on others must not occur in the expressions
     """
 
@@ -54,7 +54,7 @@ class SwitchedFunction:
     def __call__(self, inputs: Array, rows: Array | None = None) -> list[Array]:
         """The groups of results, (size, N) each, at values (v, N) of the variables.
 
-        The values (k, N) of the switches are those at these places, unless they are given.
+        The values (k, N) of the switches are by default those at these positions.
         """
         if self._switches.symbols:
             rows = self._switches(inputs)[1] if rows is None else rows[self._switches.known]
@@ -80,8 +80,8 @@ class _Switches:
 
     Attributes
     ----------
-    symbols : of the switches, r
-    known : (R,) which of the symbols of all switches these are
+    symbols : r symbols of these switches
+    known : (R,) mask of these, or of given variables, among the symbols of all switches
     """
 
     def __init__(self, frames: Frames, variables: Sequence[hy.expression]) -> None:
@@ -116,7 +116,7 @@ class _Switches:
         self._order = [symbols.index(x) for x in self.symbols]
 
     def __call__(self, inputs: Array) -> tuple[dict[int, Array], Array]:
-        """Places (N,) by the identity of each switch, and the values (r, N) of their symbols.
+        """Positions (N,) by the identity of each switch, and the values (r, N) of their symbols.
 
         Parameters
         ----------
@@ -138,29 +138,29 @@ class _Switches:
 
 
 class GuardRanges(NamedTuple):
-    """Enclosures of guards of switches, and what they depend on."""
+    """Enclosures of guards of switches, and their inputs."""
 
     moving: list[tuple[int, int]]  #: derivatives and indices of coordinates
-    timed: bool  #: whether it takes the time, too
-    outside: tuple[str, ...]  #: names of turns
+    timed: bool  #: whether time is an input, too
+    outside: tuple[str, ...]  #: names of whole turns among the inputs
     ranges: FunctionRanges
 
 
 class Edges:
-    """Search along a motion for the places where other rows of switches begin.
+    """Search along a motion for the changes of switch rows.
 
-    States (2n + k, N) are coordinates, their rates, and what `outside` names.
+    States (2n + k, N) are coordinates, their rates, and the inputs `outside`.
 
     Parameters
     ----------
-    frames : of which all switches are meant
+    frames : frames of the switches
 
     Attributes
     ----------
-    outside : what must be known beside the motion: ``time``, ``COORDINATE.turns``
-    coordinates : the indices of those that it takes to know, by their values or their rates
-    rated : whether it takes any rate
-    of_loads : whether some of the switches are not of closures
+    outside : names of inputs beside the motion: ``time``, ``COORDINATE.turns``
+    coordinates : indices of the required coordinates, by their values or their rates
+    rated : whether any rate is required
+    of_loads : whether some switches belong to loads instead of closures
     parameters : values of ``par[]``
     """
 
@@ -190,7 +190,7 @@ class Edges:
         return Evaluation(guards, self._variables, self.parameters, [len(guards)])
 
     def ranges(self, driven: Sequence[int]) -> GuardRanges | None:
-        """Enclosures of what falls below zero where rows end; None if nothing can hide.
+        """Enclosures of the guards of rows; None if no change of rows can be missed.
 
         Of closures nothing does. Rows of a table follow each other along a coordinate that is
         driven: the next one is left no sooner than at another edge.
@@ -284,7 +284,7 @@ class Edges:
 
         Parameters
         ----------
-        start, middle : states (2n + k, N) there
+        start, middle : states (2n + k, N) at both
         """
         values, later = self._switches(start)[1], self._switches(middle)[1]
         for _ in range(self._switches.depth):

@@ -26,15 +26,15 @@ HOLDS = 2
 
 
 class Switch(NamedTuple):
-    """Something that acts only where a function of coordinates, rates and time is positive.
+    """Switch of a load that acts where a function of coordinates, rates and time is positive.
 
     Where it acts against the motion on both sides of zero, it holds the motion there, in part:
     A. F. Filippov, "Differential equations with discontinuous righthand sides", 1988, section 4.
     """
 
-    flag: hy.expression  #: symbol of 1 or 0; where it holds, of its part then
+    flag: hy.expression  #: symbol of 1 or 0; while the switch holds, of its part
     inside: hy.expression
-    holds: hy.expression | None = None  #: symbol of 1 where it holds; None if there are no rates
+    holds: hy.expression | None = None  #: symbol of 1 while it holds; None without rates
 
     @property
     def symbols(self) -> tuple[hy.expression, ...]:
@@ -49,7 +49,7 @@ class Switch(NamedTuple):
 
     @property
     def held_guard(self) -> hy.expression:
-        """Falls through zero where it can hold no more: its part leaves 0 to 1."""
+        """Falls through zero where holding ends: its part leaves 0 to 1."""
         return self.flag * (1.0 - self.flag)
 
     @property
@@ -67,11 +67,11 @@ class Switch(NamedTuple):
         return int(place > 0.0)
 
     def row_after(self, row: int, place: float) -> int:
-        """The other one; of one that holds that of the place."""
+        """The other row; after holding, the row of the position."""
         return int(place > 0.0) if row == HOLDS else 1 - row
 
     def holding(self, row: int, seen: Sequence[float], place: float) -> int | None:
-        """The row that follows on one at zero, None if that of `row_after`.
+        """Row that follows one at zero; None if it is that of `row_after`.
 
         It holds where it acts against the motion on both sides, unless others hold that already.
 
@@ -90,11 +90,11 @@ class Switch(NamedTuple):
         return HOLDS if opposed and self.acts(seen) else None
 
     def steps(self, seen: Sequence[float]) -> bool:
-        """True if it changes the rate of its function at all, by itself; see `holding`."""
+        """True if the load alone changes the rate of its function; see `holding`."""
         return seen[2] - seen[3] > _SWITCHES.felt
 
     def acts(self, seen: Sequence[float]) -> bool:
-        """True if it changes the rate of its function, which others do not hold; see `holding`."""
+        """True if the load changes the rate of its function, held by no other; see `holding`."""
         below, above, free_below, free_above, _ = seen
         return below - above > max(_SWITCHES.felt, _SWITCHES.own * abs(free_below - free_above))
 
@@ -104,7 +104,7 @@ class Switch(NamedTuple):
         return [float(row % HOLDS), *held]
 
     def values_at(self, places: Array) -> Array:
-        """Values of the symbols at places (N,), as if it did not hold: (1, N) or (2, N)."""
+        """Values of the symbols at positions (N,), without holding: (1, N) or (2, N)."""
         return np.array([places > 0.0, np.zeros_like(places)][: len(self.symbols)], float)
 
 
@@ -119,8 +119,8 @@ class SwitchTable:
 
     Attributes
     ----------
-    symbols : of the n numbers of the present row, and of its bounds
-    local : the place from the middle of the row
+    symbols : symbols of the n numbers of the present row, and of its bounds
+    local : position from the middle of the row
     guard : falls through zero where the next row begins
     """
 
@@ -183,14 +183,14 @@ class SwitchTable:
         return self._values
 
     def rows_at(self, places: Array) -> NDArray[np.intp]:
-        """The rows (N,) at places (N,) [rad, m]."""
+        """The rows (N,) at positions (N,) [rad, m]."""
         if self._periodic:
             first = self._breaks[0]
             places = first + (places - first) % (2.0 * math.pi)
         return np.searchsorted(self._breaks[1:-1], places, 'right')
 
     def ends_between(self, start: float, end: float) -> Array:
-        """Places (N,) at which rows end between two places, in the order of their passage."""
+        """Positions (N,) at which rows end between two positions, in the order of passage."""
         low, high, ends = min(start, end), max(start, end), self._breaks[1:-1]
         if self._periodic:
             period, ends = 2.0 * math.pi, self._breaks[:-1]
@@ -200,11 +200,11 @@ class SwitchTable:
         return np.asarray(inside if start <= end else inside[::-1])
 
     def row_at(self, place: float) -> int:
-        """The row at a place [rad, m]."""
+        """The row at a position [rad, m]."""
         return int(self.rows_at(np.array(place)))
 
     def row_after(self, row: int, place: float) -> int:
-        """The row that begins where another one ends, at a place near its end.
+        """The row that begins where another one ends, at a position near its end.
 
         Raises
         ------
@@ -226,11 +226,11 @@ class SwitchTable:
 
     @property
     def bounded(self) -> bool:
-        """True if there are places where no row holds."""
+        """True if some positions have no row."""
         return not (self._periodic or self._endless)
 
     def check(self, places: Array) -> None:
-        """Refuse places (N,) [rad, m] where no row holds, but for rounding.
+        """Refuse positions (N,) [rad, m] without a row, beyond rounding.
 
         Raises
         ------
@@ -254,20 +254,20 @@ class SwitchTable:
         return found
 
     def values_at(self, places: Array) -> Array:
-        """Values of the n symbols at places (N,): (n, N)."""
+        """Values of the n symbols at positions (N,): (n, N)."""
         found: Array = self._values[self.rows_at(places)].T
         return found
 
 
 class ToothTable(SwitchTable):
-    """The teeth that a pawl passes one way: a row for each, which ends at the next one only.
+    """Teeth that a pawl passes in one direction: a row each, which ends at the next only.
 
     A pawl that rests on a tooth is at the beginning of its row.
 
     Parameters
     ----------
     place : angle of the pawl [rad], of any number of turns; a tooth is at zero
-    count : of teeth on a turn, at least 3
+    count : number of teeth on a turn, at least 3
     """
 
     def __init__(self, name: str, symbol: str, place: hy.expression, count: int) -> None:
@@ -282,7 +282,7 @@ class ToothTable(SwitchTable):
         self.guard = 1.0 - self.local * (0.5 * count / math.pi)
 
     def rows_at(self, places: Array) -> NDArray[np.intp]:
-        """The teeth (N,) that pawls at places (N,) [rad] have passed last."""
+        """Numbers (N,) of the teeth last passed by pawls at positions (N,) [rad]."""
         passed = (places + _SWITCHES.tooth) * (0.5 * self._count / math.pi)
         return np.floor(passed).astype(np.intp) % self._count
 
@@ -298,7 +298,7 @@ def by_level(
 
     Parameters
     ----------
-    places : if not their own
+    places : expressions of their positions; by default their own
     """
     levels: dict[str, int] = {}
     found: list[list[int]] = []

@@ -33,8 +33,8 @@ class Tilt(LinkExtension):
     cog: Vector2  #: [m] in the link's frame
     inertia: tuple[float, float, float]  #: [kg m^2] about x, y and normal of the link, at the cog
     rigidity: Vector2  #: [N m/rad] against rotation about the link's x and y axes
-    damping: float = 0.0  #: ratio of critical damping of each rotation by itself
-    spin: float = 0.0  #: [kg m^2] that turns with the link in the plane, but does not lean
+    damping: float = 0.0  #: damping ratio of each rotation by itself
+    spin: float = 0.0  #: [kg m^2] inertia that rotates in the plane, but does not tilt
     axial: float | None = None  #: [N/m] stiffness along the axes; None if it does not move there
 
     scattered: ClassVar[bool] = False
@@ -57,13 +57,13 @@ class Tilt(LinkExtension):
 
     @cached_property
     def _moments(self) -> tuple[float, float, float]:
-        """Second moments of the mass along x, y, z [kg m^2], none of them less than nothing."""
+        """Second moments of the mass along x, y, z [kg m^2], none negative."""
         total = 0.5 * sum(self.inertia)
         x, y, z = (max(0.0, total - own) for own in self.inertia)
         return x, y, z
 
     def masses(self, body: Body, place: Callable[..., Point]) -> list[tuple[float, Point]]:
-        """Six that stand for the link, at its principal axes, two above and below its plane."""
+        """Six masses equivalent to the link, on its principal axes, two off its plane."""
         share, (x, y) = self.mass / 6.0, self.cog
         a, b, c = (math.sqrt(3.0 * moment / self.mass) for moment in self._moments)
         off = (a, 0.0, 0.0), (0.0, b, 0.0), (0.0, 0.0, c)

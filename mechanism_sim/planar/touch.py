@@ -16,7 +16,7 @@ Point = tuple[Term, Term]
 
 @dataclass(frozen=True)
 class Touch:
-    """A contact on the line of action of the closure's force, from which it follows.
+    """Contact whose point follows from the line of action of the closure's force.
 
     It is the point of the line that is nearest to the joint's point on one of the links, or
     `offset` beside that, along the positive force on the second: a roller touches by its radius
@@ -25,9 +25,9 @@ class Touch:
 
     closure: PairClosure
     name: str  #: of its parameters
-    offset: float = 0.0  #: [m]
-    at_pin: bool = False  #: whether that is the point on the first-named link
-    share: float = 1.0  #: of the coefficient: of a roller, the radius of its pin over its own
+    offset: float = 0.0  #: offset along the positive force on the second [m]
+    at_pin: bool = False  #: whether the joint's point on the first-named link counts
+    share: float = 1.0  #: factor of the coefficient; of a roller, pin radius over its own
 
     def on(self, way: float) -> Touch:
         """Contact on the wall that presses on the second along (1) or against (-1) the force."""
@@ -108,18 +108,18 @@ class Touch:
 
 @dataclass(frozen=True)
 class TurningTouch:
-    """Teeth that slide by their mean distance from the pitch point, times their relative turning.
+    """Sliding of teeth: mean distance from the pitch point times relative angular velocity.
 
-    What acts there is a couple.
+    Its friction is a couple.
     """
 
     closure: PairClosure
     name: str  #: of its parameters
-    arm: float  #: [m]
-    share: float = 1.0  #: of the coefficient, for the force in the plane
+    arm: float  #: mean distance from the pitch point [m]
+    share: float = 1.0  #: factor of the coefficient, for the force in the plane
 
     def on(self, way: float) -> TurningTouch:
-        """Contact on either flank, which both slide alike."""
+        """Contact on either flank, with the same slip."""
         return self
 
     def slip(self, frames: Frames) -> Jet:

@@ -1,4 +1,4 @@
-"""Loads whose sizes are unknown, in a machine whose motion and drive efforts are given ([V] 3).
+"""Loads of unknown magnitude, in a machine of given motion and drive efforts ([V] 3).
 
 With the generalised forces Q of loads of size one, and the effort E given of as many drives,
 ``J^T lambda + torques + Q f = s`` has a solution for the sizes f beside that for the joint forces.
@@ -45,7 +45,7 @@ class Effort(Protocol):
     """Effort that a drive supplies while its motion is prescribed."""
 
     def effort(self, frames: Frames) -> Term:
-        """[N m] of one that turns, [N] of one that slides."""
+        """Effort: [N m] of a rotating, [N] of a sliding coordinate."""
 
 
 class Unknowns:
@@ -53,14 +53,14 @@ class Unknowns:
 
     Parameters
     ----------
-    loads : u of them
-    efforts : of u driven coordinates
+    loads : u unknown loads
+    efforts : efforts of u driven coordinates
 
     Attributes
     ----------
-    units : of the sizes, by name
-    sizes : (u,) symbols
-    acting : the loads at these sizes
+    units : units of the sizes, by name
+    sizes : (u,) symbols of the sizes
+    acting : loads at these sizes
     """
 
     def __init__(
@@ -101,8 +101,8 @@ class Unknowns:
 
         Parameters
         ----------
-        matrix : (N, n, n) of the forces of closures and the torques
-        balancing : (n, N) these if the loads were zero
+        matrix : (N, n, n) generalised forces per closure force and torque
+        balancing : (n, N) closure forces and torques with all loads zero
         terms : values (u n + u, N) of `terms`
         """
         response, leverage = self._response(matrix, terms)
@@ -123,7 +123,7 @@ class Unknowns:
         return np.asarray(np.einsum('unN,nN,uN->N', forces, v, sizes))
 
     def work(self, matrix: Array, terms: Array) -> Array:
-        """Determinant (N,) of virtual powers, without dimension: zero where they do no work."""
+        """Dimensionless determinant (N,) of virtual powers: zero where the loads do no work."""
         return np.asarray(np.linalg.det(self._response(matrix, terms)[1] * self._scale))
 
     def _response(self, matrix: Array, terms: Array) -> tuple[Array, Array]:

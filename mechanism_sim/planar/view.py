@@ -26,27 +26,27 @@ Side: TypeAlias = Literal['left', 'right']
 class Trajectory(NamedTuple):
     """An angle or a displacement at N instants, with its rates."""
 
-    position: Array  #: (N,) [rad] without `turned`, or [m]
+    position: Array  #: (N,) [rad] without the whole turns of `turned`, or [m]
     velocity: Array  #: (N,) [rad/s] or [m/s]
     acceleration: Array  #: (N,) [rad/s^2] or [m/s^2]
-    turned: Array  #: (N,) [rad] of whole turns, with which an angle would lose digits
+    turned: Array  #: (N,) [rad] whole turns, kept apart so that no digits are lost
 
     @property
     def total(self) -> Array:
-        """The position (N,) with all its turns [rad] or [m]."""
+        """Position (N,) with all its turns [rad] or [m]."""
         return self.position + self.turned
 
 
 class Told:
-    """Annotation of a field of a reading: the quantity ``FIELD.JOINT`` that it is.
+    """Annotation of a field of a reading as quantity ``FIELD.JOINT``.
 
     Parameters
     ----------
-    units : SI; two where it depends on whether something turns or slides: rad and m in this order
-    words : the quantity
-    slides : of two units, the link that turns or slides: ``first`` or ``second``
-    difference : whether it is one of lengths as large as the machine, with their rounding
-    repeats : whether coordinates say the same
+    units : SI units; two, rad and m in this order, for a link that rotates or slides
+    words : description of the quantity
+    slides : link that decides between two units: ``first`` or ``second``
+    difference : whether it is a difference of lengths of the machine's size, with their rounding
+    repeats : whether coordinates contain the same information
     """
 
     def __init__(
@@ -66,10 +66,10 @@ class Told:
 class ToothLoad(NamedTuple):
     """A force on a shaft where teeth touch, in space; N instants."""
 
-    link: str  #: which turns with the shaft
+    link: str  #: link that rotates with the shaft
     force: Array  #: (3, N) [N] along x and y of the world, and along the shaft towards the reader
     arm: Array  #: (3, N) [m] from the middle of the shaft, in the plane of the machine
-    in_plane: bool  #: whether the reactions of the plane hold its x and y already
+    in_plane: bool  #: whether planar reactions already contain its x and y
 
     @property
     def components(self) -> dict[str, Array]:
@@ -93,7 +93,7 @@ class PairView(Protocol):
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
 
     def chord(self, link: str, a: Vector2, b: Vector2) -> Trajectory:
-        """Turning of a link by the line from one point of it to another."""
+        """Rotation of a link by the line from one point of it to another."""
 
     def place(self, link: str, at: Vector2) -> Array:
         """World coordinates (2, N) [m] of a point of a link."""
@@ -111,13 +111,13 @@ class PairView(Protocol):
 
     @property
     def moment(self) -> Array:
-        """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
+        """Moment (N,) [N m] of the first-named link, about the joint's point on the second."""
 
     def moment_on_first(self, centre: Array) -> Array:
         """Moment (N,) [N m] of the second-named on the first-named link, about points (2, N)."""
 
     def gap(self, side: Side | None = None) -> tuple[Array, NDArray[np.bool_]] | None:
-        """Distance (N,) [m] and whether it is closed (N,), of the joint's gap at that side."""
+        """Distance (N,) [m] and closed mask (N,) of the joint's gap at a side."""
 
 
 SLOT = 0.75
@@ -163,7 +163,7 @@ class Draft(Protocol):
 
         Parameters
         ----------
-        curves : (k, 2) [m] each, in the frame of the link, closed; what lies within two is open
+        curves : (k, 2) [m] each, in the frame of the link, closed; points within two are a hole
         """
 
     def pin(self, place: LinkPoint, label: str) -> None:
@@ -173,7 +173,7 @@ class Draft(Protocol):
         """Extend the outline of a link to a point."""
 
     def rail(self, kind: Kind, place: LinkPoint, axis: float, runner: Array) -> None:
-        """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""
+        """Line of a link, long enough for points (2, N) sliding on it, in the link's frame."""
 
     def wall(self, link: str, start: Vector2, end: Vector2) -> None:
         """A wall of a link, solid to the left of the way from start to end [m]."""
@@ -183,7 +183,7 @@ class Draft(Protocol):
 
         Parameters
         ----------
-        radii : [m] of discs that it touches there, positive where they lie on its left
+        radii : [m] radii of discs tangent there, positive for discs on its left
         """
 
     def first(self, name: str) -> bool:

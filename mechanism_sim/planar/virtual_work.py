@@ -1,4 +1,4 @@
-"""Loads on a mechanism: where they act, and what they do to its coordinates."""
+"""Loads on a mechanism: points of action, and generalised forces."""
 
 from __future__ import annotations
 
