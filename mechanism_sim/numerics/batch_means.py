@@ -38,7 +38,7 @@ def ratio(x: Array, per: Array, confidence: float = 0.95) -> tuple[float, float]
 
     Returns
     -------
-    The ratio and the half width; not a number where `per` is zero or there is but one batch.
+    Ratio and half width; NaN where `per` is zero or there is a single batch.
     """
     count, size = batches(len(x))
     X, D = (v[len(v) - size * count :].reshape(count, size).sum(axis=1) for v in (x, per))
@@ -64,7 +64,7 @@ def quotient(x: Array, y: Array, confidence: float = 0.95) -> tuple[float, float
 
     Returns
     -------
-    The quotient and the half width; not a number where the mean of y is zero or n = m = 1.
+    Quotient and half width; NaN where the mean of y is zero or n = m = 1.
     """
     if not y.mean():
         return math.nan, math.nan

@@ -27,7 +27,7 @@ T = TypeVar('T')
 FOLDER = 'mechanism_sim'
 
 LIMIT = 128 * 2**20
-"""[B] Some dozens of scenes; verified in 40 ms. What was used last is kept."""
+"""Size limit [B]: some dozens of scenes, verified in 40 ms; the last used are kept."""
 
 _THREADS = get_nthreads()
 # heyoka evaluates large blocks in several threads: one that is woken for some microseconds of work
@@ -89,7 +89,7 @@ def _is_open_to_others(path: Path) -> bool:
 
 
 def _is_shared(found: os.stat_result) -> bool:
-    """True if others may write; a group of which nobody else is a member is no other."""
+    """True if others may write; a group without other members does not count."""
     if found.st_mode & stat.S_IWOTH:
         return True
     return bool(found.st_mode & stat.S_IWGRP) and not _is_private(found.st_gid)
@@ -182,7 +182,7 @@ def _remove_data_base(path: Path) -> None:
 
 
 def _remove_code(path: Path) -> None:
-    """Forget what a folder holds of code."""
+    """Delete the code in a folder."""
     _remove_data_base(path)
     for kernels in path.glob('kernels-*'):
         shutil.rmtree(kernels, ignore_errors=True)

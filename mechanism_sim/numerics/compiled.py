@@ -32,7 +32,7 @@ from mechanism_sim.numerics.machine_code import foreign
 hy.set_logger_level_error()
 
 _LARGEST = 200_000
-"""Nodes of expressions that are compared in a few milliseconds."""
+"""Number of nodes of expressions that are compared in a few milliseconds."""
 
 _LONG = 2_000_000
 """Nodes of equations whose optimisation takes some 10 s; of 500,000 it takes 4 s, and pays."""
@@ -47,7 +47,7 @@ _crowded: list[Callable[[], bool]] = []
 
 
 def spent() -> tuple[float, float]:
-    """Wall and CPU time [s] in which this process has made code so far, or read it from disk."""
+    """Wall-clock and CPU time [s] of this process for making or reading code so far."""
     wall, cpu = _spent
     return wall, cpu
 
@@ -61,7 +61,7 @@ def _counted() -> Iterator[None]:
 
 
 def forget() -> None:
-    """Let go of all that was compiled, but for what somebody holds."""
+    """Release all compiled functions that are not referenced elsewhere."""
     _function.cache_clear()
     _integrator.cache_clear()
     foreign.cache_clear()
@@ -70,7 +70,7 @@ def forget() -> None:
 
 
 def forget_for_others(crowded: Callable[[], bool]) -> None:
-    """Let go of what was compiled for other machines before a new integrator is, if `crowded`.
+    """Release code of other machines before a new integrator is compiled, if `crowded`.
 
     A machine of which only values changed needs no new one, and finds all that it needs.
     """
@@ -90,7 +90,7 @@ class _KeyedTerms:
     ----------
     large : whether LLVM takes long to optimise them: four times as long as to compile them, for
         1 to 2 us in a call
-    long : whether that takes so long for equations that they are to be compact
+    long : whether optimisation of equations takes so long that they are compiled compactly
     """
 
     def __init__(self, expressions: Sequence[hy.expression]) -> None:
@@ -127,7 +127,7 @@ def _function(
 
 
 def alike(some: Sequence[hy.expression], others: Sequence[hy.expression]) -> bool:
-    """True if expressions are the same but for values of parameters: so is their code."""
+    """True if expressions, and so their code, differ in values of parameters only."""
     return _KeyedTerms(some) == _KeyedTerms(others)
 
 
@@ -148,7 +148,7 @@ def _integrator(
     level: int,
     flag: int,
 ) -> tuple[hy.taylor_adaptive_dbl, Reused[hy.taylor_adaptive_dbl]]:
-    """An integrator, and the copies of it that runs have."""
+    """An integrator, and its copies in runs."""
 
     def marking(index: int) -> hy.callback:
         def fell(integrator: hy.taylor_adaptive_dbl, _direction: int) -> bool:
@@ -206,11 +206,11 @@ def integrator(
 
     Parameters
     ----------
-    tolerance : heyoka's
+    tolerance : tolerance of heyoka
     compact : compile slower but smaller code
     flag : the last parameter, which becomes 1 plus the index of the guard that ended a step; some
         equation must name it
-    owner : when it is gone, another may have the integrator: to copy one takes a millisecond
+    owner : object after whose end the integrator is reused: to copy one takes a millisecond
     """
     # of compact code the third level takes half as long again for nothing
     level = min(OPTIMISATION, 1 if compact else 3)
@@ -223,11 +223,11 @@ def integrator(
 
 
 _IDLE = 4
-"""Integrators of one kind that are kept for later runs."""
+"""Number of integrators of one kind kept for later runs."""
 
 
 COLUMNS = 1024
-"""Evaluated at once: inputs, parameters and results then stay in a processor's cache."""
+"""Number of columns evaluated at once, so that they stay in a processor's cache."""
 
 
 class Evaluation:
@@ -237,10 +237,10 @@ class Evaluation:
 
     Parameters
     ----------
-    expressions : of all groups, in their order
+    expressions : expressions of all groups, in their order
     variables : v symbols
-    parameters : values of ``par[]``; what the function does not use may follow
-    sizes : of the groups into which its results are split
+    parameters : values of ``par[]``; unused ones may follow
+    sizes : sizes of the groups of results
     """
 
     def __init__(

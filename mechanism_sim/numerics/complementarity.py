@@ -43,11 +43,11 @@ class Grip(IntEnum):
 class FrictionalProblem(NamedTuple):
     """Normal and tangential impulses of m contacts, see `solve_frictional_lcp`."""
 
-    A: Array  #: (2m, 2m)
-    b: Array  #: (2m,)
-    friction: Array  #: (m,)
-    slip: Indices  #: (m,) sign of a slip that is given, 0 where it is free
-    least: Array  #: (2m,)
+    A: Array  #: (2m, 2m) compliance
+    b: Array  #: (2m,) rates, or accelerations, without impulses
+    friction: Array  #: (m,) Coulomb's coefficients
+    slip: Indices  #: (m,) sign of a given slip, 0 where it is free
+    least: Array  #: (2m,) least impulses, see `solve_frictional_lcp`
 
 
 @kernel
@@ -62,7 +62,7 @@ def lemke(M: Array, q: Array, cover: Array, start: int) -> tuple[Indices, bool]:
     ----------
     M : (n, n)
     q, cover : (n,)
-    start : which ``z_i`` is exchanged with its ``w_i`` beforehand, if it can be; none if -1
+    start : index i of a ``z_i`` exchanged with its ``w_i`` beforehand, if possible; none if -1
 
     Returns
     -------
@@ -130,7 +130,7 @@ def exchange(T: Array, row: int, column: int) -> None:
 
 @kernel
 def _leaving(T: Array, column: int, basic: Indices, place: Indices, first: Indices) -> int:
-    """The row whose variable comes to zero first as that of a column grows; -1: none does."""
+    """Row whose variable reaches zero first as that of a column grows; -1 if none does."""
     n = len(T)
     found = -1
     for i in range(n):
@@ -300,7 +300,7 @@ def _eliminate_symmetric(T: Array) -> tuple[Indices, int]:
 
 @entry
 def solve_contacts(problem: FrictionalProblem) -> tuple[Array, Indices, bool]:
-    """Solution x of `solve_frictional_lcp` and the grips, as arrays, and whether there is one.
+    """Solution x of `solve_frictional_lcp` and the grips, as arrays, and whether one exists.
 
     The problem is that of D. E. Stewart and J. C. Trinkle (Int. J. Numer. Meth. Eng. 39, 1996):
     friction is a difference of two positive parts, ``q = q+ - q-``, and a further unknown is the
@@ -522,7 +522,7 @@ def _directions(
 
     Parameters
     ----------
-    inside : (n,) which unknowns the basis holds
+    inside : (n,) mask of the unknowns in the basis
     """
     m = len(problem.friction)
     direction, sticks = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.bool_)
@@ -551,7 +551,7 @@ def _columns(
     sticks: NDArray[np.bool_],
     x: Array,
 ) -> tuple[Array, Indices]:
-    """Impulses (2m, k) with which a basis can push, and the rows (k,) that they keep at zero.
+    """Columns (2m, k) of the impulses of a basis, and the rows (k,) that they keep at zero.
 
     Sets x to the least impulses, with the friction that they have where the contact slides.
     """
@@ -587,7 +587,7 @@ def _holds(
     x: Array,
     grips: Indices,
 ) -> bool:
-    """True if x obeys the laws of all contacts to rounding; then it does so exactly."""
+    """True if x obeys the laws of all contacts to rounding; x is then made exact."""
     A, b, least = problem.A, problem.b, problem.least
     m, most, limits = len(problem.friction), largest(x), _COMPLEMENTARITY
     slack = limits.exact * most
@@ -635,7 +635,7 @@ def _exact_friction(
 
     Parameters
     ----------
-    wt, rest : its rate, and how large that is by rounding
+    wt, rest : tangential rate, and its rounding error
     hold : bound of q
     """
     if grip == STICK:
@@ -679,7 +679,7 @@ def solve_frictional_lcp(
 
     Returns
     -------
-    (2m,) x, and (m,) what each contact does; one without friction slips, or sticks if wt = 0
+    (2m,) x, and (m,) grip of each contact; one without friction slips, or sticks if wt = 0
 
     Raises
     ------

@@ -23,15 +23,15 @@ _WIDEST = 0.25 * TWO_PI
 
 @dataclass(frozen=True)
 class Curve:
-    """A piecewise polynomial; before the first and after the last point its value stays.
+    """A piecewise polynomial, constant before the first and after the last point.
 
     Attributes
     ----------
     breaks : (k + 1,) between which the polynomials hold; infinite at both ends, or those of a turn
-    rows : (k, n) coefficients of powers, rising, of the place from the middle of its interval, or
+    rows : (k, n) coefficients of rising powers of the position from its interval's middle, or
         from the finite end of an infinite one
-    cyclic : whether it repeats every turn of the place times the scale
-    scale : of the places, by which they are multiplied before anything else
+    cyclic : whether it repeats every turn of the position times the scale
+    scale : factor of the positions
     """
 
     breaks: Array
@@ -40,7 +40,7 @@ class Curve:
     scale: float = 1.0
 
     def __call__(self, x: Array) -> Array:
-        """Values at places (N,); at a step that behind it."""
+        """Values at positions (N,); at a step the value behind it."""
         x = x * self.scale
         if self.cyclic:
             x = self.breaks[0] + (x - self.breaks[0]) % TWO_PI
@@ -53,7 +53,7 @@ class Curve:
         return np.asarray((self.rows[row] * powers).sum(axis=1))
 
     def integral(self) -> Curve:
-        """The integral from 0 on, of a curve that does not repeat."""
+        """Integral from 0, of a curve that does not repeat."""
         count = self.rows.shape[1]
         rows = np.pad(self.rows / np.arange(1.0, count + 1.0), ((0, 0), (1, 0)))
         inner = self.breaks[1:-1]  # where one polynomial follows on another
@@ -122,13 +122,13 @@ def through(
 
 
 _LEAST = {'linear': 2, 'cubic': 4, 'quintic': 6}
-"""Points that a spline without conditions at its ends needs."""
+"""Number of points that a spline without end conditions needs."""
 
 
 def spline(
     x: Array, y: Array, interpolation: Interpolation, periodic: bool = False, rest: bool = False
 ) -> tuple[Array, Array]:
-    """Breaks (k + 1,) and coefficients (k, n) of powers, rising, of the place from each break.
+    """Breaks (k + 1,) and coefficients (k, n) of rising powers of the position from each break.
 
     The cubic has two continuous derivatives, the quintic four. At the ends, where nothing is said,
     the last polynomials hold over two intervals (cubic) or three (quintic).
@@ -164,7 +164,7 @@ def spline(
 def _polynomials(
     x: Array, y: Array, ramp: _Ramp, closes: bool
 ) -> list[tuple[float, float, Array]]:
-    """Intervals with the coefficients of rising powers of the place from their starts.
+    """Intervals with the coefficients of rising powers of the position from their starts.
 
     Of what closes, those of the turns before and behind it may be among them.
     """

@@ -31,13 +31,13 @@ from mechanism_sim.tolerances import TOLERANCES
 _ENCLOSURE = TOLERANCES.enclosure
 
 _FAR = {'sin': 2.0, 'cos': 2.0, 'exp': 1.5, 'tanh': 0.7, 'atan': 0.5}
-"""How far arguments may go from the middle of a piece of motion whose series knows the function:
+"""Largest deviation of arguments from the middle of a piece whose series resolves the function:
 well within the distance of the next pole, and of a function without poles a change of a few."""
 _ENTIRE = 'sin', 'cos', 'exp'
 
 
 class Ball(NamedTuple):
-    """All numbers that are not farther from a middle than a radius; exact without one."""
+    """Interval of all numbers within a radius of a middle; exact without a radius."""
 
     middle: Any
     radius: Any = None
@@ -359,17 +359,17 @@ def _doubts(
 class Enclosed(NamedTuple):
     """Enclosures of K functions in N parts of a motion, or at N places."""
 
-    middle: Array  #: (K, N)
-    radius: Array  #: (K, N)
-    weight: Array  #: (K, N) largest change of any load, in its own scale, by a unit of each
+    middle: Array  #: (K, N) middles of the enclosures
+    radius: Array  #: (K, N) radii of the enclosures
+    weight: Array  #: (K, N) largest change of any load, over its scale, per unit of each
 
 
 class MotionSeries(NamedTuple):
     """Variables of formulas over a piece of motion, whose length is 1, as power series."""
 
-    series: Array  #: (v, n) coefficients of rising powers, of what moves
-    length: float  #: [s]
-    fixed: Array  #: (w,)
+    series: Array  #: (v, n) coefficients of rising powers of the moving variables
+    length: float  #: duration [s]
+    fixed: Array  #: (w,) constant variables
     parameters: Array  #: values of ``par[]``
 
 
@@ -378,16 +378,16 @@ class Enclosure:
 
     Parameters
     ----------
-    loads : formulas whose changes matter beyond a scale of each
-    guards : formulas that matter where they may be zero
+    loads : formulas, whose changes below a scale of each are negligible
+    guards : formulas of interest near their zeros
     moving : v symbols that have a radius in a part
     fixed : w symbols that have none
 
     Attributes
     ----------
-    count : of the functions
-    guards : their number
-    doubted : compiled, `doubts_at` in numbers, see `doubt_of`
+    count : number of the functions
+    guards : number of the guards
+    doubted : compiled numbers of `doubts_at`, see `doubt_of`
     """
 
     def __init__(
@@ -448,11 +448,11 @@ class Enclosure:
     def __call__(
         self, motion: MotionSeries, scales: Array, middle: Array, radius: Array
     ) -> Enclosed:
-        """Enclosures where what moves is at middles and not farther from there than radii (v, N).
+        """Enclosures for moving variables within radii of their middles, each (v, N).
 
         Parameters
         ----------
-        scales : of loads, then guards: a change times the length [s] of a part that is nothing
+        scales : negligible products of change and length [s] of a part, of loads, then guards
         """
         count = middle.shape[1]
         known = motion.parameters[: self._function.nparams, None]
@@ -495,9 +495,9 @@ class FunctionRanges:
     def __call__(
         self, motion: MotionSeries, begin: Array, width: float
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Values in the middles of parts; the least in them; whether there is none inside.
+        """Values in the middles of parts, lower bounds in them, and masks of bounds at an end.
 
-        Each (g, N), of parts of a width from 0 to 1. The least is below what is there; it lies at
+        Each (g, N), of parts of a width from 0 to 1. The bound is below all values; it lies at
         an end where the expression rises or falls all the way.
         """
         series, _, fixed, parameters = motion
@@ -526,7 +526,7 @@ class FunctionRanges:
 
 
 def falls(ranges: FunctionRanges, motion: MotionSeries) -> list[float]:
-    """Places from 0 to 1 where an expression is below zero, though it is not at both ends.
+    """Positions from 0 to 1 where an expression positive at both ends is below zero.
 
     At least one in the first stretch where that is so, if there is any that is not a point.
     """
@@ -558,7 +558,7 @@ def _program(
 _FIRST = 8  # parts, in which most motions are known at once
 NONE, LITTLE, MUCH = range(3)
 FEW = np.array([0.25, 0.5, 0.75, 1.0])
-"""Places to look at where nothing is steep."""
+"""Sample positions where nothing is steep."""
 _ENDS = np.linspace(0.0, 1.0, _FIRST + 1)
 
 
@@ -585,14 +585,14 @@ def _first_shift(order: int) -> Array:
 
 @lru_cache(maxsize=16)
 def _halves(count: int) -> tuple[Array, Array]:
-    """The first powers of 1/2, so many, and how far those of x go from there, x from 0 to 1."""
+    """First powers of 1/2, and largest deviations of those of x from them, x from 0 to 1."""
     halves: Array = np.power(0.5, np.arange(count))
     return halves, np.maximum(halves, 1.0 - halves) * (np.arange(count) > 0)
 
 
 @kernel
 def about_middle(series: Array, given: Array) -> None:
-    """Values (v,) of polynomials (v, n) at 1/2, then radii about them, all that x up to 1 adds."""
+    """Values (v,) of polynomials (v, n) at 1/2, then radii (v,) of their range on 0 to 1."""
     count = len(series)
     for k in range(count):
         half, middle, radius = 1.0, series[k, 0], 0.0
@@ -623,8 +623,8 @@ def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]
 class Reach(NamedTuple):
     """Part of a piece of motion, whose length is 1, that is known from its beginning on."""
 
-    sound: float  #: the last place before the first fault that is far from one; 0 if none is
-    fault: float | None  #: that one, or where samples begin not to tell all; None if there is none
+    sound: float  #: last position before the first fault that is far from one; 0 if none is
+    fault: float | None  #: position of the first fault, or end of resolved samples; None
 
 
 WHOLE = Reach(1.0, None)
@@ -644,9 +644,9 @@ def reach_of(
 
     Parameters
     ----------
-    scales : of loads, then guards: a change times the length [s] of its part that is nothing
-    defect : (N,) how wrong something is at places (N,) from 0 to 1; more than 1 is a fault
-    doubts : see `Enclosure.doubts`, if they are known
+    scales : negligible products of change and length [s] of a part, of loads, then guards
+    defect : function of positions (N,) from 0 to 1 that returns defects (N,); above 1 is a fault
+    doubts : level of `Enclosure.doubts`, if known
     """
     doubts = enclosure.doubts(motion, scales) if doubts is None else doubts
     if doubts == NONE:
@@ -704,7 +704,7 @@ def reach_of(
 
 
 def _off(own: Array, parts: Enclosed, span: Array) -> Array:
-    """Deviations of functions (K, N) in parts from what their samples show.
+    """Deviations (K, N) of functions in parts from their samples.
 
     It is how far they may go beyond all samples, or bend between them; or how much they change at
     all, if that is half of what they change in the whole piece.
@@ -722,7 +722,7 @@ def _off(own: Array, parts: Enclosed, span: Array) -> Array:
 
 
 def _halved(begin: Array, width: float, own: Array) -> tuple[Array, Array]:
-    """Parts of half the width in the order of places, and values (K, 2, N) at their ends.
+    """Parts of half the width in their order, and values (K, 2, N) at their ends.
 
     Parameters
     ----------
@@ -741,7 +741,7 @@ def _enclosed(
     width: float,
     places: Array,
 ) -> tuple[Enclosed, Array]:
-    """Enclosures in parts, and values (K, N) at places."""
+    """Enclosures in parts, and values (K, N) at positions."""
     middle, radius = _on_parts(motion.series, shift, 0.5 * width)
     at = motion.series @ places ** np.arange(len(shift))[:, None]
     count = middle.shape[1]

@@ -49,13 +49,13 @@ OTHER_WORDS = {
 _ELECTRICAL = 'V', 'mV', 'A', 'mA', 'ohm', 'Ohm', 'Ω', 'H', 'mH', 'uH', 'F'
 
 LARGEST = 1e30
-"""Limit of numbers in a text: beyond, products leave the range of floating-point numbers."""
+"""Limit of numbers in a text: products of larger ones may overflow."""
 LONGEST = 1000
 """Characters of a text."""
 _STEEPEST = 20
-"""Power to which something is raised."""
+"""Largest exponent of a power."""
 DEEPEST = 200
-"""Operations in each other: a sum of so many terms is as deep."""
+"""Largest depth of nested operations: that of a sum is its number of terms."""
 
 _TOKEN = re.compile(
     r'\s*(?:(?P<number>(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)'
@@ -82,11 +82,11 @@ class ExpressionNode:
     kind : number, pi, name, call, figure, negative, ``+ - * / **``, compare, not, and, or; if, of
         a condition and two values
     args : operands or arguments
-    name : of a name, function or figure; the signs of a comparison
-    value : of a number in SI units; of a figure how many stand before it
-    unit : of a number with a unit
-    window : words after the expression of a figure, and what they say
-    text : as it is written
+    name : text of a name, function or figure; the signs of a comparison
+    value : number in SI units; index of a figure in the text
+    unit : unit of a number with one
+    window : words after the expression of a figure, with their values
+    text : text as written
     """
 
     kind: str
@@ -98,14 +98,14 @@ class ExpressionNode:
     text: str = field(default='', compare=False)
 
     def walk(self) -> Iterator[ExpressionNode]:
-        """All parts, each after its own parts."""
+        """All nodes, each after its operands."""
         for x in self.args:
             yield from x.walk()
         yield self
 
     @property
     def names(self) -> list[str]:
-        """The different names in it, in the order in which they stand there."""
+        """The different names, in the order of their appearance."""
         return list(dict.fromkeys(n.name for n in self.walk() if n.kind == 'name'))
 
 
@@ -148,7 +148,7 @@ class _ExpressionReader:
         return self._tokens[self._at]
 
     def _take(self, *texts: str) -> str:
-        """The next token if it is one of some, or nothing."""
+        """Take the next token if it is one of some; returns it, or nothing."""
         token = self._now
         if token.text not in texts or not token.text:
             return ''
@@ -332,7 +332,7 @@ class _ExpressionReader:
 
 
 def tree_of(text: str) -> ExpressionNode:
-    """The tree of what heyoka prints: without limits, and of any functions."""
+    """Tree of heyoka's printed text: without limits, and with any functions."""
     return _ExpressionReader(text, FUNCTIONS, {}).tree()
 
 
@@ -345,7 +345,7 @@ def parse(
 
     Parameters
     ----------
-    functions : that it may call, as `FUNCTIONS`; any if None
+    functions : allowed functions, as `FUNCTIONS`; any if None
     figures : functions of a whole run by the names that are understood
     """
     said = f'{quoted(text)} is not a formula'
@@ -395,7 +395,7 @@ def _check_call(
 
 
 def sides(text: str, *signs: str) -> tuple[str, str, str] | None:
-    """The texts before and behind the only sign outside of brackets, and the sign between them.
+    """Texts before and behind the only sign outside of brackets, and the sign.
 
     None if there is none, or more. The sign is ``=``, or one of some.
     """
@@ -409,7 +409,7 @@ def sides(text: str, *signs: str) -> tuple[str, str, str] | None:
 
 
 def unit_hint(name: str) -> str:
-    """A clause on a name that is not known, if it is that of a unit; else nothing."""
+    """Hint on an unknown name that is one of a unit; else empty."""
     said = ', a unit: it stands behind its number, as in 20 N m or 300 rpm'
     return said if common(name) else ''
 
@@ -423,7 +423,7 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
     Parameters
     ----------
     units : of names, of figures by what stands before them, of further functions by ``NAME()``
-    text : of which this is a part, for messages
+    text : whole text, for messages
     """
     if node.kind in ('number', 'pi'):
         return node.unit
@@ -461,7 +461,7 @@ def unit_of(node: ExpressionNode, units: Mapping[Any, str | None], text: str) ->
 
 
 def check_bare_numbers(node: ExpressionNode, units: Mapping[Any, str | None], text: str) -> None:
-    """Refuse a number without a unit beside what has one: `unit_of` lets it have any.
+    """Refuse a number without a unit beside a quantity, which `unit_of` accepts.
 
     Zero needs none, nor does what stands beside an angle.
     """
@@ -495,7 +495,7 @@ _ALIKE = {
     '+': 'added', '-': 'added', 'if': 'chosen between', 'compare': 'compared', 'min': 'in min',
     'max': 'in max', 'hypot': 'in hypot',
 }  # fmt: skip
-"""Operations of like units, in words."""
+"""Operations that need equal units, in words."""
 _CONSTANT = {'number', 'pi', 'negative', '+', '-', '*', '/', '**'}
 
 
@@ -510,11 +510,11 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
 
 
 def numbers(node: ExpressionNode, known: Mapping[Any, Any]) -> Any:
-    """An expression of numbers or arrays; conditions are 0 and 1, what has no value is NaN.
+    """Value of an expression in numbers or arrays; conditions are 0 and 1, undefined is NaN.
 
     Parameters
     ----------
-    known : values of names, and of figures by what stands before them
+    known : values by name, and of figures by their index
     """
     with np.errstate(all='ignore'):
         return _numbers(node, known)

@@ -54,19 +54,19 @@ _MOST = 16  # intervals that are halved at once
 class _Pairs(NamedTuple):
     """Intervals in each of which one function may exceed what was found so far."""
 
-    row: NDArray[np.intp]  #: of the heights: functions, and the same functions negated
+    row: NDArray[np.intp]  #: index of the height: functions, then the functions negated
     interval: NDArray[np.intp]
 
 
 class _Intervals(NamedTuple):
-    """K intervals that are looked into, and what is known of those they are halves of."""
+    """K intervals under search, with results of the intervals they are halves of."""
 
-    a: Array  #: (K,) [s]
-    b: Array  #: (K,) [s]
-    wanted: NDArray[np.bool_]  #: (2 C, K) which heights may be exceeded there
-    error: Array  #: (C, K) of the interpolants of what they are halves of
-    stalled: NDArray[np.int8]  #: (C, K) how many times in turn halving did not lessen it
-    bound: Array  #: (2 C, K) what heights there cannot exceed
+    a: Array  #: (K,) starts [s]
+    b: Array  #: (K,) ends [s]
+    wanted: NDArray[np.bool_]  #: (2 C, K) mask of heights that may be exceeded there
+    error: Array  #: (C, K) errors of the interpolants before the last halving
+    stalled: NDArray[np.int8]  #: (C, K) number of successive halvings without improvement
+    bound: Array  #: (2 C, K) upper bounds of the heights
 
     def halves(self) -> _Intervals:
         """All first halves, then all second ones."""
@@ -80,16 +80,16 @@ class ExtremeSearch:
 
     Parameters
     ----------
-    groups : (C,) what each function belongs to; rounding is measured by the largest of a group
-    sizes : of groups, in whose values what is larger cancels out
-    positive : which functions are at least zero, such as sizes of forces
+    groups : (C,) group of each function; rounding is relative to the largest of a group
+    sizes : magnitudes of cancelled terms, by group
+    positive : mask of functions that are never negative, such as magnitudes of forces
     magnitudes : of which functions only the end that is farther from zero matters; the other is
         not looked for
 
     Attributes
     ----------
-    least, greatest : (C,) values; not a number of what was never finite
-    least_time, greatest_time : (C,) [s]; the earliest of several that are equal but for rounding
+    least, greatest : (C,) values; NaN for a function that was never finite
+    least_time, greatest_time : (C,) times [s]; the earliest of several equal to rounding
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class ExtremeSearch:
         self._time = np.full(2 * count, np.nan)
 
     def enlarge(self, size: float) -> None:
-        """Let what cancels out in groups with a size be at least so large from now on."""
+        """Raise the magnitude of cancelled terms in groups with a size to a new minimum."""
         self._largest[self._sized] = np.fmax(self._largest[self._sized], size)
 
     @property
@@ -136,7 +136,7 @@ class ExtremeSearch:
 
     @property
     def rounding(self) -> Array:
-        """Size of errors (C,): what differs by less is the same."""
+        """Rounding errors (C,): smaller differences count as equality."""
         return np.asarray(_ROUNDING.value * self._largest[self._group])
 
     @property
@@ -145,7 +145,7 @@ class ExtremeSearch:
         return np.asarray(self._reached(self._top) + np.tile(self.rounding, 2))
 
     def _reached(self, heights: Array) -> Array:
-        """Heights (2 C,) that others must beat: of a magnitude the larger of both ends."""
+        """Heights (2 C,) to be exceeded: of a magnitude the larger of both extremes."""
         count = len(self._group)
         larger = np.tile(np.fmax(heights[:count], heights[count:]), 2)
         return np.where(np.tile(self._either, 2), larger, heights)
@@ -180,7 +180,7 @@ class ExtremeSearch:
 
         Parameters
         ----------
-        functions : values (C, K n) at times (K, n), of which each row lies in one interval
+        functions : values (C, K n) at times (K, n); each row lies in one interval
         glance : values (C, 5 K) at Chebyshev nodes of some intervals, or of more around them
         alike : (m,) numbers of intervals: functions that agree at these nodes in two of one number
             agree throughout, and are looked into once
@@ -310,7 +310,7 @@ class ExtremeSearch:
     def _enter_tops(
         self, functions: Functions, pairs: _Pairs, t: Array, a: Array, b: Array
     ) -> None:
-        """The functions where interpolants are highest.
+        """Enter the functions at the maxima of interpolants.
 
         There they differ by rounding from what is close by, and the place is surer than that of
         the highest of them.

@@ -22,7 +22,7 @@ from mechanism_sim.numerics.expressions import CORNERED, SMOOTH, ExpressionNode,
 from mechanism_sim.tolerances import TOLERANCES
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name in SMOOTH}
-"""Smooth ones of one argument."""
+"""Smooth functions of one argument."""
 
 PERIODIC = 'sin', 'cos', 'tan'
 """Functions with a period of a turn of their argument."""
@@ -37,7 +37,7 @@ _BINARY: dict[str, Callable[[Any, Any], Any]] = {
 
 
 def _flag_of(guard: hy.expression) -> hy.expression:
-    """1 where an expression is positive, 0 elsewhere: for formulas that are only evaluated."""
+    """Flag of an expression, 1 where positive: for formulas that are only evaluated."""
     return hy.select(hy.gt(guard, hy.expression(0.0)), hy.expression(1.0), hy.expression(0.0))
 
 
@@ -76,14 +76,14 @@ class Words:
 
     Attributes
     ----------
-    variables : expressions by the names that a formula may hold
-    number : makes expressions of its numbers in the order in which they are written; exponents,
+    variables : expressions by the names allowed in a formula
+    number : function that returns expressions of its numbers in their order; exponents,
         which shape the expression, are constants
-    flag : makes the expression that is 1 where another one is positive, and 0 elsewhere
-    tables : functions of one argument beside the usual ones
+    flag : function that returns the expression that is 1 where another one is positive, else 0
+    tables : further functions of one argument
     angles : further names: the expressions of an angle without whole turns, and with them
-    cyclic : of the tables that repeat, turns in the one of their argument that they repeat in
-    size : of the state whose rate it is, to which its errors are relative; 0 of other formulas
+    cyclic : period in turns of the argument, by periodic table
+    size : scale of the state of which it is the rate; 0 for other formulas
     """
 
     variables: Mapping[str, hy.expression]
@@ -114,7 +114,7 @@ def of_tree(tree: ExpressionNode, words: Words, text: str) -> hy.expression:
 
 
 def _terms(node: ExpressionNode) -> list[ExpressionNode]:
-    """Terms that a node adds up or chooses from, whose sizes tell that of its rounding."""
+    """Terms of a node's sum or choice, whose magnitudes determine its rounding."""
     if node.kind in ('+', '-', 'negative'):
         return [t for x in node.args for t in _terms(x)]
     return [t for x in node.args[1:] for t in _terms(x)] if node.kind == 'if' else [node]
@@ -243,7 +243,7 @@ class _Builder:
         )
 
     def _positive(self, difference: Any, *sides: Any) -> Any:
-        """The flag of a difference, in the measure of what is compared.
+        """Flag of a difference, relative to the compared terms.
 
         Divided by it, large forces are compared as well as small displacements.
         """

@@ -40,13 +40,13 @@ _BLOCK = 4096  # intervals, or harmonics times intervals, at once
 class PeriodicSpectrum(NamedTuple):
     """C periodic functions, ``mean + sum_k Re(amplitudes[:, k - 1] e^(i k w t))`` and a rest."""
 
-    mean: Array  #: (C,)
-    amplitudes: ComplexArray  #: (C, count)
-    error: Array  #: (C,) what the mean and each amplitude may be off
+    mean: Array  #: (C,) means
+    amplitudes: ComplexArray  #: (C, count) complex amplitudes of the harmonics
+    error: Array  #: (C,) error of the mean and of each amplitude
     rest: Array  #: (C,) root mean square of all higher harmonics together
 
     def without(self, rounding: float) -> PeriodicSpectrum:
-        """Spectrum with zeros for what is not larger than rounding."""
+        """Spectrum with zeros for amplitudes within rounding."""
         return self._replace(
             mean=np.where(np.abs(self.mean) > rounding, self.mean, 0.0),
             amplitudes=np.where(np.abs(self.amplitudes) > rounding, self.amplitudes, 0.0),
@@ -57,10 +57,10 @@ class PeriodicSpectrum(NamedTuple):
 class _Expansion(NamedTuple):
     """Legendre expansions on K intervals in the order of time."""
 
-    begin: Array  #: (K,) [s]
-    width: Array  #: (K,) [s]
-    coefficients: Array  #: (C, K, n)
-    off: Array  #: (C, K) size of what they leave out
+    begin: Array  #: (K,) starts [s]
+    width: Array  #: (K,) durations [s]
+    coefficients: Array  #: (C, K, n) Legendre coefficients
+    off: Array  #: (C, K) truncation errors
 
 
 def spectrum(
@@ -70,10 +70,10 @@ def spectrum(
 
     Parameters
     ----------
-    functions : smooth inside of intervals; they are never asked for at the ends of one
+    functions : functions smooth inside of intervals; never evaluated at the ends of one
     edges : (m + 1,) first and last instant of the period [s], and where the functions jump or
         bend; close enough that no feature hides between the nodes
-    floor : (C,) size of what is rounding in their values
+    floor : (C,) rounding errors of their values
     """
     x = _expanded(functions, edges, floor)
     period = float(edges[-1] - edges[0])
@@ -149,7 +149,7 @@ def _coefficients(functions: Functions, begin: Array, width: Array) -> Array:
 
 
 def _rest(x: _Expansion, mean: Array, amplitudes: ComplexArray, w: float) -> Array:
-    """Root mean square (C,) of what the harmonics leave, from that itself.
+    """Root mean square (C,) of the functions less their harmonics.
 
     A difference of mean squares (Parseval) would leave the root of rounding. Intervals are parted
     where the highest harmonic asks for more nodes than the expansion has.

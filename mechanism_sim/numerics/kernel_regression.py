@@ -1,4 +1,4 @@
-"""Regression of a number on many, from few samples, that knows its own error.
+"""Regression of a number on many, from few samples, with an estimate of its error.
 
 Kernel ridge regression with a Gaussian kernel. What a regression without sample i says is known in
 closed form, for all i at once (Rasmussen and Williams, Gaussian Processes for Machine Learning,
@@ -29,12 +29,12 @@ class KernelRegression:
 
     Parameters
     ----------
-    x : (n, p)
-    y : (n,)
+    x : (n, p) inputs
+    y : (n,) outputs
 
     Attributes
     ----------
-    residuals : (n,) of y, each against the regression without that sample
+    residuals : (n,) of y, each by the regression without that sample
     """
 
     def __init__(self, x: Array, y: Array) -> None:

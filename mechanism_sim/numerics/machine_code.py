@@ -30,7 +30,7 @@ class Code(NamedTuple):
 
     enter: Callable[[int, int], None]
     release: Callable[[], None]
-    result: Any  #: type of what it returns
+    result: Any  #: type of the result
 
     def bind(self, *args: Any) -> Callable[[], Any]:
         """A call of it with some arrays, which stay where they are, and numbers."""
@@ -45,7 +45,7 @@ class Code(NamedTuple):
 
 
 def _entered(enter: Callable[[], None], found: memoryview, _: object) -> int:
-    """The number that a call gives; what its arguments are in is kept."""
+    """Returned number of a call; the memory of its arguments is kept alive."""
     enter()
     number: int = found[0]
     return number
@@ -59,7 +59,7 @@ def _answered(enter: Callable[[], None], code: Code, found: NDArray[np.int64], _
 
 
 def types_of(args: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Types of arguments, as `kernel_code.type_of` has them."""
+    """Types of arguments, see `kernel_code.type_of`."""
     return tuple(map(_type_of, args))
 
 
@@ -74,7 +74,7 @@ def _type_of(x: Any) -> Any:
 
 
 def _add_leaves(words: list[int], args: tuple[Any, ...]) -> None:
-    """Add the words in which arguments are handed over."""
+    """Add the words by which arguments are passed."""
     for x in args:
         if isinstance(x, np.ndarray):
             words.append(_address(x))
@@ -120,8 +120,8 @@ def code_of(
 
     Parameters
     ----------
-    function_of : the function of a kernel, None of what is none
-    folder : where code is kept, for one state of all sources
+    function_of : function that returns that of a kernel, None for other objects
+    folder : folder of the code of one state of all sources
     """
     host = (repr(types), _llvm().get_default_triple(), *_host())
     name = hashlib.sha256(repr(host).encode()).hexdigest()[:16]
@@ -169,10 +169,10 @@ def _host() -> tuple[str, str, str]:
 
 
 class Foreign(NamedTuple):
-    """Machine code that others made."""
+    """Machine code from an object file of another compiler."""
 
-    addresses: tuple[int, ...]  #: of its functions
-    linked: Any  #: holds it
+    addresses: tuple[int, ...]  #: addresses of its functions
+    linked: Any  #: object that keeps the code in memory
 
 
 @lru_cache(maxsize=64)
@@ -181,7 +181,7 @@ def foreign(code: bytes, library: str, *names: str) -> Foreign | None:
 
     Parameters
     ----------
-    library : part of the name of a loaded library in which other symbols are
+    library : part of the name of a loaded library with further symbols
     """
     with suppress(OSError, StopIteration, RuntimeError):
         with open('/proc/self/maps', encoding='utf-8') as maps:  # the sixth field is a path
@@ -207,7 +207,7 @@ def _object(text: str) -> bytes:
 
 
 def _loaded(content: bytes) -> Code:
-    """Code from what is kept of it: the type of the result and an object file."""
+    """Code from its stored content: the type of the result and an object file."""
     result, code = pickle.loads(content)  # noqa: S301 - from a folder that is nobody else's
     linked = _linked(code, 'enter', 'release')
     _held.append(linked)

@@ -29,13 +29,13 @@ from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_power
 from mechanism_sim.numerics.rational import Modes
 
 NODES = Nodes(tuple(chebyshev_nodes(20)))
-"""Places at which inputs are sampled on every piece, to make polynomials of them."""
+"""Positions at which inputs are sampled on every piece, for their polynomials."""
 _SWING_OF = hy.make_vars('t', 'a', 'b')
 _T, _A, _B = _SWING_OF
 _SWING = hy.exp(hy.par[0] * _T) * (_A * hy.cos(hy.par[1] * _T) - _B * hy.sin(hy.par[1] * _T))
 _VECTORS = 64  # numbers that are whole vectors of every processor
 _LARGE = 8.0
-"""Magnitude of s from which on the first way loses no more digits than the second below it."""
+"""Magnitude of s above which the downward recurrence is used, below it the power series."""
 _SERIES = 50
 """Terms of the power series beyond those of the input, at most: ``8^50 / 50! < 1e-19``."""
 _SMALL = 1e-19
@@ -46,16 +46,16 @@ _OPERATION = 5e-7  # [s] that a term costs as Python
 class ModePasses(NamedTuple):
     """One mode that one input drives through N pieces, all in real and imaginary parts."""
 
-    pole: Array  #: (2,) [rad/s]
-    residue: Array  #: (outputs, 2)
+    pole: Array  #: (2,) pole [rad/s]
+    residue: Array  #: (outputs, 2) residues
     durations: Array  #: (N,) [s]
-    decay: Array  #: (N, 2) of ``e^s``
-    terms: Indices  #: (N,) of c; d + 1 for the first way, more for the second, 0 without input
-    inputs: Array  #: (N, d + 1)
-    impulses: Array  #: (N,)
-    state: Array  #: (2,) z before the first piece, overwritten by that behind the last
-    forced: Array  #: (N, terms outputs) what the coefficients of c add to it
-    free: Array  #: (2 outputs, N) likewise
+    decay: Array  #: (N, 2) values of ``e^s``
+    terms: Indices  #: (N,) number of terms of c: d + 1 downwards, more as series, 0 if no input
+    inputs: Array  #: (N, d + 1) coefficients of the input
+    impulses: Array  #: (N,) impulses at the starts
+    state: Array  #: (2,) z before the first piece, overwritten by z after the last
+    forced: Array  #: (N, terms outputs) output by the coefficients of c, added in place
+    free: Array  #: (2 outputs, N) output by the free response, added in place
 
 
 @entry
@@ -124,15 +124,15 @@ def _call(kernel: Kernel, operations: int, *args: Any) -> None:
 
 
 class ModalResponse(NamedTuple):
-    """Response of the modes of a system on N pieces, without what passes directly.
+    """Response of the modes of a system on N pieces, without direct feed-through.
 
     ``y(t) = sum_j forced_j (t / h)^j + Re sum_k free_k e^(p_k t)`` from the start of a piece on.
     """
 
-    poles: ComplexArray  #: (k,) [rad/s]
+    poles: ComplexArray  #: (k,) poles [rad/s]
     durations: Array  #: (N,) [s]
     forced: Array  #: (N, terms outputs)
-    terms: Indices  #: (N,) of `forced` that are not zero
+    terms: Indices  #: (N,) number of terms of `forced` that are not zero
     free: Array  #: (k, 2 outputs, N) real and imaginary parts of each output
 
     def __call__(self, pieces: NDArray[np.intp], t: Array) -> Array:
@@ -176,7 +176,7 @@ class ModalFilter:
 
     Attributes
     ----------
-    state : (k, inputs, 2) of the modes that are kept, one of each conjugate pair
+    state : (k, inputs, 2) state of the modes, one of each conjugate pair
     """
 
     def __init__(self, modes: Modes) -> None:
@@ -193,7 +193,7 @@ class ModalFilter:
 
     @property
     def numbers(self) -> Array:
-        """All (n,) of which the system is made."""
+        """All numbers (n,) of the system."""
         parts = self._poles, self._residues, self.direct
         return np.concatenate([x.astype(complex).ravel().view(float) for x in parts])
 
@@ -202,13 +202,13 @@ class ModalFilter:
 
         Parameters
         ----------
-        durations : (N,) [s]
+        durations : (N,) durations [s]
         polynomials : (N, inputs, d + 1) of the inputs, by powers of the fraction of the piece
         impulses : (N, inputs) at the start of each piece, integrals of the input over it
 
         Returns
         -------
-        What the modes give on these pieces
+        Response of the modes on these pieces
         """
         durations = np.ascontiguousarray(durations, float)
         count, outputs = polynomials.shape[2], len(self.direct)

@@ -37,24 +37,24 @@ _NEWTON, _BISECTIONS = 6, 52
 class Monotone(NamedTuple):
     """P parts in the order of time; those of a segment in order."""
 
-    segment: NDArray[np.intp]  #: (P,)
-    begin: Array  #: (P,) [s] after the start of the segment, of the interval of the polynomial
-    width: Array  #: (P,) [s] of that interval
-    low: Array  #: (P,) place in [-1, 1] where the part begins
-    high: Array  #: (P,) where it ends
-    first: Array  #: (P,) value there
-    last: Array  #: (P,) value here
+    segment: NDArray[np.intp]  #: (P,) indices of the segments
+    begin: Array  #: (P,) start [s] of the polynomial's interval in its segment
+    width: Array  #: (P,) duration [s] of that interval
+    low: Array  #: (P,) position in [-1, 1] where the part begins
+    high: Array  #: (P,) position where it ends
+    first: Array  #: (P,) value at `low`
+    last: Array  #: (P,) value at `high`
     series: Array  #: (P, n) coefficients in Legendre polynomials
-    error: float = 0.0  #: what the polynomials may be off
-    lost: float = 0.0  #: [s] in which the function is not finite
+    error: float = 0.0  #: error of the polynomials
+    lost: float = 0.0  #: time [s] in which the function is not finite
 
     @property
     def duration(self) -> Array:
-        """(P,) [s]."""
+        """Durations (P,) [s] of the parts."""
         return np.asarray(0.5 * self.width * (self.high - self.low))
 
     def crossings(self, level: float, of: NDArray[np.intp]) -> Array:
-        """Positions in [-1, 1] of the level in some of the parts, which reach it on both sides."""
+        """Positions in [-1, 1] at which some of the parts cross a level."""
         a, b = self.low[of], self.high[of]
         rises, series = self.last[of] > self.first[of], self.series[of]
         for _ in range(_BISECTIONS):
@@ -75,7 +75,7 @@ class Monotone(NamedTuple):
         return below + float((self.duration[across] * share).sum())
 
     def quantile(self, share: float) -> float:
-        """The level that the function does not exceed for a share of the time."""
+        """Level that the function does not exceed for a share of the time."""
         least = float(np.minimum(self.first, self.last).min())
         most = float(np.maximum(self.first, self.last).max())
         wanted = share * float(self.duration.sum())
@@ -142,7 +142,7 @@ def monotone(values: Values, parts: Parts, largest: float = 0.0) -> tuple[Monoto
 def _series(
     values: Values, segment: NDArray[np.intp], begin: Array, width: Array
 ) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Coefficients (K, n), largest magnitude (K,), and how many values are finite (K,)."""
+    """Coefficients (K, n), largest magnitudes (K,), and numbers of finite values (K,)."""
     dt = begin[:, None] + width[:, None] * _PLACES
     with np.errstate(invalid='ignore', over='ignore'):
         x = np.asarray(values(segment, dt), float).reshape(dt.shape)
@@ -184,5 +184,5 @@ def _cut(segment: NDArray[np.intp], begin: Array, width: Array, series: Array) -
 
 
 def _at(series: Array, place: Array) -> Array:
-    """Polynomials (P, n) each at its place (P,)."""
+    """Values (P,) of polynomials (P, n), each at its position (P,)."""
     return np.asarray((series * legendre.legvander(place, series.shape[1] - 1)).sum(axis=1))

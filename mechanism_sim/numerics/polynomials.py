@@ -32,7 +32,7 @@ def evaluate(
     coefficients : (m n, d + 1) of m segments
     segments : (N,)
     dt : (N K,) [s] since their starts
-    factors : (r, d + 1) by which each power is multiplied; derivatives have none of the first
+    factors : (r, d + 1) factors of the powers; zero for the first ones of derivatives
     out : (r n, N K) overwritten
     """
     n, each = len(out) // len(factors), len(dt) // len(segments)
@@ -52,7 +52,7 @@ def evaluate(
 
 @dataclass(frozen=True)
 class Nodes:
-    """K places, equal in every segment: fractions of its duration."""
+    """K positions, equal in every segment: fractions of its duration."""
 
     fractions: tuple[float, ...]
 
@@ -81,10 +81,10 @@ class PiecewisePolynomial:
     ``f_i(t) = 2 pi turns[k, i] + sum_j coefficients[k, i, j] (t - start[k] - start_low[k])^j``
     """
 
-    start: Array  #: (m,) [s]
-    start_low: Array  #: (m,) [s], what `start` rounds away
-    duration: Array  #: (m,) [s]
-    turns: NDArray[np.int64]  #: (m, n)
+    start: Array  #: (m,) starts [s]
+    start_low: Array  #: (m,) [s] remainder that `start` rounds away
+    duration: Array  #: (m,) durations [s]
+    turns: NDArray[np.int64]  #: (m, n) whole turns
     coefficients: Array  #: (m, n, d + 1)
 
     def __len__(self) -> int:
@@ -158,7 +158,7 @@ class PiecewisePolynomial:
         return behind
 
     def spans(self, start: float, end: float) -> tuple[Array, Array]:
-        """First and last times (k,) [s] from `start` to `end` that are held by each segment.
+        """First and last times (k,) [s] from `start` to `end` within each segment.
 
         Segments shorter than rounding are left out.
         """
@@ -168,7 +168,7 @@ class PiecewisePolynomial:
         return first[known], last[known]
 
     def times(self, segment: NDArray[np.intp], dt: Array) -> Array:
-        """Times (N,) [s] that are so long (N,) [s] after the starts of segments (N,)."""
+        """Times (N,) [s] from times (N,) [s] since the starts of segments (N,)."""
         return np.asarray(self.start[segment] + (self.start_low[segment] + dt))
 
     def find(self, t: Array) -> tuple[NDArray[np.intp], Array]:
@@ -200,18 +200,18 @@ class PiecewisePolynomial:
         return out
 
     def turns_at(self, segment: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.int64]:
-        """The whole turns that `local` leaves out, of each instant that `at` is asked for."""
+        """Whole turns that `local` leaves out, for each instant of `at`."""
         each = len(dt) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
         return np.repeat(self.turns[segment], each, axis=0)
 
     def local(self, segment: NDArray[np.intp], dt: Array | Nodes, derivative: int = 0) -> Array:
-        """Values without the whole turns, which cost an angle its last digits."""
+        """Values without whole turns, so that angles keep their last digits."""
         return self.locals(segment, dt, (derivative,))[0]
 
     def locals(
         self, segment: NDArray[np.intp], dt: Array | Nodes, derivatives: Sequence[int]
     ) -> list[Array]:
-        """Several derivatives as `local` gives them, for which coefficients are gathered once."""
+        """Several derivatives without whole turns; coefficients are gathered once."""
         n, count = self.coefficients.shape[1:]
         if isinstance(dt, Nodes):
             # a small product for each segment: one for all would round by how many there are
@@ -352,7 +352,7 @@ def shift_powers(coefficients: Array, by: Array) -> Array:
 
 
 def exact_sum(high: Array, low: Array, x: Array) -> tuple[Array, Array]:
-    """``high + low + x`` rounded to a float, and what that rounds away; `low` is below an ulp."""
+    """``high + low + x`` rounded to a float, and the remainder; `low` is below an ulp."""
     total = high + x
     part = total - high
     rest = ((high - (total - part)) + (x - part)) + low

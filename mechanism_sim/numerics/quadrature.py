@@ -42,7 +42,7 @@ Values = Callable[[NDArray[np.intp], Array | Nodes], Array]
 
 
 _SPLIT = [2, 4, *[8] * 15]
-"""Into how many parts intervals are split that are not resolved, round by round.
+"""Number of parts into which unresolved intervals are split, round by round.
 
 What one round has not resolved is mostly a jump or a corner: fewer rounds take fewer calls of the
 functions. In the end an interval of 2^-48 of a segment is a point, where a function jumps.
@@ -54,20 +54,20 @@ _TINY = float(np.finfo(float).tiny)
 class Integrals(NamedTuple):
     """Integrals of C functions over m intervals."""
 
-    value: Array  #: (C, m); not a number where a function is not finite on a whole part
-    error: Array  #: (C, m) what they may be off: estimated, infinite where nothing is known
+    value: Array  #: (C, m) integrals; NaN where a function is not finite on a whole part
+    error: Array  #: (C, m) estimated errors, infinite where unknown
     largest: Array  #: (C,) mean magnitudes of the functions in an interval so far
     size: Array  #: (C, m) integrals of the magnitudes
-    running: Array  #: (C, m) what was the largest in each interval
+    running: Array  #: (C, m) `largest` at each interval
 
 
 class Parts(NamedTuple):
     """m intervals, each within one segment of a motion."""
 
-    segment: NDArray[np.intp]  #: (m,)
-    begin: Array  #: (m,) [s] after the start of the segment
-    end: Array  #: (m,) [s] likewise
-    whole: NDArray[np.bool_]  #: (m,) whether it is all of the segment
+    segment: NDArray[np.intp]  #: (m,) indices of the segments
+    begin: Array  #: (m,) start [s] since that of the segment
+    end: Array  #: (m,) end [s] since the start of the segment
+    whole: NDArray[np.bool_]  #: (m,) whether the interval is the whole segment
 
 
 def parts_of(curve: PiecewisePolynomial, since: float = -np.inf, until: float = np.inf) -> Parts:
@@ -87,13 +87,13 @@ _SEEN = np.linspace(0.0, 1.0, 9)
 
 
 def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
-    """Parts so short that nodes in them find all that a steep function does of an argument.
+    """Parts so short that their nodes resolve a steep function of an argument.
 
     An argument is as smooth as the motion is; a function of it may be a pulse of any width.
 
     Parameters
     ----------
-    argument : (1, K n), of the function, at places on the parts
+    argument : (1, K n) argument of the function at positions on the parts
     name : exp, tanh, or 'over' for its reciprocal
     """
     done: list[Parts] = []
@@ -131,8 +131,8 @@ class Rule(NamedTuple):
     """A quadrature over an interval, with an error estimate from the same values."""
 
     places: Nodes
-    weights: Array  #: (K,) of the length, zero where values only tell its error
-    tail: Array  #: (K, r) from values to what tells its error
+    weights: Array  #: (K,) shares of the length, zero for values that serve the error only
+    tail: Array  #: (K, r) matrix from values to the numbers that estimate the error
 
 
 def _smooth(count: int) -> Rule:
@@ -145,7 +145,7 @@ def _smooth(count: int) -> Rule:
 
 
 def _powers() -> Rule:
-    """The double exponential rule; what it differs from itself at every second node."""
+    """The double exponential rule; its error is the difference from every second node."""
     nodes, weights = double_exponential_nodes(20)
     half = np.where(np.arange(len(nodes)) % 2, 0.0, 2.0) * weights
     return Rule(Nodes(tuple(nodes.tolist())), weights, (weights - half)[:, None])
@@ -186,7 +186,7 @@ POWERS = _powers()
 
 
 class Assumptions(NamedTuple):
-    """Knowledge of functions and intervals that saves evaluations, or asks for more of them."""
+    """Assumptions on functions and intervals that save evaluations, or require more."""
 
     #: the intervals follow each other, so that what was before tells what is rounding
     in_order: bool = True
@@ -198,7 +198,7 @@ class Assumptions(NamedTuple):
     #: functions may have small corners within intervals, as the size of a force that presses
     #: either way has: then other nodes must agree
     corners: bool = False
-    smooth: Rule = SMOOTH  #: or `SECOND`
+    smooth: Rule = SMOOTH  #: rule of smooth functions: `SMOOTH` or `SECOND`
 
 
 ASSUMED = Assumptions()
@@ -216,10 +216,10 @@ def integrate(
 
     Parameters
     ----------
-    values : the functions; they may differ by rounding at `Nodes` of segments that are whole
-    powers : (m,) where functions may behave as powers at the ends
+    values : functions; they may differ by rounding at `Nodes` of whole segments
+    powers : (m,) mask of intervals where functions may behave as powers at the ends
     largest : (C,) `Integrals.largest` of the intervals before these
-    beside : (m,) mean magnitudes so far of functions that these are compared with
+    beside : (m,) mean magnitudes so far of functions to which errors are relative
 
     Examples
     --------
@@ -330,12 +330,12 @@ class _Applied(NamedTuple):
 
     value: Array
     size: Array  #: integral of the magnitude
-    mean: Array  #: of the magnitude
-    error: Array  #: estimated; infinite where a value is not finite, not a number where none is
-    tail: Array  #: what is not resolved, as large as the function where nothing is
-    first: Array  #: what is resolved first, and what next, of Gauss's rule
+    mean: Array  #: mean of the magnitude
+    error: Array  #: estimated error; infinite where a value is not finite, NaN where none is
+    tail: Array  #: unresolved part, as large as the function where nothing is resolved
+    first: Array  #: coefficients of the lowest degrees, then of the next, of Gauss's rule
     middle: Array
-    missed: Array  #: what the interpolant misses at the ends may add, of watched rules
+    missed: Array  #: error by the misfit of the interpolant at the ends, of watched rules
 
     def sharper(self, foretold: bool = False) -> _Applied:
         """Rule with smaller errors where coefficients decay geometrically.
@@ -358,7 +358,7 @@ class _Applied(NamedTuple):
 
 
 def _apply(values: Values, parts: Parts, powers: NDArray[np.bool_], smooth: Rule) -> _Applied:
-    """Apply to each interval the rule that is for it."""
+    """Apply its own rule to each interval."""
     found: list[tuple[NDArray[np.intp], _Applied]] = []
     for rule, of_rule in ((smooth, ~powers), (POWERS, powers)):
         for at_nodes in (True, False):

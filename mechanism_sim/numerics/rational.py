@@ -17,12 +17,12 @@ _HARMONICS = TOLERANCES.harmonics
 class Modes(NamedTuple):
     """A linear system: ``y = direct u + sum_k residues_k z_k``, ``z_k' = poles_k z_k + u``.
 
-    Of a pair of conjugate poles both are here; poles differ from each other.
+    Both poles of a conjugate pair are included; poles differ from each other.
     """
 
-    poles: ComplexArray  #: (k,) [rad/s]
-    residues: ComplexArray  #: (outputs, inputs, k)
-    direct: Array  #: (outputs, inputs)
+    poles: ComplexArray  #: (k,) poles [rad/s]
+    residues: ComplexArray  #: (outputs, inputs, k) residues
+    direct: Array  #: (outputs, inputs) direct feed-through
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def separated(poles: ComplexArray) -> ComplexArray:
 
 
 def _cluster(poles: ComplexArray) -> tuple[NDArray[np.bool_], complex, float] | None:
-    """The most of the poles that are too near to each other, if any; centre and radius."""
+    """Largest cluster of poles too near to each other, if any; its centre and radius."""
     sizes = np.abs(poles)
     for m in range(len(poles), 1, -1):
         apart = (_HARMONICS.lost * _HARMONICS.lost_growth ** (m - 2)) ** (1.0 / (2.0 * m - 1.0))

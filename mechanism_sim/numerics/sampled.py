@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError
 
 _DEGREES = (3, 5, 7)  # of splines that are compared
-#: of the largest peak: if one may be farther off, the samples do not determine it
+#: share of the largest peak: with a larger error, the samples do not determine it
 _DETERMINED = 0.1
 _TRIALS = 8  # of other last digits; three times their standard deviation counts
 _DIGITS = 13  # decimals after which a number is not rounded but computed
@@ -30,8 +30,8 @@ class SampledPeak(NamedTuple):
 
     Parameters
     ----------
-    value : of the spline, by the square of what it goes over
-    off : how far splines of other degrees, second differences and rounding lie from it
+    value : second derivative of the spline
+    off : deviation of splines of other degrees, second differences and rounding from it
     """
 
     value: float
@@ -39,7 +39,7 @@ class SampledPeak(NamedTuple):
 
 
 def determined(peaks: Sequence[SampledPeak]) -> bool:
-    """True if none of them may be off by more than a tenth of the largest."""
+    """True if no error exceeds a tenth of the largest."""
     largest = max(abs(p.value) for p in peaks)
     return all(p.off <= _DETERMINED * largest for p in peaks)
 
@@ -63,8 +63,8 @@ def spline_through(
 
     Parameters
     ----------
-    x : rising; the last one is the first of the next period if it is periodic
-    degree : odd
+    x : rising arguments; the last one is the first of the next period if it is periodic
+    degree : odd degree
     error : standard deviation of y; the spline of this degree that minimises the square of its
         derivative of order (degree + 1)/2 at this root mean square distance (Reinsch 1967)
     rest : whether the first (degree - 1)/2 derivatives are zero at the ends
@@ -139,7 +139,7 @@ def _ends(known: scipy.interpolate.PPoly) -> Array:
 
 
 def _last_digit(y: Array) -> float:
-    """The power of ten that all values are multiples of, in SI units or in degrees; or 0."""
+    """Power of ten of which all values are multiples, in SI units or in degrees; or 0."""
     steps = [0.0]
     for unit in (1.0, math.pi / 180.0):
         for k in range(_DIGITS):

@@ -37,7 +37,7 @@ _made: dict[tuple[object, ...], tuple[Any, tuple[Term, ...]]] = {}  # results, a
 
 
 def forget() -> None:
-    """Let go of the expressions that were made."""
+    """Release the stored expressions."""
     for known in (_first, _own, _made):
         known.clear()
 
@@ -65,8 +65,8 @@ def kept(key: object, make: Callable[..., T], *terms: Term) -> T:
 
     Parameters
     ----------
-    key : of what is made, hashable
-    make : called with the terms, as expressions
+    key : hashable key of the result
+    make : function of the terms, as expressions
     """
     if len(_own) > _MOST:
         forget()
@@ -241,7 +241,7 @@ def cramer(A: Matrix, b: Vector) -> tuple[Vector, Term]:
 
 
 class _Entry:
-    """A number less products, which are summed up when it is asked for: few sums cost least."""
+    """A number less products, summed up when its value is requested: few sums cost least."""
 
     def __init__(self, start: Term, products: tuple[Term, ...] = ()) -> None:
         self._start, self._products = start, products
@@ -272,10 +272,10 @@ def solve_dragged(
 
     Parameters
     ----------
-    K : (n, n) of which the lower triangle is read; large on the diagonal of what is not active
-    drags : by column
-    active : (n,) 1 or 0
-    apart : (n,) by column, what its drag multiplies if that is not column k - 1
+    K : (n, n) with its lower triangle read; large on the diagonal of inactive rows
+    drags : drags by column
+    active : (n,) flags 1 or 0
+    apart : (n,) by column, factor of its drag if that is not column k - 1
 
     Returns
     -------

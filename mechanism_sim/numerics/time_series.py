@@ -36,7 +36,7 @@ _TOLERANCE = math.exp(-2.0 * (_KNOWN - 0.5))  # of heyoka, which makes its order
 _TAIL = 2.0**-55
 """First terms left out, relative to how far a piece goes: an acceleration then has 1e-13."""
 _LEAST = 2.0**-62
-"""[rad, m, and their rates] that is nothing whatever is left out beside it."""
+"""Negligible magnitude [rad, m, and their rates] of terms left out."""
 _HALVES = np.array([x * 2.0**-k for k in range(24) for x in (0.5, 0.375)])
 """[s] half of a piece, short numbers; what happens in less than the last is a step."""
 _SAMPLES = np.linspace(-1.0, 1.0, 33)
@@ -52,20 +52,20 @@ Powers = tuple[Fraction, ...]
 class SeriesPiece(NamedTuple):
     """``f(t) = sum_k exact[k] (t - middle)^k + sum_k series[k] (t - middle)^k`` up to `end`."""
 
-    middle: float  #: [s]
-    end: float  #: [s]
+    middle: float  #: time of the middle [s]
+    end: float  #: time of the end [s]
     exact: Powers
     series: Array
 
 
 class TimeSeries:
-    """A formula that names nothing but ``t`` [s].
+    """A formula of the time ``t`` [s] alone.
 
     Attributes
     ----------
-    text : as it is written
-    exact : terms that are polynomials
-    whole : whether there are no others
+    text : text as written
+    exact : polynomial terms
+    whole : whether all terms are polynomials
     """
 
     def __init__(self, tree: ExpressionNode, text: str) -> None:
@@ -107,7 +107,7 @@ class TimeSeries:
         return replace(node, args=tuple(map(self._with_phases, node.args)))
 
     def _compile(self, rest: Sequence[ExpressionNode]) -> None:
-        """An integrator of the terms and of what decides on conditions: its series is theirs."""
+        """Integrator with the series of the terms and of the guards of conditions."""
         known, count = {'t': hy.par[0] + hy.time}, 1
         for k, powers in enumerate(self._phases):
             value = hy.expression(0.0)
@@ -144,7 +144,7 @@ class TimeSeries:
 
     @lru_cache(maxsize=64)  # noqa: B019 - laws are asked for in turn, by several
     def piece(self, start: float) -> SeriesPiece:
-        """The piece that begins at a time [s]: it depends on nothing else."""
+        """Piece from a time [s] on, which depends on that time alone."""
         if self.whole:
             return SeriesPiece(start, math.inf, _moved(self.exact, Fraction(start)), np.zeros(1))
         flags, terms = self._flags_from(start)
@@ -182,7 +182,7 @@ class TimeSeries:
         return np.asarray(series.tc[:-1, 1 : _KNOWN + 1] * orders)
 
     def _flags_from(self, t: float) -> tuple[list[float], Array]:
-        """1 for each guard that is positive just behind a time [s], and the series there.
+        """Flags of the guards, 1 if positive just after a time [s], and the series there.
 
         A guard may depend on flags of others.
         """
@@ -195,7 +195,7 @@ class TimeSeries:
         return flags, terms
 
     def _ends(self, terms: Array, halves: Array) -> NDArray[np.bool_]:
-        """True where series (1 + guards, `_KNOWN`) end soon enough for so many seconds (k,)."""
+        """True where series (1 + guards, `_KNOWN`) converge within durations (k,) [s]."""
         if not np.isfinite(terms).all():
             return np.zeros(len(halves), bool)
         sizes = np.abs(terms) * halves[:, None, None] ** np.arange(_KNOWN)
@@ -204,7 +204,7 @@ class TimeSeries:
         return np.asarray((tails <= np.maximum(shares * going, _floor(sizes[..., 0]))).all(axis=1))
 
     def _is_whole(self, terms: Array, half: float) -> bool:
-        """True if the series is the formula for so many seconds to either side [s].
+        """True if the series equals the formula over a duration to either side [s].
 
         A pulse far from the middle leaves no trace in the series there. The parameters are still
         those of the middle.
@@ -235,12 +235,12 @@ class TimeSeries:
 
 
 def _floor(sizes: Array) -> Array:
-    """Size below which a number is rounding beside values of such sizes."""
+    """Rounding error beside values of given magnitudes."""
     return np.asarray(np.maximum(_LEAST, 2.0**-3 * np.spacing(sizes)))
 
 
 def _sign(row: Array) -> float:
-    """1 if a guard of such Taylor coefficients is positive at once, else 0."""
+    """Flag of a guard by its Taylor coefficients: 1 if positive just after, else 0."""
     first = next((x for x in row if abs(x) > _ZERO), 0.0)
     return float(first > 0.0)
 

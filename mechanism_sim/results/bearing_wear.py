@@ -42,9 +42,9 @@ def wear_sums(
 
     Parameters
     ----------
-    times : (B + 1,) between which the parts are [s]
-    radius : of the pin [m]
-    first : angle of the first place [rad]
+    times : (B + 1,) limits of the parts [s]
+    radius : radius of the pin [m]
+    first : angle of the first direction [rad]
     """
     motion, physics, parts = piece.motion, machine.physics, len(times) - 1
     gap = physics.clearances.index(joint)
@@ -126,9 +126,9 @@ def _touch(
 def shared(
     angle: Array, values: Array, count: int, first: float, part: Array | int = 0, parts: int = 1
 ) -> Array:
-    """Sums (parts * count,) of values (N,) at even places from an angle on.
+    """Sums (parts * count,) of values (N,) at evenly spaced directions from an angle on.
 
-    Each value counts at the two places beside its angle (N,) [rad], by how near they are.
+    Each value is shared by the two directions beside its angle (N,) [rad], linearly.
     """
     at = (angle - first) / (2.0 * np.pi) * count
     low = np.floor(at).astype(np.int64)

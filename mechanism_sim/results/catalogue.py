@@ -1,4 +1,4 @@
-"""The catalogue of a machine: all quantities that can be asked of it by name."""
+"""The catalogue of a machine: all of its quantities by name."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Catalogue(Mapping[str, Quantity]):
 
     Parameters
     ----------
-    machine : theirs
+    machine : machine of the quantities
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -81,7 +81,7 @@ class Catalogue(Mapping[str, Quantity]):
         return [name for name, quantity in self._known.items() if quantity.shown >= least]
 
     def is_component(self, name: str) -> bool:
-        """True if it is part of a vector of which the catalogue has the size, too."""
+        """True if it is a component of a vector whose size is in the catalogue, too."""
         found = self._known[name]
         whole = name.removesuffix(f'.{found.part}')
         return found.part in ('x', 'y') and f'{whole}.size' in self._known
@@ -89,7 +89,7 @@ class Catalogue(Mapping[str, Quantity]):
     def below(self, name: str) -> list[str]:
         """The quantity of this name, else those whose names begin with it, as ``position``.
 
-        Of these, those that stand in tables: ``position`` means that of coordinates.
+        Only those in tables count: ``position`` means that of coordinates.
         """
         if name in self._known:
             return [name]
@@ -98,7 +98,7 @@ class Catalogue(Mapping[str, Quantity]):
         return [known for known in below if self._known[known].shown == shown]
 
     def choose(self, names: str | Iterable[str | Sequence[str]]) -> list[str]:
-        """Names of the quantities that are asked for; ``position`` means all that begin so."""
+        """Names of the requested quantities; ``position`` means all that begin so."""
         found: dict[str, None] = {}
         for name in flat(names):
             found |= dict.fromkeys(self.below(name) or [self.find(name).name])
@@ -113,7 +113,7 @@ class Catalogue(Mapping[str, Quantity]):
         return found
 
     def unknown(self, name: str) -> InputError:
-        """Error: there is not a quantity of this name."""
+        """Error of an unknown name of a quantity."""
         machine = self._machine
         if name.startswith('motor.') and 'motor.torque' not in self._known:
             return InputError(

@@ -43,9 +43,9 @@ from mechanism_sim.units import argument
 
 _OF_MOTION = 'energy.kinetic', 'energy.drive_work', 'energy.dissipated'
 _MOMENT = 1e-6
-"""[s] that is run where only the start is wanted."""
+"""Duration [s] of a run of which only the start is used."""
 _ROUNDED = 1e-9
-"""An efficiency so near to zero is zero: works are sums of quadratures."""
+"""Efficiency below which it counts as zero: works are sums of quadratures."""
 _NEAR = 1e-4  # of the way between limits of a drive: what is so near to one is told by its growth
 
 # eight instants, in steps, and the weights with which a polynomial through them gives what is
@@ -66,10 +66,10 @@ class Cycle(plotting.Rich):
 
     Attributes
     ----------
-    machine, solution : what was run
+    machine, solution : machine and its run
     t : (N + 1,) [s] evenly spaced
     repeats : whether it is a whole number of turns of a drive at constant speed
-    static : whether forces are without those of inertia
+    static : whether inertia forces are left out
     ranges : whether it goes from one limit to the other of a drive that cannot turn round, which
         starts and stops there
     """
@@ -89,18 +89,18 @@ class Cycle(plotting.Rich):
 
     @cached_property
     def drive(self) -> str:
-        """The coordinate whose position orders the cycle: that of the first drive."""
+        """Coordinate of the first drive, whose position orders the cycle."""
         return self.machine.plan.main
 
     @property
     def drive_torques(self) -> list[str]:
-        """The columns of the drives' torques, or forces of those that slide."""
+        """Names of the columns of the drives' torques, or forces of sliding ones."""
         names = [name for name in self.names if name.startswith('drive_torque')]
         return names if len(names) < 2 else [name for name in names if '.' in name]
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return float(self.t[-1] - self.t[0])
 
     @cached_property
@@ -142,7 +142,7 @@ class Cycle(plotting.Rich):
 
         Parameters
         ----------
-        names : of quantities of the machine; without any those of its table
+        names : quantities of the machine; by default those of its table
         """
         names = self.names if names is None else listed(names)
         if self.static and (of_motion := [name for name in names if name in _OF_MOTION]):
@@ -189,12 +189,12 @@ class Cycle(plotting.Rich):
         return plotting.plot(self, *names, **how)
 
     def extremes(self) -> dict[str, Extremes]:
-        """Least and greatest value of each column, and when: of the motion, not of its samples."""
+        """Least and greatest value of each column, with times: of the motion, not of samples."""
         return self._extremes
 
     @cached_property
     def no_limits(self) -> list[NoLimit]:
-        """Instants of the cycle at which forces grow beyond all bounds, and are left out."""
+        """Instants of the cycle with unbounded forces, which are left out."""
         physics = self.machine.nominal.statics if self.static else self.machine.physics
         begin, end = self.t[0], self.t[-1]
         found = physics.no_limits(self.solution.motion)
@@ -202,7 +202,7 @@ class Cycle(plotting.Rich):
 
     @cached_property
     def unbounded(self) -> set[str]:
-        """The columns that have no value at some instant, and therefore no extremes.
+        """Names of the columns without a value at some instant, and therefore without extremes.
 
         They are not finite there, or grow beyond all bounds towards a limit of the drive: halfway
         to it they have at least 1.6 times the value, and halfway again.
@@ -290,11 +290,11 @@ class Cycle(plotting.Rich):
         return self._over_time('mean', name)
 
     def rms(self, name: str) -> float:
-        """Root of the mean square of a column over time, likewise."""
+        """Root of the mean square of a column over time, by quadrature over every step."""
         return self._over_time('rms', name)
 
     def _over_time(self, function: str, name: str) -> float:
-        """A figure of a column; those that begin alike are taken together."""
+        """Mean or root mean square of a column; columns of one kind are computed together."""
         if (function, name) not in self._figures:
             kind = name.partition('.')[0]
             names = [n for n in self.names if n.partition('.')[0] == kind] or [name]
@@ -309,7 +309,7 @@ class Cycle(plotting.Rich):
 
     @property
     def efficiency(self) -> float | None:
-        """Part of what the drives and stored energy give that friction in ideal joints leaves.
+        """Efficiency: share of the work of drives and stored energy not lost in joint friction.
 
         It is 0 to 1; None where nothing rubs, where they give nothing on the whole, or less than
         friction takes, for loads drive the machine, too.
@@ -361,13 +361,13 @@ def cycle(
 
     Parameters
     ----------
-    scene : all that `load_scene` takes
-    samples : intervals between samples in a cycle
-    start : position of the drive where the cycle begins [rad]; where the scene begins if not
+    scene : any argument of `load_scene`
+    samples : number of intervals between samples in a cycle
+    start : position of the drive at the start of the cycle [rad]; by default that of the scene
     periods : turns of the drive; as many as bring all again if not given (`MainDrive.repetition`)
-    duration : [s] instead, where the drive has no constant speed; that of the scene if not
-    points : whose paths are wanted, ``LINK.POINT``
-    local : forces on each link along and across it too
+    duration : [s] instead, for a drive without constant speed; by default that of the scene
+    points : points of requested paths, ``LINK.POINT``
+    local : whether forces on each link along and across it are included
     static : forces without those of inertia ([V] 3.5.1): weights stay, and what loads, dampers and
         friction owe to the speed
 
@@ -431,7 +431,7 @@ def measures_of(
     measures: dict[str, str] | Sequence[str] | Sequence[Measure],
     silent: bool = False,
 ) -> list[Measured]:
-    """Measures of a cycle: of the run before it nothing counts; see `Measurement.found`."""
+    """Measures of a cycle, without the run before it; see `Measurement.found`."""
     begin, end = float(found.t[0]), float(found.t[-1])
     taken = Measurement(found.machine, measures, begin, end, static=found.static, begin=begin)
     taken.add(found.solution)
@@ -464,9 +464,9 @@ def instant(
 
     Parameters
     ----------
-    angle : of the drive [rad], or
-    t : [s]; without either the start
-    duration : of the cycle [s], where the drive has no period
+    angle : angle of the drive [rad], or
+    t : time [s]; without either the start
+    duration : duration of the cycle [s], where the drive has no period
     points : as for `cycle`
     still : no more than the instant is wanted, so that a drive without a period needs no duration;
         but where all points of a link coincide it is the motion that shows how large it is
@@ -530,7 +530,7 @@ def is_steady(machine: Machine) -> bool:
 
 
 def _is_load(name: str) -> bool:
-    """True if a column is the size of a force, or of a drive's effort."""
+    """True if a column is the magnitude of a force, or a drive's effort."""
     kind = name.partition('.')[0]
     sized = kind in ('reaction', 'shaking_force', 'bearing_force') and name.endswith('.size')
     return sized or kind in ('normal_force', 'drive_torque')

@@ -40,12 +40,12 @@ _SMALL = 2e-3
 """Displacement of a motion for differences, as share of clearances and speeds."""
 
 _DEPTH = 0.05
-"""Share of a clearance that compliant contacts are compressed by, roughly."""
+"""Approximate depth of compliant contacts as a share of a clearance."""
 
 _NEAR = 5e-3
-"""Of a clearance: by so much gaps open at most where a machine is changed under its motion. Forces
-there change as if a pin had left its bushing, thousands of times as much as in a run: what
-differences of sixth order leave of that and what rounding makes of it are alike."""
+"""Largest opening of gaps, as share of a clearance, where a machine is changed under its motion.
+Forces there change as if a pin had left its bushing, thousands of times as much as in a run: the
+errors of differences of sixth order and of rounding are then of equal size."""
 
 _LOOKED = 64  # instants at which gaps are looked at
 
@@ -54,7 +54,7 @@ _AROUND = tuple(
     for k, weight in ((1.0, 0.75), (2.0, -0.15), (3.0, 1.0 / 60.0))
     for sign in (1.0, -1.0)
 )
-"""Places and weights of differences of sixth order."""
+"""Nodes and weights of differences of sixth order."""
 
 
 _Taken = Callable[[Piece], Array]
@@ -65,8 +65,8 @@ class RunDerivative:
 
     Attributes
     ----------
-    path, value : of the number
-    limits : instants across which derivatives do not exist, or stand for something else
+    path, value : path and value of the number
+    limits : instants across which derivatives do not exist, or have another meaning
     """
 
     def __init__(self, key: NumericKey, piece: Piece, limits: Sequence[DerivativeLimit]) -> None:
@@ -97,7 +97,7 @@ class RunDerivative:
     def sample(self, t: Array | float, *names: str) -> Table:
         """Derivatives of quantities at fixed times `t` [s], by the names of `Piece.sample`.
 
-        Not a number beyond a limit that ends them.
+        NaN beyond a limit that ends them.
         """
         known = self._piece.catalogue
         chosen = known.choose(names) if names else known.shown(Shown.RUN)
@@ -133,7 +133,7 @@ class RunDerivative:
 
         Parameters
         ----------
-        window : [s] of figures that name none
+        window : default window [s] of figures
         """
         machine = self._piece.machine
         asked = list(texts) or dict(machine.scene.measures)
@@ -150,19 +150,19 @@ class RunDerivative:
         return dict(zip(names, slopes.tolist(), strict=True))
 
     def of(self, taken: _Taken, seen: _Taken | None = None) -> Array:
-        """Derivatives of numbers taken of the whole motion, to some 1e-6 of them.
+        """Derivatives of numbers that depend on the whole motion, to some 1e-6 of them.
 
-        Not of works and other sums over the motion, for which `sample` and `measures` are.
+        For works and other sums over the motion use `sample` and `measures`.
 
         Parameters
         ----------
-        taken : the numbers, of a run
-        seen : cheaper ones, that are the same of two machines only if those taken are, too
+        taken : function that returns the numbers of a run
+        seen : cheaper function, equal for two machines only if `taken` is, too
         """
         raise NotImplementedError
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
-        """Derivatives of what is taken at times (N,): (..., N)."""
+        """Derivatives of `taken` at times (N,): (..., N)."""
         raise NotImplementedError
 
     def _of_whole(self, taken: _Taken) -> Array:
@@ -170,7 +170,7 @@ class RunDerivative:
         raise NotImplementedError
 
     def _motion(self, coordinate: str, order: int, t: Array, found: Array) -> Array:
-        """Derivatives (N,) of a coordinate, or of its rate, if better known than `found`."""
+        """Derivatives (N,) of a coordinate or its rate, where more accurate than `found`."""
         return found
 
 
@@ -203,7 +203,7 @@ class _Integrated(RunDerivative):
 
     @cached_property
     def _growth(self) -> Array:
-        """(m,) of every segment, over what its derivatives change by much."""
+        """Magnitude (m,) of the derivatives of every segment beside clearances and speeds."""
         piece, curve = self._piece, self._piece.motion.curve
         machine, mechanism = piece.machine, piece.machine.mechanism
         size, speed = mechanism.size, np.abs(curve.coefficients[:, :, 1]).max()
@@ -220,7 +220,7 @@ class _Integrated(RunDerivative):
 
     @cached_property
     def _beside(self) -> tuple[float, Sequence[tuple[float, Machine]]]:
-        """Step of the number; weights of what is taken of the machines beside, and these."""
+        """Step of the number, weights of the machines beside, and these machines."""
         opened, key = self._opened, self._key
         if opened <= _NEAR:
             return key.step, [*zip(WEIGHTS, key.beside, strict=True)]
@@ -231,7 +231,7 @@ class _Integrated(RunDerivative):
     def _opened(self) -> float:
         """Share of its clearance by which a gap opens if the number changes by its step.
 
-        Or by how much of its thickness an oil film gets thicker.
+        For an oil film, the relative growth of its thickness.
         """
         piece, curve, beside = self._piece, self._piece.motion.curve, self._key.beside[0]
         system, clearances = piece.machine.equations.system, piece.machine.plan.clearances
@@ -270,7 +270,7 @@ class _Integrated(RunDerivative):
         return np.asarray(found / step)
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
-        """Derivatives of what is taken at times (N,): each on its own segment."""
+        """Derivatives of `taken` at times (N,), each on its own segment."""
         segments, _ = self._piece.motion.curve.find(t)
         step = _SMALL / self._growth
         base, found = taken(self._piece), np.zeros(())
@@ -379,7 +379,7 @@ def _plain(piece: Piece) -> Piece:
 
 
 def _with_machine(piece: Piece, machine: Machine) -> Piece:
-    """The motion of a piece, as that of another machine."""
+    """The motion of a piece, with another machine."""
     return replace(_plain(piece), machine=machine)
 
 
@@ -396,12 +396,12 @@ def _shifted(powers: Array, by: Array) -> Array:
 
 
 class AskedDerivatives:
-    """Derivatives that a run is asked for, known to exist before it runs.
+    """Requested derivatives of a run, checked to exist before it starts.
 
     Parameters
     ----------
-    paths : dotted, of numbers of the scene
-    end : [s] of the run
+    paths : dotted paths of numbers of the scene
+    end : end of the run [s]
     """
 
     def __init__(

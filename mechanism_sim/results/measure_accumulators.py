@@ -1,4 +1,4 @@
-"""Figures of what is known at every instant, accumulated over the pieces of a run."""
+"""Figures of quantities in time, accumulated over the pieces of a run."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def _apart(rows: Sequence[R], own: Collection[str]) -> list[list[R]]:
 
 
 class FigureAccumulator:
-    """Figures of what is known at every instant of one window."""
+    """Figures of quantities in time over one window."""
 
     def __init__(
         self,
@@ -179,7 +179,7 @@ class FigureAccumulator:
     def _look_for_extremes(
         self, piece: Piece, steep: Mapping[str, Parts], since: float, until: float
     ) -> None:
-        """Enter what is greatest and least, and where there is no limit."""
+        """Enter extremes, and instants of unbounded forces."""
         motion, curve = piece.motion, piece.motion.curve
         for own, search in self._searches:
             search.enlarge(travel(self._machine, motion))
@@ -210,7 +210,7 @@ class FigureAccumulator:
                     self._unbounded |= dict.fromkeys(np.array(self._extreme)[lost].tolist(), True)
 
     def _steep_parts(self, piece: Piece, figure: Figure, parts: Parts) -> Parts:
-        """Parts in which what the text of a figure makes steep is found."""
+        """Parts short enough for the steep functions in the text of a figure."""
         for name, argument in figure.steep:
             parts = where_steep(self._of_text(piece, argument), name, parts)
         return parts
@@ -243,7 +243,7 @@ class FigureAccumulator:
         return np.array(rows)
 
     def _time_true(self, piece: Piece, all_parts: Parts, steep: Mapping[str, Parts]) -> None:
-        """Enter for how long conditions hold; they change where what they compare is equal."""
+        """Enter the times in which conditions hold; they change where both sides are equal."""
         self._span += float((all_parts.end - all_parts.begin).sum())
         for name in self._true:
             every = steep.get(name, all_parts)
@@ -333,7 +333,7 @@ class FigureAccumulator:
         return e.value, e.note(unit)
 
     def _estimate(self, f: Figure) -> tuple[Estimate, str, float]:
-        """Such a figure with its error, its unit, and the time [s] that it is of."""
+        """A figure over time with its error, its unit, and the duration [s] of its window."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
         row = _FORMS[kind], name
         rows, found = next(x for x in self._integrals if row in x[0])
@@ -348,7 +348,7 @@ class FigureAccumulator:
         return e, unit, found.time
 
     def _percentile(self, f: Figure) -> tuple[float, str]:
-        """The level that is not exceeded for a share of the time."""
+        """Level that is not exceeded for a share of the time."""
         unit, kept = self._units[f.argument], self._parts[f.argument]
         part = joined(kept) if kept else None
         if part is None or not len(part.low):
@@ -361,14 +361,14 @@ class FigureAccumulator:
 
 
 class Estimate(NamedTuple):
-    """A figure, and what it may be off."""
+    """A figure, and its error."""
 
     value: float
     error: float
-    size: float  #: by which the error is to be measured
+    size: float  #: reference magnitude of the error
 
     def note(self, unit: str) -> str:
-        """`EXACT`, or what is to be said of the figure."""
+        """`EXACT`, or a remark on the accuracy of the figure."""
         if not math.isfinite(self.value):
             return 'it is not finite for a part of the time'
         if self.error <= _AUDIT.promised * self.size:

@@ -32,10 +32,10 @@ OVER_TIME = (
 _DISTANCES = 'distance', 'largest_distance'
 """Distances of a path from points of a file: root mean square, and largest."""
 INDICATORS = 'crest', 'kurtosis', 'skewness'
-"""Indicators as `sensing.indicators` has them."""
+"""Indicators of `sensing.indicators`."""
 _OF_EVENTS = 'count', 'sum', *INDICATORS
 FUNCTIONS = *OVER_TIME, *_OF_EVENTS
-"""Functions that make a figure."""
+"""Functions of a figure."""
 
 ALIASES = {
     **dict.fromkeys(('max', 'maximum', 'greatest'), 'highest'),
@@ -52,7 +52,7 @@ _TIME = re.compile(r'([\d_]*\.?\d*(?:[eE][-+]?\d+)?)\s*(\w*)')
 
 
 class Bound(NamedTuple):
-    """A time: [s], or in revolutions of the drive from the start of the run."""
+    """A time: [s], or revolutions of the drive since the start of the run."""
 
     value: float
     revolutions: bool = False
@@ -66,12 +66,12 @@ class Figure:
     ----------
     function : one of `FUNCTIONS`
     argument : the expression, as text
-    names : the dotted names in it
-    percent : of a percentile
-    since, until : the window; none is that of the run
-    per_revolution : mean over whole revolutions of the figure in each
-    tree : the expression
-    path : of a distance, the points of its file
+    names : dotted names in the expression
+    percent : percentage of a percentile
+    since, until : window; None for that of the run
+    per_revolution : whether it is the mean over whole revolutions of the figure in each
+    tree : tree of the expression
+    path : points of the file of a distance
     """
 
     function: str
@@ -86,7 +86,7 @@ class Figure:
 
     @property
     def of_events(self) -> bool:
-        """True if it is of events or samples."""
+        """True for a figure of events or samples."""
         return any(name.partition('.')[0] in SERIES for name in self.names)
 
     @cached_property
@@ -109,7 +109,7 @@ class Figure:
 
     @cached_property
     def compared(self) -> list[ExpressionNode]:
-        """The left less the right side of every comparison, whose sign it depends on."""
+        """Left less right side of every comparison, on whose signs the expression depends."""
         found = [n.args for n in self.tree.walk() if n.kind == 'compare']
         return [ExpressionNode('-', pair) for sides in found for pair in pairwise(sides)]
 
@@ -132,8 +132,8 @@ class Measure:
 
     Attributes
     ----------
-    name : of a column; the text if it has none
-    text : as it is written
+    name : name of the column; by default the text
+    text : text as written
     """
 
     name: str
@@ -153,7 +153,7 @@ class Measure:
 
 
 def read(text: str, name: str = '') -> Measure:
-    """A measure as people write it."""
+    """Measure from its text."""
     tree = expressions.parse(text, figures={**{f: f for f in FUNCTIONS}, **ALIASES})
     figures = [n for n in tree.walk() if n.kind == 'figure']
     inside = {id(x) for figure in figures for x in figure.walk()}
@@ -260,5 +260,5 @@ def _bound(text: str | None, where: str) -> Bound | None:
 
 
 def as_row(x: Any, count: int) -> Array:
-    """Values (count,) of what may be one number."""
+    """Values (count,) of an array or a single number."""
     return np.broadcast_to(np.asarray(x, float), (count,))

@@ -19,7 +19,7 @@ from mechanism_sim.sensing.channel import Analogue
 from mechanism_sim.sensing.indicators import FEWEST, features
 
 _STRETCHES = 6
-"""Parts of a signal that are looked at apart, where the speed changes."""
+"""Number of parts of a signal with features of their own, where the speed changes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +28,11 @@ class SensorRecord:
 
     Attributes
     ----------
-    machine : with its drive and its chain; the values of parameters to be found do not matter
-    sensor : a name of the scene
-    start : of the first sample, after the start of the run [s]
-    samples : (N,) as the chain gives them, without a gap
-    instants : (N,) [s] of samples that are not taken at the sensor's rate
+    machine : with drive and measuring chain; values of parameters to be found do not matter
+    sensor : name of a sensor of the scene
+    start : time of the first sample, after the start of the run [s]
+    samples : (N,) output of the chain, without gaps
+    instants : (N,) times [s] of samples that are not taken at the sensor's rate
     """
 
     machine: Machine
@@ -60,7 +60,7 @@ class SensorRecord:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of what the chain adds to a sample, as the scene has it."""
+        """Standard deviation of the chain's noise by the scene."""
         chain = self.machine.scene.sensors[self.sensor].chain()
         hum = chain.noise.hum.amplitude.value if chain.noise.hum else 0.0
         return math.sqrt(chain.noise.rms.value**2 + hum**2 / 2.0 + chain.adc.step**2 / 12.0)
@@ -92,7 +92,7 @@ class SensorRecord:
         return self.machine.drive.steady and not self.machine.torque_driven
 
     def check_features(self) -> None:
-        """Refuse signals that have none: too short, or not sampled evenly."""
+        """Refuse signals without features: too short, or not sampled evenly."""
         needed = FEWEST * (1 if self.steady else _STRETCHES)
         if len(self.samples) < needed or self.instants is not None:
             count = f'{len(self.samples)} samples of {self.sensor}'
@@ -136,16 +136,16 @@ class QuantityRecord:
 
     Attributes
     ----------
-    name : of the quantity
-    times : (N,) [s] after the start of the run, rising
-    samples : (N,) SI units
+    name : name of the quantity
+    times : (N,) rising times [s] after the start of the run
+    samples : (N,) values in SI units
     """
 
     machine: Machine
     name: str
     times: Array
     samples: Array
-    noise = 0.0  #: not known
+    noise = 0.0  #: unknown
 
     @property
     def unit(self) -> str:

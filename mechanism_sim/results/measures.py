@@ -44,7 +44,7 @@ from mechanism_sim.sensing.indicators import Moments
 from mechanism_sim.units import argument, product
 
 OVERLOADS = 'overloads'
-"""Behind the name of a sensor: 1 of a sample that was cut at the end of the range, else 0."""
+"""Suffix of a sensor's name: 1 for a sample clipped at the full scale, else 0."""
 _OF_EACH = ('mean', 'rms', 'percentile')  # which weigh events by number, not by time
 
 
@@ -56,11 +56,11 @@ class Measured(NamedTuple):
 
     Attributes
     ----------
-    value : in `unit`; not a number where there is nothing to take it from
-    text : the measure as it is written
-    resolution : `EXACT`, what the value may be off, or of how many samples it is
-    derivatives : by path of a number of the scene, of a run that was asked for them
-    rounding : size of errors of the value by rounding alone: what differs by less is the same
+    value : value in `unit`; NaN without data
+    text : text of the measure as written
+    resolution : `EXACT`, the error of the value, or the number of its samples
+    derivatives : derivatives by path of a number of the scene, if requested
+    rounding : error of the value by rounding alone; smaller differences mean equality
     """
 
     name: str
@@ -74,14 +74,14 @@ class Measured(NamedTuple):
 
 
 class Measurement:
-    """Takes measures of a run that comes in pieces, from its start on.
+    """Computes measures of a run in pieces, from its start on.
 
     Parameters
     ----------
-    measures : as they are written, by name or as a list, or read already
+    measures : texts by name or as a list, or measures already read
     since, until : the window [s] of figures that name none
-    static : whether forces are without those of inertia
-    begin : [s], before which nothing counts, whatever a figure names: a cycle may begin in a run
+    static : whether inertia forces are left out
+    begin : [s] earliest time that counts for any figure: a cycle may begin in a run
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class Measurement:
 
         Parameters
         ----------
-        history : from the start of the run on, what sensors went by, where that is not the piece
+        history : input of sensors from the start of the run, if not the piece itself
         """
         if not len(piece.motion):
             return
@@ -156,9 +156,9 @@ class Measurement:
             window.add(piece)
 
     def found(self, silent: bool = False) -> list[Measured]:
-        """The measures of what was entered; to be called once, at the end.
+        """The measures of all pieces; to be called once, at the end.
 
-        Signals that were cut at the end of a range are warned of unless this is one of many runs.
+        Warns of signals clipped at the full scale, unless this is one of many runs.
         """
         self._series.finish(silent)
         for window in self._windows.values():
@@ -250,8 +250,8 @@ def measure(
 
     Parameters
     ----------
-    scene : a run, a solution say, and the texts follow; or all that `load_scene` takes
-    pieces : of the scene a `Solution`, or a `stream`
+    scene : a run, such as a solution, followed by the texts; or any argument of `load_scene`
+    pieces : `Solution` or `stream` of the scene
     texts : the measures, one by one or as lists, or as a dictionary by name; those of the scene
         without any
     since, until : the window [s] of figures that name none
@@ -309,7 +309,7 @@ class Window:
     def open(
         self, new: Callable[[Sequence[Figure]], FigureAccumulator], series: EventSeries
     ) -> None:
-        """Make ready for these figures; `new` makes the accumulator of some of them."""
+        """Prepare for these figures; `new` makes the accumulator of some of them."""
         self._series = series
         timed = [f for f in self.figures if not f.of_events]
         self._new = partial(new, timed)
@@ -340,7 +340,7 @@ class Window:
             self._turn += 1
 
     def finish(self, end: float) -> None:
-        """Note the end of the run [s]."""
+        """Set the end of the run [s]."""
         self._last = end
 
     def result(self, f: Figure) -> tuple[float, str]:
@@ -408,7 +408,7 @@ class Window:
 
 
 class EventSeries:
-    """Events and samples: their instants, and what is asked of each."""
+    """Events and samples: their instants, and the requested values of each."""
 
     def __init__(self, machine: Machine, figures: Sequence[Figure]) -> None:
         self._machine = machine
@@ -448,7 +448,7 @@ class EventSeries:
         return kind, joint, key
 
     def unit(self, f: Figure) -> str:
-        """The unit of what a figure is of."""
+        """Unit of the values of which a figure is made."""
         return f.unit({name: self._unit_of(name) for name in f.names})
 
     def _unit_of(self, name: str) -> str:
@@ -458,7 +458,7 @@ class EventSeries:
         return IMPACT_UNITS.get(key, '')
 
     def add(self, piece: Piece, history: Motion | None = None) -> None:
-        """Enter what happened in the piece that follows, and what sensors went by."""
+        """Enter the events of the next piece, and the input of sensors."""
         for (kind, joint), columns in self._columns.items():
             if kind == 'sensors':
                 channel = self._channels[str(joint)]
@@ -473,7 +473,7 @@ class EventSeries:
                 parts.append(np.array([getattr(e, key) if key else 1.0 for e in own], float))
 
     def finish(self, silent: bool = False) -> None:
-        """Let the channels give what they have left, and warn of what they cut."""
+        """Flush the channels, and warn of clipped samples."""
         for channel in self._channels.values():
             self._take(channel, final=True)
             if not silent:
@@ -489,7 +489,7 @@ class EventSeries:
                 columns[key].append(values)
 
     def values(self, f: Figure, since: float, until: float, last: bool) -> tuple[Array, int]:
-        """Values (n,) of a figure's expression in a window [s], and how many samples were cut."""
+        """Values (n,) of a figure's expression in a window [s], and number of clipped samples."""
         kind, joint, _ = self._parts[f.names[0]]
         known = {key: parts[0] for key, parts in self._columns[kind, joint].items()}
         first = np.searchsorted(known['t'], since)

@@ -1,4 +1,4 @@
-"""Distances of points of a file from the path that a point of a link takes.
+"""Distances of points of a file from the path of a point of a link.
 
 A file has columns ``x`` and ``y``, or one of another name for a coordinate, and units in its
 headings. With a further column ``angle``, by which the main drive has turned since its start, or
@@ -25,9 +25,9 @@ from mechanism_sim.scene.table_keys import allowed_file
 from mechanism_sim.units import read_common
 
 _LOOKS = np.linspace(0.0, 1.0, 9)
-"""Places in a step between which the nearest is looked for."""
+"""Positions in a step between which the nearest is searched."""
 _CANDIDATES = 3
-"""Nearest places seen, of which each is refined: paths cross themselves."""
+"""Number of nearest positions that are each refined: paths may cross themselves."""
 _REFINED = 8
 """Steps of Newton's method from there; each doubles the digits."""
 _TIMED = {'angle': 'rad', 't': 's'}
@@ -43,7 +43,7 @@ class TargetPath(NamedTuple):
     Attributes
     ----------
     points : (n, 2), (n, 3) with an orientation, or (n, 1) of a coordinate
-    by : ``angle`` or ``t`` of each point, at `at` (n,); empty where there is none
+    by : ``angle`` or ``t`` of each point, at `at` (n,); empty for the nearest position
     """
 
     points: tuple[tuple[float, ...], ...]
@@ -90,11 +90,11 @@ def names_of(text: str, path: TargetPath) -> tuple[str, ...]:
 
 
 class PathDistances:
-    """Least distances (n,) of points from a path that comes in pieces.
+    """Least distances (n,) of points from a path in pieces.
 
     Parameters
     ----------
-    names : of `names_of`
+    names : result of `names_of`
     """
 
     def __init__(self, machine: Machine, path: TargetPath, names: tuple[str, ...]) -> None:
@@ -138,7 +138,7 @@ class PathDistances:
                 squares[rows, k] = np.inf
 
     def _refine(self, t: Array, low: Array, high: Array, values: Values) -> None:
-        """Enter the nearest places by Newton's method from instants (n,), between limits."""
+        """Enter the nearest positions by Newton's method from instants (n,), between limits."""
         for _ in range(_REFINED + 1):
             place, rate, second = self._rows(values(t))
             off = place - self._points.T
@@ -155,7 +155,7 @@ class PathDistances:
         return rows.reshape(3, len(self._names) // 3, -1)
 
     def result(self, largest: bool) -> float:
-        """Root mean square, or the largest; not a number where some were not reached."""
+        """Root mean square, or the largest; NaN where points were not reached."""
         if not np.isfinite(self._least).all():
             return math.nan
         return float(self._least.max() if largest else math.sqrt((self._least**2).mean()))

@@ -1,4 +1,4 @@
-"""Quantities asked of a machine in motion by name; the view of it that evaluates them."""
+"""Quantities of a machine in motion by name, and the view that evaluates them."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ PARTS = 'x', 'y', 'size', 'direction', 'moment', 'along', 'across', 'axial'
 
 
 class View:
-    """A machine at N instants; what several quantities need is computed once, when first needed.
+    """A machine at N instants; values shared by quantities are computed once, when needed.
 
     All that is said of an instant belongs to one segment of the motion: where something changes,
     to that which begins there, and at the end of the motion to the last.
 
     Parameters
     ----------
-    segments, dt : the instants, as those of ``motion.curve.at(segments, dt)``
-    balance : of the motion, for what was done so far, or what gives it
-    t : the same instants (N,) [s], if they are known
-    static : whether forces are without those of inertia
+    segments, dt : instants as those of ``motion.curve.at(segments, dt)``
+    balance : energy terms of the motion for cumulative quantities, or a function for them
+    t : times of the instants (N,) [s], if known
+    static : whether inertia forces are left out
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class View:
 
     @cached_property
     def t(self) -> Array:
-        """(N,) [s]."""
+        """Times (N,) [s]."""
         return self._motion.curve.times(*self._instants)
 
     @cached_property
@@ -98,7 +98,7 @@ class View:
 
     @property
     def is_observed(self) -> bool:
-        """True if something has been asked for that needs accelerations or forces."""
+        """True if accelerations or forces have been computed."""
         return 'observed' in self.__dict__
 
     @cached_property
@@ -120,7 +120,7 @@ class View:
         return np.asarray(curve.local(self._segments, self._dt, derivative).T)
 
     def outside(self, names: Sequence[str]) -> Array:
-        """Rows (k, N) of what loads ask for beside the coordinates, see `Frames.outside`."""
+        """Rows (k, N) of further inputs of loads, see `Frames.outside`."""
         turns = zip(self._physics.coordinates, self.observed.turns, strict=True)
         known = {'time': self.t, **{f'{c}.turns': n for c, n in turns}}
         known |= {f'{STATE}{k}': x for k, x in enumerate(self.states())}
@@ -174,9 +174,9 @@ class View:
 
 
 class Shown(IntEnum):
-    """Tables in which a quantity stands unasked."""
+    """Tables that contain a quantity by default."""
 
-    ASKED = 0  #: in none
+    ASKED = 0  #: in none; on request only
     CYCLE = 1  #: in those of a cycle
     PARTS = 2  #: also in charts and measures of a bag: contacts, teeth, bearings, elastic links
     RUN = 3  #: also in those of a run, `Piece.sample`
@@ -190,14 +190,14 @@ class Quantity:
     ----------
     name : ``KIND``, ``KIND.OF`` or ``KIND.OF.PART``
     unit : SI; empty for a number
-    words : what it is, as a title of a chart has it
-    of : the coordinate, joint, link or point; empty of the whole machine
-    evaluate : its values (N,) in a view of N instants
-    shown : in which tables it stands unasked
-    part : of a vector: one of `PARTS`, else empty
-    counted : whether it is a state or a number of something, which has no extremes
-    difference : whether it is one of lengths as large as the machine, with their rounding
-    cumulative : whether it is a sum over the motion so far, which costs eight times the rest
+    words : description, as in the title of a chart
+    of : its coordinate, joint, link or point; empty for the whole machine
+    evaluate : function that returns its values (N,) in a view of N instants
+    shown : tables that contain it by default
+    part : component of a vector, one of `PARTS`; else empty
+    counted : whether it is a state or a count, without extremes
+    difference : whether it is a difference of lengths of the machine's size, with their rounding
+    cumulative : whether it is an integral over the motion so far, at eight times the cost
     """
 
     name: str
@@ -218,18 +218,18 @@ class Quantity:
 
     @property
     def title(self) -> str:
-        """Title of an axis: the words without the part they are of, and without ``x`` or ``y``."""
+        """Title of an axis: the words without the part, and without ``x`` or ``y``."""
         words = self.words.removesuffix(f', {self.part}')
         return re.sub(rf' (of|in|on) {re.escape(self.of)}(?![\w.])', '', words, count=1)
 
     @property
     def has_extremes(self) -> bool:
-        """True if its least and greatest values make sense."""
+        """True if its least and greatest values are meaningful."""
         return not self.counted and self.part != 'direction'
 
 
 def evaluated(quantities: Mapping[str, Quantity], view: View) -> dict[str, Array]:
-    """Values (N,) by name: those first that need forces, for the others then need nothing more."""
+    """Values (N,) by name: first those that need forces, which also serve the others."""
     last = 'position', 'velocity'
     found = {
         name: quantities[name].evaluate(view)
@@ -241,7 +241,7 @@ def evaluated(quantities: Mapping[str, Quantity], view: View) -> dict[str, Array
 def magnitude(
     name: str, unit: str, words: str, of: str, evaluate: Callable[[View], Array], shown: Shown
 ) -> Quantity:
-    """Size ``.size`` of a vector, of which `evaluate` gives (2, N)."""
+    """Magnitude ``.size`` of a vector with components `evaluate` (2, N)."""
     return Quantity(
         f'{name}.size', unit, words, of, lambda view: np.hypot(*evaluate(view)), shown, 'size'
     )
@@ -250,7 +250,7 @@ def magnitude(
 def direction(
     name: str, words: str, of: str, evaluate: Callable[[View], Array], shown: Shown
 ) -> Quantity:
-    """Direction ``.direction`` [rad] of a vector, of which `evaluate` gives (2, N)."""
+    """Direction ``.direction`` [rad] of a vector with components `evaluate` (2, N)."""
     return Quantity(
         f'{name}.direction', 'rad', f'direction of the {words}', of,
         lambda view: np.arctan2(*evaluate(view)[::-1]), shown, 'direction',
@@ -265,7 +265,7 @@ def vector(
     evaluate: Callable[[View], Array],
     shown: Shown = Shown.RUN,
 ) -> Iterator[Quantity]:
-    """Components ``.x`` and ``.y`` of a vector, of which `evaluate` gives (2, N)."""
+    """Components ``.x`` and ``.y`` of a vector, from `evaluate` (2, N)."""
     yield Quantity(
         f'{name}.x', unit, f'{words}, x', of, lambda view: evaluate(view)[0], shown, 'x'
     )

@@ -26,7 +26,7 @@ from mechanism_sim.scene import Machine
 
 
 class Peak(NamedTuple):
-    """An extreme value of something."""
+    """An extreme value of a quantity."""
 
     value: float  #: in the unit of the quantity, with its sign
     time: float  #: [s]
@@ -48,8 +48,8 @@ class Extreme:
     Attributes
     ----------
     value : in the column's SI unit
-    t : when [s]
-    drive : position of the drive then [rad or m]
+    t : time [s]
+    drive : position of the drive at that time [rad or m]
     """
 
     value: float
@@ -63,11 +63,11 @@ class Extremes:
 
     least: Extreme
     greatest: Extreme
-    rounding: float  #: size of its errors: 1e-12 of the greatest of all columns of its kind
+    rounding: float  #: rounding error: 1e-12 of the greatest of all columns of its kind
 
     @property
     def constant(self) -> bool:
-        """True if they differ by rounding only."""
+        """True if both differ by rounding only."""
         return self.greatest.value - self.least.value <= self.rounding
 
     def without_rounding(self, values: Array) -> Array:
@@ -83,7 +83,7 @@ def _search_of(
 ) -> ExtremeSearch:
     """The search for extremes of quantities of a machine of some size [m].
 
-    Of `magnitudes`, names, only the end that is farther from zero is looked for.
+    For names in `magnitudes` only the extreme farther from zero is searched.
 
     Rounding is measured by the largest value of a kind in one unit; that of gaps and the like,
     which are differences of lengths, by the size of the machine.
@@ -96,7 +96,7 @@ def _search_of(
 
 
 def travel(machine: Machine, motion: Motion) -> float:
-    """Largest displacement [m] in a motion: far from its start a rack rounds by that."""
+    """Largest displacement [m] in a motion, a scale of rounding."""
     slides = machine.mechanism.displacements
     own = [k for k, c in enumerate(machine.physics.coordinates) if c in slides]
     return float(np.abs(motion.curve.coefficients[:, own, 0]).max(initial=0.0))
@@ -113,8 +113,8 @@ def search(
 
     Parameters
     ----------
-    at : the columns (K,) at any instants (K,) [s]
-    motion : which they are of
+    at : function of instants (K,) [s] that returns the columns (K,)
+    motion : motion of the columns
     window : first and last instant [s]
     """
 
@@ -137,10 +137,10 @@ class QuantityRanges:
 
     Parameters
     ----------
-    names : of quantities
-    since : [s] what is earlier does not count
-    shapes : of which of them it is to be known how long the peaks last, see `PeakOutlines`
-    magnitudes : of which of them only the end that is farther from zero is to be known
+    names : names of quantities
+    since : [s] time before which nothing counts
+    shapes : names whose peaks' durations are computed, see `PeakOutlines`
+    magnitudes : names of which only the extreme farther from zero is searched
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class QuantityRanges:
         return np.array([quantity.evaluate(view) for quantity in self._wanted])
 
     def ends(self) -> dict[str, Ends]:
-        """Least and greatest value by name, of what was ever finite."""
+        """Least and greatest value by name, of quantities that were ever finite."""
         s = self._search
         least, greatest = (
             [Peak(float(x), float(t)) for x, t in zip(values, times, strict=True)]
@@ -186,7 +186,7 @@ class QuantityRanges:
         return {name: shape for name, shape in zip(self.names, found, strict=False) if shape}
 
     def _tops(self) -> list[Peak]:
-        """The peaks whose shapes are wanted, nothing in place of others."""
+        """The peaks whose shapes are requested, placeholders for others."""
         peaks = largest(self.ends())
         none = Peak(0.0, math.nan)
         return [peaks.get(n, none) if n in self._shaped else none for n in self.names]
@@ -216,9 +216,9 @@ class LoadPeaks:
     Parameters
     ----------
     since : as for `QuantityRanges`
-    shapes : whether to look how long the peaks last
-    bearings : whether loads of bearings of shafts, and of bearings that tilt, are wanted too
-    others : quantities whose ranges are taken in the same pass
+    shapes : whether durations of the peaks are computed
+    bearings : whether loads of bearings of shafts, and of tilting bearings, are included
+    others : further quantities whose ranges are computed in the same pass
     """
 
     def __init__(
@@ -273,7 +273,7 @@ class LoadPeaks:
         return self._ranges.ends()
 
     def peaks(self) -> dict[str, Peak]:
-        """The loads by the names of the catalogue, infinite where they have no limit."""
+        """Peak loads by the names of the catalogue, infinite where unbounded."""
         found = largest(self.ends())
         known = {name: found[name] for name in self._loads if name in found}
         return known | {name: Peak(math.inf, t) for name, t in self._unbounded.items()}

@@ -38,7 +38,7 @@ from mechanism_sim.tables import Table
 from mechanism_sim.units import argument
 
 _SENSORS = 'sensors.'
-"""Before the name of a sensor, as in measures."""
+"""Prefix of the name of a sensor, as in measures."""
 
 IMPACT_UNITS = {
     't': 's', 'normal_impulse': 'N s', 'tangential_impulse': 'N s', 'approach_speed': 'm/s',
@@ -52,11 +52,11 @@ IMPACT_UNITS = {
 class Stats:
     """Cost of a run."""
 
-    wall_time: float  #: [s] with the start of the run, without compilation
-    cpu_time: float  #: [s] of this process, likewise
-    compile_time: float  #: [s] in which code was made; 0 where the process had all of it
+    wall_time: float  #: wall-clock time [s] with the start of the run, without compilation
+    cpu_time: float  #: CPU time of this process [s], without compilation
+    compile_time: float  #: compilation time [s]; 0 where the process had all code
     steps: int
-    switches: int  #: events: impacts and losses of contact
+    switches: int  #: number of events: impacts and losses of contact
 
 
 def seconds_of(t: Any) -> Array:
@@ -80,7 +80,7 @@ def seconds_of(t: Any) -> Array:
 
 
 def signal_table(t: Array, sensor: str, samples: Array, unit: str) -> Table:
-    """Samples (N,) of a sensor and when they are due [s]."""
+    """Samples (N,) of a sensor and their due times [s]."""
     name = _SENSORS + sensor if sensor == 't' else sensor
     return Table({'t': t, name: samples}, {'t': 's', name: unit})
 
@@ -91,9 +91,9 @@ class Piece(Rich):
 
     Attributes
     ----------
-    machine : that moves
+    machine : machine of the motion
     motion : polynomials of all coordinates and the state of the gaps
-    balance : work and losses of its segments, and what they were before
+    balance : work and losses of its segments, and before
     impacts, modes : events in the order of time
     """
 
@@ -105,7 +105,7 @@ class Piece(Rich):
 
     @staticmethod
     def joined(pieces: Iterable[Piece]) -> Piece:
-        """Pieces of a run that follow one another, as one; each is let go once it is joined."""
+        """Consecutive pieces of a run as one; each is released once it is joined."""
         motion, works = GrowingMotion(), list[Work]()
         impacts, changes = list[Impact](), list[ModeChange]()
         for piece in pieces:
@@ -171,9 +171,9 @@ class Piece(Rich):
         return Table({name: x[:0] for name, x in one.items()}, one.units)
 
     def signal(self, sensor: str) -> Table:
-        """Samples (N,) of a sensor of the scene as the node `sensors` gives them, and when due.
+        """Samples (N,) of a sensor of the scene, as of the node `sensors`, and their due times.
 
-        The instrument rests where the piece begins.
+        The instrument is at rest at the start of the piece.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class Piece(Rich):
         names : as for `sample`; or sensors as well, ``acc`` or ``sensors.acc``, whose samples all
             are due at the same instants, at which the others are taken
         rate : samples a second; 1000 in all if not given; that of the sensors where there are some
-        library : as `Table.to_frame` has it
+        library : as of `Table.to_frame`
         """
         return self.framed(names, rate, self.signal).to_frame(library)
 
@@ -238,7 +238,7 @@ class Piece(Rich):
         return Table({'t': t, **found}, {'t': 's', **found.units})
 
     def _is_sensor(self, name: str) -> bool:
-        """True of ``sensors.NAME``, and of a sensor whose name is no quantity's."""
+        """True for ``sensors.NAME``, and for the name of a sensor that is no quantity's."""
         known = self.catalogue
         own = name in self.machine.scene.sensors and not known.below(name)
         return own or name.startswith(_SENSORS)
@@ -250,7 +250,7 @@ class Piece(Rich):
         rate: float | str | None,
         signal: Callable[[str], Table],
     ) -> Table:
-        """Samples of sensors, and quantities when they are due."""
+        """Samples of sensors, and quantities at their due times."""
         if rate is not None:
             raise InputError(
                 f'rate: {next(iter(sensors.values()))} is sampled at a rate of its own'
@@ -287,10 +287,10 @@ class Solution(Piece):
 
     Attributes
     ----------
-    scene, level : names
+    scene, level : names of the scene and of its level
     energy : the energy balance; ``None`` where masses are not part of the scene
-    max_penetration, max_closure_error : [m]
-    snapshot : from where a longer run goes on, not later than the end
+    max_penetration, max_closure_error : largest violations of open gaps and of closures [m]
+    snapshot : state from which a longer run continues, not later than the end
     derivatives : a `RunDerivative` by the path of each number of the scene that was asked for
     """
 
@@ -320,28 +320,28 @@ class Batch(NamedTuple):
     """Amount of integration between audits; motions do not depend on it."""
 
     steps: int
-    stride: int  #: steps after which the time is looked at
-    longest: float = math.inf  #: [s] of wall time
+    stride: int  #: number of steps between checks of the time
+    longest: float = math.inf  #: wall-clock time [s]
 
 
 BATCH = Batch(8192, 8192)
-"""The memory of a run is that of so many steps."""
+"""Number of steps of a batch, which bounds the memory of a run."""
 
 
 _MOST_STEPS = 1e11
-"""Most steps of a run: they take weeks."""
+"""Largest number of steps of a run: they take weeks."""
 
 Observer = Callable[[Piece], object]
-"""Is handed every piece of a run in order, such as ``digest.add``."""
+"""Function called with every piece of a run in order, such as ``digest.add``."""
 
 
 class Runner:
-    """A run of a machine, as far as it has been asked for.
+    """A run of a machine, up to the last requested time.
 
     Parameters
     ----------
-    engine : that is started already, instead of a new one
-    resume : from where the run goes on
+    engine : engine already started, instead of a new one
+    resume : snapshot from which the run continues
     audited : whether its motion is that of the machine; a shooting method tries motions that may
         violate gaps, and asks for the audit of the one that it ends with
     together : steps that are audited at once where pieces have fewer: then work in pieces is not
@@ -349,11 +349,11 @@ class Runner:
 
     Attributes
     ----------
-    machine : that runs
-    engine : that integrates
-    audit : of all that has been handed on
-    known : time [s] up to which the motion is known, with what the engine holds back
-    more : whether there is more to come than the last piece, of what was asked for
+    machine : machine of the run
+    engine : its integrator
+    audit : energy balance of all pieces yielded so far
+    known : time [s] up to which the motion is known, including a step held back
+    more : whether further pieces follow the last one up to the requested time
     """
 
     def __init__(
@@ -389,7 +389,7 @@ class Runner:
         observers : called with every piece before it is handed on
         final : whether the last step is cut off there; else it is held back, for what comes later
             may need it whole
-        batch : `BATCH` if not given
+        batch : by default `BATCH`
         held : called before the last step is cut off
 
         Raises
@@ -419,7 +419,7 @@ class Runner:
             yield piece
 
     def _check_end(self, until: float) -> None:
-        """Refuse what no computer comes to the end of: steps have a length."""
+        """Refuse a run with too many steps for any computer."""
         if not isinstance(self.engine, EventLoop) or math.isinf(until):
             return
         longest = self.engine.longest
@@ -430,7 +430,7 @@ class Runner:
             )
 
     def _look_ahead(self, until: float, final: bool) -> None:
-        """Warn of a run that is long, as by an oil film, and end one that comes to no end."""
+        """Warn of a long run, such as with a thin oil film, and end one without end."""
         engine = self.engine
         if isinstance(engine, EventLoop) and math.isfinite(until):
             # nodes ask for parts of a run, as far as laws are known
@@ -458,7 +458,7 @@ class Runner:
             raise
 
     def _integrate(self, until: float, final: bool, batch: Batch) -> bool:
-        """Take the steps of a batch; whether there is more to do."""
+        """Take the steps of a batch; returns True if more follow."""
         engine, began = self.engine, time.monotonic()
         first = engine.steps
         while True:
@@ -471,7 +471,7 @@ class Runner:
                 return True
 
     def _piece(self, last: bool) -> Piece:
-        """All that the engine has come to since the last one, audited if it is time to."""
+        """Piece of all steps since the last one, audited if due."""
         motion, impacts, changes = self.engine.drain()
         unknown = Work(*np.full((len(Work._fields), len(motion)), np.nan))
         piece = Piece(self.machine, motion, EnergyTerms(unknown, impacts), impacts, changes)
@@ -506,7 +506,7 @@ def is_loss(change: ModeChange) -> bool:
 
 
 def allowed_penetration(machine: Machine) -> float:
-    """Violation of a gap [m] that tolerance or rounding explain; beyond it a run fails."""
+    """Violation of a gap [m] within tolerance or rounding; beyond it a run fails."""
     solver = machine.scene.solver
     allowed = max(1e3 * solver.rtol * machine.mechanism.size, solver.atol, 1e-12)
     return min([allowed, *(0.1 * c.radial for c in machine.plan.clearances.values() if c.radial)])
@@ -539,10 +539,10 @@ def instants(
 
     Parameters
     ----------
-    density : of instants [1/s], everywhere or (S + 1,) where steps of the motion meet
-    fewest, most : instants beside those at events
-    events : of these at most so many, the hardest impacts first, and then changes of mode
-    steps : whether the instants are among them where steps of the motion meet
+    density : density of instants [1/s], uniform or (S + 1,) at the ends of steps
+    fewest, most : limits of the number of instants beside those at events
+    events : largest number of events, the hardest impacts first, then changes of mode
+    steps : whether the ends of steps are included
     """
     curve = piece.motion.curve
     if isinstance(density, float):

@@ -44,7 +44,7 @@ class Stream(Runner):
     Attributes
     ----------
     totals : counts and sums of its events
-    no_limits : instants so far at which forces grow beyond all bounds
+    no_limits : instants of unbounded forces so far
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Stream(Runner):
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
-        """Add what is done to the time of the run, but for what makes code."""
+        """Add the elapsed time, without compilation, to that of the run."""
         wall, cpu, made = time.perf_counter(), time.process_time(), spent()
         yield
         compiling = [now - before for now, before in zip(spent(), made, strict=True)]
@@ -118,7 +118,7 @@ class Stream(Runner):
         return self
 
     def _count(self, piece: Piece) -> None:
-        """Enter a piece in what is kept here."""
+        """Enter a piece in the totals."""
         self.totals.add(piece.impacts, piece.modes)
         for found in self.machine.physics.no_limits(piece.motion):
             if not (self.no_limits and found.is_at(self.no_limits[-1].t)):
@@ -150,12 +150,12 @@ class Stream(Runner):
 
     @property
     def max_closure_error(self) -> float:
-        """Farthest a closed gap or a loop was from zero so far [m]."""
+        """Largest deviation of a closed gap or loop from zero so far [m]."""
         return self.audit.max_closure_error
 
     @property
     def stats(self) -> Stats:
-        """Cost of the run so far, without what was done with its pieces."""
+        """Cost of the run so far, without the processing of its pieces."""
         cost = self._wall_time, self._cpu_time, self._compile_time
         return Stats(*cost, self.engine.steps, self.engine.events)
 
@@ -207,12 +207,12 @@ def simulate(
 
     Parameters
     ----------
-    scene : all that `load_scene` takes: a machine, a name, a path, YAML, a dictionary
-    revolutions : of the crank, or
+    scene : argument of `load_scene`: a machine, a name, a path, YAML, a dictionary
+    revolutions : number of revolutions of the crank, or
     duration : [s], or with its unit as ``'10 s'``; without either the scene's, or the
         revolutions that bring all again, most often one
     progress : called after every batch of steps
-    resume : where an earlier run of the same machine stood; the solution begins there, and
+    resume : snapshot of an earlier run of the same machine; the solution begins there, and
         `revolutions` and `duration` count from the beginning of the earlier run
     derivatives : paths of numbers of the scene, as ``'drive.speed'``, by which the derivatives of
         the run are wanted: `Solution.derivatives`
@@ -233,7 +233,7 @@ def simulate(
 
 
 def whole(run: Stream, pieces: Iterable[Piece]) -> Solution:
-    """The solution of a run that has come to its end, by all of its pieces."""
+    """The solution of a finished run, from all of its pieces."""
     machine, all_ = run.machine, Piece.joined(pieces)
     return Solution(
         machine,

@@ -35,12 +35,12 @@ class Stroke(NamedTuple):
 
     begin: float  #: [s]
     end: float  #: [s]; beyond the end of the period if the stroke goes on in the next one
-    start: float  #: position [rad or m] it goes from
-    stop: float  #: position [rad or m] it goes to
+    start: float  #: position at the beginning [rad or m]
+    stop: float  #: position at the end [rad or m]
 
     @property
     def duration(self) -> float:
-        """[s], standstills on the way included."""
+        """Duration [s], standstills on the way included."""
         return self.end - self.begin
 
     @property
@@ -58,7 +58,7 @@ class Dwell(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return self.end - self.begin
 
 
@@ -69,12 +69,12 @@ class Swing:
     Attributes
     ----------
     size : greatest less least value [rad or m]
-    turns : whole turns that an angle is farther after the cycle; 0 if they are not whole
-    gained : by how much it is farther after the cycle [rad or m]
+    turns : whole turns by which an angle grows in the cycle; 0 if they are not whole
+    gained : displacement in the cycle [rad or m]
     period : after which the motion repeats itself [s], but for what it gained; None if it does
         not, and then nothing is known of strokes
     strokes, dwells : in a period, in the order of time
-    ripple : how far it moves while it is said to stand [rad or m], 0 for a true standstill
+    ripple : largest displacement within a standstill [rad or m], 0 for a true one
     """
 
     size: float
@@ -87,22 +87,22 @@ class Swing:
 
     @property
     def comes_back(self) -> bool:
-        """True if it goes to and fro in each period."""
+        """True if the coordinate reciprocates in each period."""
         return self.period is not None and abs(self.gained) <= _REPEATS * self.size
 
     @property
     def rising(self) -> float | None:
-        """Time in which it goes up in a period [s], all strokes together."""
+        """Duration of rising strokes in a period [s], all together."""
         return self._time(1.0)
 
     @property
     def falling(self) -> float | None:
-        """Time in which it goes down in a period [s], all strokes together."""
+        """Duration of falling strokes in a period [s], all together."""
         return self._time(-1.0)
 
     @property
     def standing(self) -> float | None:
-        """Time in which it stands still in a period [s], not counting stops within a stroke."""
+        """Duration of standstills in a period [s], without stops within a stroke."""
         if self.period is None:
             return None
         if not self.strokes:  # it turns one way, with stops, or stands
@@ -124,7 +124,7 @@ class Swing:
 
 
 class _Run(NamedTuple):
-    """A part of a motion that goes one way, 1 or -1, or stands, 0."""
+    """A part of a motion in one direction, 1 or -1, or at rest, 0."""
 
     way: int
     begin: float
@@ -146,11 +146,11 @@ def find_swings(
 
     Parameters
     ----------
-    angles : (n,) which of them are angles
-    curve : their motion
+    angles : (n,) mask of the angles
+    curve : motion of the coordinates
     span : begin and end of the cycle [s]
     sizes : (n,) greatest less least values [rad or m]
-    period : of the drive [s], a whole part of the cycle, if that repeats
+    period : period of the drive [s], a whole part of the cycle, if that repeats
     whole : whether all is as before after the cycle: then what has moved on by a part of a turn,
         or along a line, does so in every cycle
     """
@@ -187,7 +187,7 @@ def _period(
     period: float,
     moves_on: bool,
 ) -> float:
-    """The first whole number of the drive's periods after which a coordinate does the same [s].
+    """Least multiple of the drive's period after which a coordinate repeats itself [s].
 
     It is as before but for whole turns, or, if it `moves_on`, for any step.
     """
@@ -206,7 +206,7 @@ def _period(
 def _runs(
     curve: PiecewisePolynomial, i: int, span: tuple[float, float], size: float, speed: float
 ) -> list[_Run]:
-    """The parts of a coordinate's motion that go one way or stand, in the order of time."""
+    """Parts of a coordinate's motion in one direction or at rest, in the order of time."""
     begin, end = curve.spans(*span)
     t = begin[:, None] + (end - begin)[:, None] * _LOOKS
     k, into = curve.within(t)
@@ -254,7 +254,7 @@ def reversals(
 
 
 def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
-    """Runs put together that go the same way; what is rounding goes to a motion beside it."""
+    """Runs of the same direction joined; those within rounding go to a neighbour."""
     runs = _joined(runs)
     while len(runs) > 1:
         small = [
@@ -271,7 +271,7 @@ def _merged(runs: list[_Run], way: float, brief: float) -> list[_Run]:
 
 
 def _joined(runs: list[_Run]) -> list[_Run]:
-    """Neighbours that go the same way as one."""
+    """Neighbours of the same direction as one."""
     found = runs[:1]
     for run in runs[1:]:
         if run.way == found[-1].way:
@@ -282,7 +282,7 @@ def _joined(runs: list[_Run]) -> list[_Run]:
 
 
 def _around(runs: list[_Run], period: float, gained: float) -> list[_Run]:
-    """Runs of a period, of which one that goes on beyond its end is the last."""
+    """Runs of a period; one that continues beyond its end is the last."""
     if len(runs) < 2 or runs[0].way != runs[-1].way:
         return runs
     first, *middle, last = runs
@@ -298,8 +298,8 @@ def _without_ripples(
 
     Parameters
     ----------
-    most : what a short way is [rad or m]
-    gained : by how much it is farther after a period [rad or m]
+    most : largest displacement of a ripple [rad or m]
+    gained : displacement in a period [rad or m]
     """
 
     def later(run: _Run) -> _Run:
@@ -340,7 +340,7 @@ def _strokes(
 
     Parameters
     ----------
-    gained : by how much it is farther after a period: whole turns
+    gained : displacement in a period: whole turns
     """
     if not any(run.way for run in runs):
         return (), tuple(Dwell(run.begin, run.end, run.start) for run in runs)

@@ -1,4 +1,4 @@
-"""Turns of a coordinate: how many by a time, when they end; means per turn, with intervals."""
+"""Turns of a coordinate: numbers and end times; means per turn, with intervals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Place = tuple[int, float]
 
 
 def beginning(curve: PiecewisePolynomial, column: int) -> Place:
-    """Place of a coordinate where a motion begins."""
+    """Position of a coordinate where a motion begins."""
     local = curve.local(np.zeros(1, np.intp), np.zeros(1))
     return int(curve.turns[0, column]), float(local[0, column])
 
@@ -42,7 +42,7 @@ def turns_at(
     Parameters
     ----------
     k, dt : (N,) segments, and times since they begin [s]
-    since : from where they are counted; from angle zero unless told
+    since : position from which turns are counted; by default angle zero
     """
     whole = curve.turns[k, column] - since[0]
     return np.asarray(whole + (curve.local(k, dt)[:, column] - since[1]) / TWO_PI)
@@ -56,7 +56,7 @@ def impacts_by_turn(
 
     Parameters
     ----------
-    turn, joint : (n,) in which each impact happened
+    turn, joint : (n,) indices of the turn and joint of each impact
     """
     cell, size = turn * joints + joint, turns * joints
     count = np.asarray(np.bincount(cell, minlength=size), np.int64)
@@ -69,7 +69,7 @@ class DriveTurns:
 
     Attributes
     ----------
-    begin, end : of what was seen [s]: a run that is resumed begins later than its first turn
+    begin, end : known range [s]: a resumed run begins later than its first turn
     edges : the start of the run, and the ends of its whole turns so far [s]
     """
 
@@ -87,7 +87,7 @@ class DriveTurns:
         self.begin = self.end = 0.0
 
     def add(self, piece: Piece) -> None:
-        """Look for whole turns in the piece that follows."""
+        """Search for whole turns in the next piece."""
         curve = piece.motion.curve
         begin, self.end = float(curve.start[0]), curve.end
         if self._start is None:
@@ -137,7 +137,7 @@ class DriveTurns:
 
     @property
     def unseen(self) -> int:
-        """Turns of which the run has seen nothing, or not the beginning."""
+        """Turns missing from the run, entirely or at their beginning."""
         first = self.begin - 1e-9 * self.begin
         return sum(edge < first for edge in self.edges)
 
@@ -165,7 +165,7 @@ class Mean:
     unit: str
     mean: float
     half_width: float
-    revolutions: int = 0  #: of which it is
+    revolutions: int = 0  #: number of revolutions
 
     def shown(self, scale: float = 1.0) -> str:
         """Mean and half width times a scale as text; the mean alone if the width is unknown."""

@@ -1,7 +1,7 @@
 """Remarks on a scene: values that look as if their unit were wrong, and keys without effect.
 
-Nothing is refused here. Bounds of values are far from what machines are made of, a thousand times
-off, so that a note means a question worth an answer.
+Nothing is refused here. The bounds are a thousand times off the values of usual machines, so that
+a remark is worth a check.
 """
 
 from __future__ import annotations
@@ -36,30 +36,30 @@ from mechanism_sim.units import to_si, written
 _GYRATION = 30.0
 """Radius of gyration over the size of a link, and of size over radius: a bar has 0.29."""
 _ODD = 300.0
-"""Ratio of masses and sizes to their medians, or its inverse, that is odd."""
+"""Ratio of masses and sizes to their medians, or its inverse, that is implausible."""
 _OTHER_UNIT = 100.0
-"""Of a length over the median of those that are written in other units, either way.
+"""Ratio of a length to the median of lengths in other units, or its inverse.
 
 A wrong unit is a factor of 1000, on lengths that may be several times shorter than others.
 """
 _LEAST_PLAY, _MOST_PLAY = 1e-7, 0.1
+"""Least radial clearance [m], and largest one over the size of the machine."""
 _PLAYS = 'lift_off', 'groove', 'backlash'
-"""Radial clearance [m], and over the size of the machine."""
 _GRAVITY = 1.0, 30.0
-"""[m/s^2] between that of the moon and that of Jupiter."""
+"""Range of gravity [m/s^2], between that of the moon and that of Jupiter."""
 _THICKEST = 10.0
-"""[Pa s] of oil: as honey; ISO VG 3200, the thickest grade of ISO 3448, has 2.9 at 40 deg C."""
+"""Largest viscosity of oil [Pa s], as honey; ISO VG 3200, the thickest, has 2.9 at 40 deg C."""
 _FASTEST = 3e4
-"""[rad/s]: turbochargers."""
+"""Largest speed [rad/s], of turbochargers."""
 _ANGLES = 'start_angle', 'axis', 'phase'
 """Keys of angles, beside the coordinates in `guess` and `initial.position`."""
 _ROUND = 0.9
-"""Share of a turn: an angle followed that far from its start does not swing."""
+"""Share of a turn: an angle that gets that far from its start rotates instead of swinging."""
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 
 def plausibility_warnings(machine: Machine) -> list[str]:
-    """A question for every value that is about a thousand times off, and warnings of joints."""
+    """Questions about values that are about a thousand times off, and warnings of joints."""
     every = [(machine.scene.joints[joint.name], joint) for joint in machine.plan.joints]
     return [
         *machine.questions,
@@ -84,7 +84,7 @@ def length_questions(content: Mapping[str, Any]) -> Iterator[str]:
 
     Parameters
     ----------
-    content : keys and values of a scene as its file gives them, where units still stand
+    content : keys and values of a scene as in its file, with units
     """
     written = [found for found in _lengths(content.get('links'), 'links', True) if found[3]]
     elsewhere = {key: part for key, part in content.items() if key != 'links'}
@@ -246,7 +246,7 @@ def _others(machine: Machine) -> Iterator[str]:
 
 
 def _tables(machine: Machine) -> Iterator[str]:
-    """Tables over the angle of a link that turns on, which do not come again with its turns."""
+    """Questions about tables over the angle of a rotating link that do not fit its turns."""
     if not (tables := machine.scene.tables):
         return
     for node, factors in calls_of_angles(machine.plan):
@@ -256,7 +256,7 @@ def _tables(machine: Machine) -> Iterator[str]:
 
 
 def _bare_angles(machine: Machine) -> Iterator[str]:
-    """Numbers of more than a turn without a unit that are angles in formulas, as 60*sin(t)."""
+    """Questions about angles in formulas of more than a turn without a unit, as 60*sin(t)."""
     plan = machine.plan
     straight = plan.ideal.displacements
     links = [link for link in plan.links if link not in straight]
@@ -281,7 +281,7 @@ def _bare_angles(machine: Machine) -> Iterator[str]:
 
 
 def _factor(node: ExpressionNode) -> float:
-    """The bare number that is a factor of a product; 0 if one of it has a unit or is pi."""
+    """Numeric factor of a product without units; 0 if a factor has a unit or is pi."""
     if node.kind in ('*', 'negative'):
         return math.prod(map(_factor, node.args))
     if node.kind == '/':
@@ -293,7 +293,7 @@ def _factor(node: ExpressionNode) -> float:
 def _out_of_turn(
     node: ExpressionNode, table: TablePart, link: str, factor: float
 ) -> Iterator[str]:
-    """A question for a table that does not fit to the turns of a link that its argument counts."""
+    """Question about a table whose range does not fit the turns of the link in its argument."""
     (first, _), *_, (last, value) = table.points
     span, where = last.value - first.value, f'tables.{node.name}'
     turns = span / abs(TURN * factor)
@@ -314,7 +314,7 @@ def _out_of_turn(
 
 
 def _turns_on(machine: Machine, link: str) -> bool:
-    """True of a drive that turns beyond a turn, and of a link that it takes along, as by gears.
+    """True for a drive that rotates beyond a turn, and for a link rotating with it, as by gears.
 
     As far as the laws of drives and a linkage with a single one tell: what a motor moves turns,
     what a torque moves may come to rest.
@@ -348,7 +348,7 @@ def _length(x: float) -> str:
 
 
 def unused(machine: Machine) -> list[str]:
-    """A sentence for every key that is given and has no effect at the level that runs."""
+    """Sentences on given keys without effect at the level of the run."""
     return [*_solver(machine), *_start(machine), *_forces(machine), *_unnamed(machine)]
 
 
@@ -399,7 +399,7 @@ def _forces(machine: Machine) -> Iterator[str]:
 
 
 def _unnamed(machine: Machine) -> Iterator[str]:
-    """Tables and gears that nothing of the scene names."""
+    """Sentences on tables and gears that nothing in the scene refers to."""
     content = machine.scene.to_document()
     for section in ('tables', 'gears'):
         own = content.pop(section)

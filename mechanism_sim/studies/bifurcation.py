@@ -40,44 +40,44 @@ _OF_IMPACTS = {
     'normal_impulse': ('N s', 'normal impulse'),
     'loss': ('J', 'energy lost'),
 }
-"""Quantities of an impact that a section at impacts has: units, and words."""
+"""Quantities of a section at impacts: units and words."""
 DIRECTIONS = 'up', 'down'
 _NOTHING: dict[str, Any] = {'period': 0, 'impacts': 0.0, 'points': [], 'returns': []}
 START = 'start'
 _RETURN = 1e-2
 """Share of the free travel in clearances within which sections are the same."""
 ONE = 5.0 * _RETURN
-"""Likewise: those that two runs come to are of one response."""
+"""Share of the free travel within which sections of two runs are of one response."""
 _OF_RANGE = 1e-4
-"""Share of the range of a rate or displacement in all sections, likewise."""
+"""Share of the range of a rate or displacement within which sections are the same."""
 APART = 0.381966
-"""Of a turn before its end: where it is seen whether the motion comes back. Machines often begin
-where something strikes, and at that very instant rates have two values."""
+"""Share of a turn before its end at which sections are compared. Machines often begin at an
+impact, and at that very instant rates have two values."""
 _MOST_POINTS = 400
-"""Points of a section at impacts that are kept: the last ones."""
+"""Number of points of a section at impacts that are kept: the last ones."""
 _FEWEST = 10
-"""Turns of a run, and at least a quarter of those left out: until then what repeats may be an
-unstable motion near which the run begins."""
+"""Least number of turns of a run, or a quarter of the transient if more: a motion that repeats
+earlier may be an unstable one near the start of the run."""
 _SHARED, _LEAST = 4000, {'transient': 8, 'keep': 16}
-"""Turns of all values in one direction, and at least of each: values that lie close together begin
-near to where they settle, and their sections fill a diagram together."""
+"""Number of turns of all values in one direction, and least numbers for each: runs at neighbouring
+values begin near their limits, and their sections fill a diagram together."""
 _SEEN = 4
-"""Turns at least, over which a transient is compared with as many before."""
+"""Least number of turns over which a transient is compared with as many before."""
 _SETTLED = 1e-3
 """Share of the distance within which sections are the same: remainder of a transient."""
 _PATIENT = 8
 """Factor on the planned turns for motions that still converge."""
 _EVEN, _FALLEN, _STEADY = 0.8, 0.8, 0.95
-"""Of a decay: how its shares agree, in logarithms, what it leaves, and in how many turns it goes
-on. Where nothing repeats, it must do so."""
+"""Criteria of a decay: least ratio of its logarithmic rates, largest remaining share, and least
+share of turns with a decrease. They hold where no motion repeats."""
 _CLEAR = 10.0
-"""Distance of two turns of a period over what is left of the transient, at least."""
+"""Least ratio of the distance between turns of a period to the rest of the transient."""
 _BENT = 0.5
 """Largest difference between steps from response to response on one branch, relative."""
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
-"""Where a run begins on the course of the responses before: turns that are compared, and of
-the distance within which sections are the same, how far off it begins. That is seen to grow where
-what that foretells has become unstable."""
+"""Number of turns compared in a run from an extrapolated start, and offset of that start over the
+distance within which sections are the same. The offset grows if the extrapolated response has
+become unstable."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,11 @@ class SectionPlan:
     Attributes
     ----------
     of : names of the quantities of a section
-    joint : at whose impacts it is taken; once a turn of the drive if empty
+    joint : joint at whose impacts it is taken; once a turn of the drive if empty
     transient, keep : turns of the drive until the motion has settled, and of the section; fewer
         where it repeats itself before, and of more than 100 values of `bifurcation` if not given,
         but for those that begin as the scene does
-    longest : period that is looked for [turns]
+    longest : longest period considered [turns]
     """
 
     of: tuple[str, ...]
@@ -111,15 +111,15 @@ class Response:
 
     Attributes
     ----------
-    value : of the parameter, in its SI unit
-    branch : ``up``, ``down``, or ``start``: how it was come to
+    value : value of the parameter, in its SI unit
+    branch : start of its run: ``up`` or ``down`` from the neighbour, or ``start`` of the scene
     period : turns of the drive after which it repeats; 0 if it does not within the longest
-    number : of those that coexist at this value, the first is 0
-    points : (P, K) the section, a column for each of its quantities
+    number : index among those that coexist at this value, the first is 0
+    points : (P, K) section, a column for each of its quantities
     returns : (R, 2 f) positions and rates once a turn, over their scales
-    impacts : per turn
-    note : why there is none, if there is none
-    state : at the end of a turn, when the crank is where the scene begins
+    impacts : number of impacts per turn
+    note : reason if there is no response
+    state : state at the end of a turn, with the crank where the scene begins
     settled : false where it still converges: it may have a period that is not told, and is none
         of those that coexist
     """
@@ -142,8 +142,8 @@ class Bifurcation:
 
     Attributes
     ----------
-    unit, scale : in which the parameter was written, and its size in it of 1 in SI units
-    units, words : of the quantities of the section
+    unit, scale : unit of the parameter as written, and value in it of 1 in SI units
+    units, words : units and words of the quantities of the section
     """
 
     machine: Machine
@@ -205,8 +205,8 @@ def bifurcation(
     ----------
     vary : lowest and highest value, and their number, by dotted path
     of : quantities of the section: of the catalogue, or of `_OF_IMPACTS` with `at_impacts`
-    at_impacts : the joint at whose impacts the section is taken, instead of once a turn
-    starts : whether each value is begun from the scene's own start, too
+    at_impacts : joint at whose impacts the section is taken, instead of once a turn
+    starts : whether each value also has a run from the scene's own start
     when : ``transient``, ``keep``, ``longest`` of `SectionPlan`
     """
     check_options(bifurcation, when, *TURNS, words=OF_WORKERS)
@@ -239,7 +239,7 @@ def bifurcation(
 def varied(
     machine: Machine, vary: Mapping[str, tuple[Any, Any, int]]
 ) -> list[tuple[Parameter, list[float], tuple[str, float]]]:
-    """Each key that is varied, its values, its unit as it is written and the size of 1 in it."""
+    """Each varied key, its values, its unit as written and the value in it of 1 in SI units."""
     check_counts(', '.join(vary), [count for *_, count in vary.values()])
     found = []
     for path, (low, high, count) in vary.items():
@@ -279,7 +279,7 @@ def section(
 
 
 def paced(plan: SectionPlan, count: int, asked: Collection[str]) -> SectionPlan:
-    """The plan of each of so many values that follow one another, but for what is asked for."""
+    """Plan for each of several consecutive values, apart from requested numbers."""
     share = _SHARED // count
     fewer = {n: min(getattr(plan, n), max(x, share)) for n, x in _LEAST.items() if n not in asked}
     return replace(plan, **fewer)
@@ -300,9 +300,9 @@ def follow(
 
     Parameters
     ----------
-    content : of the scene, as a file gives it
-    changes : of each scene, by path; a value of `path` is among them
-    shared : the plan of those that begin near to where they settle
+    content : content of the scene, as of a file
+    changes : changes of each scene, by path, with a value of `path`
+    shared : plan of runs that begin near their limits
     """
     state: State | None = None
     before: Machine | None = None
@@ -347,7 +347,7 @@ def _starts(
 
     Parameters
     ----------
-    shift : (2 f,) what lies between the starts of both scenes
+    shift : (2 f,) difference of the starts of both scenes
     """
     if state and shift is not None:
         if step is not None:
@@ -357,7 +357,7 @@ def _starts(
 
 
 class _Trend:
-    """A parabola through three responses of a branch: where the next one is nearly."""
+    """Extrapolation of the next response by a parabola through three of a branch."""
 
     def __init__(self) -> None:
         self._before: list[Ends] = []
@@ -396,9 +396,9 @@ class _Trend:
 class Ends(NamedTuple):
     """Positions and rates at the ends of the last turns of a response, as many as its period."""
 
-    states: Array  #: (period, 2 f) less those at the start of the scene
-    near: Array  #: (2 f,) within which they are the same
-    turns: Array  #: (2 f,) after which a position is the same; 0 if it never is
+    states: Array  #: (period, 2 f) difference from those at the start of the scene
+    near: Array  #: (2 f,) tolerances of equality
+    turns: Array  #: (2 f,) period of a position; 0 without one
 
 
 def _begin(machine: Machine) -> Array:
@@ -502,11 +502,11 @@ def measure(machine: Machine) -> tuple[list[str], Array, Array]:
 
 
 class _Fall(NamedTuple):
-    """Decay of a transient, or departure from what is unstable."""
+    """Decay of a transient, or departure from an unstable motion."""
 
-    share: float  #: of it that a turn leaves
-    left: float  #: of it, over the distance within which sections are the same
-    even: bool  #: whether it does so turn for turn, or as a geometric series
+    share: float  #: factor of the change in a turn
+    left: float  #: remaining change, over the distance within which sections are the same
+    even: bool  #: whether it is monotonic turn by turn, or geometric
 
 
 class _SectionAccumulator:
@@ -592,7 +592,7 @@ class _SectionAccumulator:
         return 0
 
     def due(self) -> int:
-        """Turns that what converges needs until its period can be told; 0 if nothing does.
+        """Further turns until the period of a converging motion is known; 0 if none converges.
 
         A period is told if what is left of the transient is small beside what tells its turns
         apart: near a flip the turns of one that dies out slowly are two for long.
@@ -617,7 +617,7 @@ class _SectionAccumulator:
         return math.ceil(min(turns, most)) + 2 * self._plan.longest
 
     def _told(self, states: Array, settled: int) -> int:
-        """The period of the last turns: of so many that have settled, or of those to keep."""
+        """Period of the last turns: of the settled ones, or of those to keep."""
         keep = settled or self._plan.keep
         # twice the longest period tells it; of what still settles the later half is looked at
         looked = keep // 2 - 1 if settled else max(keep // 2, min(keep, 2 * self._plan.longest))
@@ -690,7 +690,7 @@ def _numbered(found: Iterable[Response]) -> list[Response]:
 
 
 def same(a: Response, b: Response) -> bool:
-    """True if two sections are those of one response, begun at another of its turns."""
+    """True if two sections are those of one response, from any of its turns on."""
     if a.period != b.period or a.returns.shape[1:] != b.returns.shape[1:]:
         return False
     if a.period == 0:  # attractors that do not repeat: by where they are

@@ -38,20 +38,20 @@ _ROUNDS = 12
 _FASTER = 0.2
 """Ratio of residuals that a step of Newton's method must reach with old derivatives."""
 _FIRST, _LONGEST, _LEAST = 0.02, 0.1, 1e-6
-"""Steps; the range of the parameter is 1. Many impacts a period graze one after the other."""
+"""First, longest and shortest step; the range of the parameter is 1."""
 _BEYOND = 0.01
-"""Share of the range behind a grazing impact within which what follows is looked for."""
+"""Share of the range beyond a grazing impact at which a continuation is sought."""
 _TURNED = 0.9
-"""Cosine between the tangents of neighbours, at least."""
+"""Least cosine between the tangents of neighbours."""
 _MOST = 400
-"""Points of a branch, to each side."""
+"""Largest number of points of a branch, to each side."""
 _MOST_BRANCHES = 50
 _SEEN = 5
-"""Points that tell where a branch grazes."""
+"""Number of points from which a grazing is extrapolated."""
 _CLOSE = 0.1
 """Change of a multiplier's size from point to point, beside 1 and itself, without a grazing."""
 _STEEP = 2e3
-"""Multiplier of an impact that all but grazes; nearer, rounding is larger than its speed."""
+"""Largest multiplier near a grazing impact; beyond, rounding exceeds the impact's speed."""
 _HALVED = 0.1
 """Share of the largest half-period change on a branch below which rounding decides a flip."""
 _BENT = 0.1
@@ -67,9 +67,9 @@ class BranchPoint:
     Attributes
     ----------
     value : of the parameter, in its SI unit
-    points : (P, K) the section, as of a `Response`
+    points : (P, K) section, as of a `Response`
     multipliers : Floquet multipliers, the largest first
-    impacts : in a period
+    impacts : number of impacts in a period
     returns : (period, 2 f) positions and rates once a turn, over their scales, as of a `Response`
     """
 
@@ -81,7 +81,7 @@ class BranchPoint:
 
     @property
     def stable(self) -> bool:
-        """True if small changes die out."""
+        """True if small perturbations decay."""
         return all(abs(m) < 1.0 - _STABLE for m in self.multipliers)
 
 
@@ -93,7 +93,7 @@ class BranchEvent(NamedTuple):
     kind : ``fold``, ``flip``, ``torus``, ``grazing``, ``lost`` where Newton's method ends, or
         ``cut`` where a branch has all the points that it may have
     value : of the parameter, in its SI unit
-    joint : that grazes
+    joint : joint of a grazing impact
     """
 
     kind: str
@@ -111,16 +111,16 @@ class ResponseBranch:
 
 
 class _Orbit(NamedTuple):
-    """A fixed point and what follows from it."""
+    """A fixed point with its tangent, multipliers and motion."""
 
     state: State
     value: float
-    tangent: Array  #: (2 f + 1,) of state and value, over their scales
+    tangent: Array  #: (2 f + 1,) tangent of state and value, over their scales
     multipliers: Any
     pieces: list[Piece]
     rows: Array  #: (r, r + 1) derivatives of the change in a period, along the basis and by value
-    basis: Array  #: (w, r) of changes that contacts allow, over the scales
-    seat: Array  #: (w,) change by value that contacts need, over the scales
+    basis: Array  #: (w, r) basis of changes allowed by contacts, over the scales
+    seat: Array  #: (w,) change per value that contacts require, over the scales
 
     @property
     def impacts(self) -> list[Impact]:
@@ -132,7 +132,7 @@ class _Shooting:
 
     Parameters
     ----------
-    ahead : where turns begin, beyond the angle at which the scene begins [turns]
+    ahead : start of turns, beyond the angle at the start of the scene [turns]
     """
 
     def __init__(self, found: Bifurcation, period: int, ahead: float = 0.0) -> None:
@@ -166,7 +166,7 @@ class _Shooting:
         return list(section.pieces(state, turns)), section.state
 
     def centred(self, state: State, value: float) -> tuple[_Shooting, State]:
-        """Turns that begin amid the longest time without impact, and the state then."""
+        """Shooting from the middle of the longest time without impact, and the state there."""
         pieces, _ = self.run(state, value, self.period)
         times = sorted(i.t / self.machine(value).drive.period for x in pieces for i in x.impacts)
         if not times:
@@ -181,9 +181,9 @@ class _Shooting:
     def solved(
         self, state: State, value: float, base: _Orbit | None = None, ahead: float = 0.0
     ) -> _Orbit | None:
-        """The fixed point near a state, at a value, or so far along the tangent of another.
+        """Fixed point near a state, at a value, or at a distance along another's tangent.
 
-        Newton's method keeps the derivatives of that other while it gets nearer fast enough.
+        Newton's method keeps the derivatives of the other one while it converges fast enough.
         """
         rows, basis, before = (base.rows, base.basis, math.inf) if base else (None, None, 0.0)
         by, struck = np.zeros(len(self.scale)), 0
@@ -237,7 +237,7 @@ class _Shooting:
     def _moved(
         self, state: State, value: float, by: Array, struck: int
     ) -> tuple[State, State, int]:
-        """The state after a step, the state a period later, and the impacts till then.
+        """State after a step, the state a period later, and the number of impacts until then.
 
         A part of the step is taken if all of it loses an impact. A slow one changes the period by
         the root of how far the state is beyond the grazing: half a step of Newton's method comes
@@ -253,7 +253,7 @@ class _Shooting:
         return found[0]
 
     def beyond(self, base: _Orbit, graze: float) -> _Orbit | None:
-        """The fixed point with other impacts behind a grazing impact, if there is one."""
+        """Fixed point with other impacts beyond a grazing impact, if there is one."""
         past = math.copysign(_BEYOND * self.span, graze - base.value)
         ahead = (graze + past - base.value) / (self.span * base.tangent[-1])
         by = ahead * base.tangent[:-1] * self.scale / self.at(base.value).scale
@@ -283,7 +283,7 @@ class _Shooting:
         return basis, basis.T @ (wide[:, None] * M / wide) @ basis
 
     def step(self, base: _Orbit, ahead: float) -> _Orbit | None:
-        """The fixed point so far along the tangent of another."""
+        """Fixed point at a distance along the tangent of another."""
         section = self.at(base.value)
         by = ahead * base.tangent[:-1] * self.scale / section.scale
         value = base.value + ahead * self.span * float(base.tangent[-1])
@@ -313,7 +313,7 @@ class _Shooting:
     def halves(self, orbit: _Orbit) -> Array:
         """Change of the state (w,) in half of the period, over the scales; empty if it is odd.
 
-        It vanishes where the branch has come back to the flip of another of half its period.
+        It vanishes where the branch returns to the flip of another of half its period.
         """
         if self.period % 2:
             return np.zeros(0)
@@ -354,9 +354,9 @@ def _sampled(pieces: list[Piece], t: float, names: tuple[str, ...]) -> list[floa
 
 
 def _strikes(orbit: _Orbit) -> dict[str, list[float]]:
-    """Approach speeds of each joint's impacts [m/s], but for those of a chatter that is ended.
+    """Approach speeds of each joint's impacts [m/s], without those of a chatter cut off.
 
-    How many these are depends on where it is ended; they are the last ones that get slower.
+    Their number depends on the cut-off; they are the last ones, of decreasing speed.
     """
     found: dict[str, list[float]] = {}
     chatters: dict[str, float] = {}
@@ -386,7 +386,7 @@ def _alike(a: _Orbit, b: _Orbit) -> bool:
 def _trace(
     shooting: _Shooting, start: _Orbit, sign: float
 ) -> tuple[list[BranchPoint], list[BranchEvent], tuple[_Shooting, _Orbit] | None]:
-    """Points and events on one side of a fixed point, and what follows beyond a grazing impact."""
+    """Points and events on one side of a fixed point, and a start beyond a grazing impact."""
     low, high = shooting.found.parameter.low, shooting.found.parameter.high
     orbits = [start._replace(tangent=sign * start.tangent)]
     points: list[BranchPoint] = []
@@ -435,9 +435,9 @@ def _trace(
 
 
 def _where_halved(halves: Mapping[float, float]) -> float | None:
-    """Value at which the change in half a period is zero, if it is near; its squares by value.
+    """Value at which the change in half a period vanishes, if near, from its squares by value.
 
-    Near the flip the value goes with the square; what follows there is the branch once more.
+    Near the flip the value is linear in the square; beyond it the branch repeats itself.
     """
     values, squares = np.array([*halves.items()][-_SEEN:]).T
     if squares[-1] > _HALVED**2 * max(halves.values()) or not (np.diff(squares) < 0.0).all():
@@ -447,7 +447,7 @@ def _where_halved(halves: Mapping[float, float]) -> float | None:
 
 
 def _recentred(shooting: _Shooting, orbits: list[_Orbit]) -> tuple[_Shooting, list[_Orbit]]:
-    """Turns that begin elsewhere, where an impact has come near their beginning."""
+    """Shooting from another instant if an impact is near the start of turns."""
     last = orbits[-1]
     period = shooting.period * shooting.machine(last.value).drive.period
     off = min((min(i.t, period - i.t) for i in last.impacts), default=period)
@@ -531,8 +531,8 @@ def branches(
 
     Parameters
     ----------
-    workers : each period is followed by one of them; this process follows all if not given
-    show : called with the number of periods that are done
+    workers : processes that follow a period each; by default this process follows all
+    show : function called with the number of finished periods
     """
     if not isinstance(found, Bifurcation):
         raise InputError(f'branches takes what bifurcation(scene, ...) found, got {quoted(found)}')
@@ -580,7 +580,7 @@ def _branch(
 
 
 def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
-    """Scales of states by which they change as much as the parameter does, over its range."""
+    """Rescale states so that they change as much as the parameter over its range."""
     x, value = start.tangent[:-1], abs(start.tangent[-1])
     by = max(float(np.linalg.norm(x)) / max(value, 1e-3), 1e-6)
     shooting.scale = shooting.scale * by
@@ -591,7 +591,7 @@ def _weighed(shooting: _Shooting, start: _Orbit) -> tuple[_Shooting, _Orbit]:
 
 
 def _known(made: list[ResponseBranch], found: Bifurcation, value: float, returns: Array) -> bool:
-    """True if one of the branches passes through states (P, 2 f) at a value, begun at any turn."""
+    """True if a branch passes through states (P, 2 f) at a value, from any turn on."""
     _, scale, period = measure(found.machine)
     turns = period / scale
     for there, step in (x for branch in made for x in _places(branch, value, turns)):
@@ -602,7 +602,7 @@ def _known(made: list[ResponseBranch], found: Bifurcation, value: float, returns
 
 
 def _places(branch: ResponseBranch, value: float, turns: Array) -> Iterator[tuple[Array, Array]]:
-    """States (P, 2 f) of a branch at a value, and how they change between the neighbours.
+    """States (P, 2 f) of a branch at a value, and their change between the neighbours.
 
     It is a parabola through three points along its way: at a fold, values turn.
     """

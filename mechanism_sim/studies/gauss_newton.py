@@ -1,22 +1,22 @@
 """Parameters of a machine by least squares between a run and the samples of signals.
 
-Where a run can be repeated, every sample says something: residuals are samples less those of a run
-at the same instants, their derivatives by the parameters are exact (`results/derivatives.py`), and
-Gauss-Newton steps within a trust region (SciPy's `least_squares`) lead to the minimum. Two things
-make a minimum of it that is the right one, and limits that hold:
+Where a run can be repeated, every sample counts: residuals are samples less those of a run at the
+same instants, their derivatives by the parameters are exact (`results/derivatives.py`), and damped
+Gauss-Newton steps within the ranges lead to a minimum. Three rules make it the global one, with
+valid confidence limits:
 
 1. The first window is so short that residuals depend on parameters in one way over the whole
    range; it begins with the best of many values. Each window is twice as long as the one before,
    with what was found there: the same reason as for multiple shooting (H. G. Bock, 1983).
 2. Chaos, or another order of impacts, shows as a block of residuals far above those before it.
-   Such a window is refused, and what the one before says, holds.
+   Such a window is refused, and the result of the one before holds.
 3. Residuals of the last window that are not alike all along it are those of another minimum, or of
    another machine: the search begins again elsewhere, and if that is so from everywhere, the fit
    does not count as an explanation.
 
 Limits are those of the information matrix (Fisher) with the variance of the residuals; correlated
-ones count as fewer (their integrated autocorrelation). A range is weighed as what it is: a uniform
-distribution's variance, so that parameters that the signal does not determine keep their range.
+ones count as fewer (their integrated autocorrelation). A range has the weight of the variance of a
+uniform distribution, so that parameters that the signal does not determine keep their range.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the ro
 _ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
 _STEP = 0.1  # of a standard deviation: step of differences
 _BROAD, _DRAWS, _MORE = 0.3, 16, 2
-"""Of a range: hardly known; places around what a window says, so many times more if it is open."""
+"""Share of a range above which it is hardly known; number of draws, factor on it if unknown."""
 _FEWEST = 16  # samples of a first window, for each parameter
 _STARTS, _BEGUN = 32, 8  # values that are tried, and from how many of them steps begin
 _GROWN = 4  # how many of these are followed into longer windows
@@ -77,8 +77,8 @@ class WindowFit:
     Attributes
     ----------
     place : (k,) shares of the ranges of the parameters, on their scales
-    part : of every signal, from its first sample on
-    residuals, slopes : (M,) and (M, k) of each signal, in its unit
+    part : share of every signal, from its first sample on
+    residuals, slopes : residuals (M,) and derivatives (M, k) of each signal, in its unit
     """
 
     place: Array
@@ -94,23 +94,23 @@ class WindowFit:
 
     @property
     def memories(self) -> Array:
-        """Samples of each signal that count as one, 1 of white residuals."""
+        """Number of samples of each signal that count as one; 1 for white residuals."""
         return np.array([_memory(r) for r in self.residuals])
 
     @property
     def white(self) -> bool:
-        """True if residuals know nothing of each other (von Neumann's ratio)."""
+        """True if residuals are uncorrelated (von Neumann's ratio)."""
         return all(_is_white(r) for r in self.residuals)
 
     def widths(self, level: float = LEVEL) -> Array:
-        """(k,) of the limits that hold for all parameters together, in parts of the ranges."""
+        """Widths (k,) of simultaneous confidence limits, as shares of the ranges."""
         count = len(self.place)
         spare = max(1.0, sum(len(r) for r in self.residuals) - count)
         sigmas = scipy.stats.t.isf((1.0 - level) / (2 * count), spare)
         return np.asarray(2.0 * sigmas * np.sqrt(self.covariance().diagonal()))
 
     def covariance(self) -> Array:
-        """(k, k) of the place."""
+        """Covariance (k, k) of `place`."""
         information = _RANGE * np.eye(len(self.place))
         for slope, size, memory in zip(self.slopes, self.sizes, self.memories, strict=True):
             information += slope.T @ slope / max(size**2 * memory, 1e-300)
@@ -124,7 +124,7 @@ class LeastSquares:
     ----------
     measurements : signals; those of one machine are of one run
     parameters : numbers of scenes, within their limits
-    seed : of the values tried first
+    seed : seed of the values tried first
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class LeastSquares:
                 raise InputError(f'{p.name} has values of a list, by which there is no derivative')
 
     def find(self) -> WindowFit:
-        """The longest window that a run explains, else the best of what was found."""
+        """Fit of the longest window that a run explains, else the best fit."""
         found: list[WindowFit] = []
         for first in self._begun():
             fit = self._settled(self._grow(first))
@@ -150,9 +150,9 @@ class LeastSquares:
         return max(found, key=lambda fit: (self._is_small(fit), fit.part, -self._cost(fit)))
 
     def explains(self, fit: WindowFit) -> bool:
-        """True if noise is left, or what the scene has of it, or little of the signal.
+        """True if residuals are white, within the scene's noise or small beside the signal.
 
-        And that alike all along the window.
+        And uniform all along the window.
         """
         return self._is_small(fit) and all(
             _is_alike(r, max(m.noise, _LITTLE * float(np.std(m.samples))))
@@ -182,7 +182,7 @@ class LeastSquares:
         return min(1.0, max(_FIRST, _FEWEST * (len(self.parameters) + 1) / fewest))
 
     def _begun(self) -> Iterator[WindowFit]:
-        """Different fits of the first window: those that leave noise, then the best of others."""
+        """Different fits of the first window: those with white residuals, then the best others."""
         part = self._first()
         known: list[WindowFit] = []
         others: list[WindowFit] = []
@@ -198,7 +198,7 @@ class LeastSquares:
         yield from sorted(others, key=self._cost)[: max(0, _GROWN - len(known) + len(others))]
 
     def _solve_anew(self, fit: WindowFit) -> WindowFit:
-        """The fit of a window of which no residuals are known: by those that it leaves, again."""
+        """Fit of a first window, repeated with the scales of its own residuals."""
         sizes = self._scales
         for _ in range(_RENEWED):
             fit = self._solve(fit, sizes)
@@ -209,7 +209,7 @@ class LeastSquares:
         return fit
 
     def _starts(self, part: float) -> list[Array]:
-        """The best of many places, for the first window."""
+        """The best of many points, for the first window."""
         count, scales = len(self.parameters), self._scales
         spread = qmc.Sobol(count, rng=self._seed).random(_STARTS)
         places = np.concatenate([np.full((1, count), 0.5), spread])
@@ -219,7 +219,7 @@ class LeastSquares:
         return [places[k] for k in np.argsort(costs)[:_BEGUN] if math.isfinite(costs[k])]
 
     def _grow(self, fit: WindowFit) -> WindowFit:
-        """The fit of the longest window whose residuals are like those of the ones before."""
+        """Fit of the longest window whose residuals are like those of the ones before."""
         longer = _LONGER
         while fit.part < 1.0 and longer > _LEAST_LONGER:
             if self._has_impacts and fit.widths().max() < _ENOUGH:
@@ -251,9 +251,9 @@ class LeastSquares:
         return fit
 
     def _settled(self, fit: WindowFit) -> WindowFit:
-        """The minimum itself, by the derivatives that are known.
+        """Refined minimum, by the derivatives already computed.
 
-        What they do not know is on which side of an impact a sample is: that is tried.
+        They do not cover a sample that passes to the other side of an impact: that is tried.
         """
         fit = self._solve(fit, self._sizes(fit), settle=True)
         if self._is_small(fit) and not self.explains(fit):
@@ -273,12 +273,12 @@ class LeastSquares:
     def _continuations(
         self, fit: WindowFit, part: float, sizes: Sequence[float]
     ) -> Iterator[tuple[Array, list[Array]]]:
-        """Places from which a longer window is tried: where it was, then the best around there.
+        """Points from which a longer window is fitted: the last minimum, then the best around it.
 
-        With residuals, but for the first.
+        All but the first have residuals.
 
-        What the signal has not told yet, the longer window may tell, and where one run has no
-        derivatives, its neighbours do: around is where the parameters may be.
+        The longer window may determine further parameters, and where one run has no derivatives,
+        its neighbours do: points are drawn by the covariance.
         """
         yield fit.place, []
         yield from self._around(fit, part, sizes)[:_TRIED]
@@ -286,7 +286,7 @@ class LeastSquares:
     def _around(
         self, fit: WindowFit, part: float, sizes: Sequence[float]
     ) -> list[tuple[Array, list[Array]]]:
-        """Places where the parameters may be, and residuals there, the best first."""
+        """Points drawn by the covariance of a fit, with residuals there, the best first."""
         random = np.random.default_rng(self._seed)
         unknown = fit.widths() > 1.0
         count = _DRAWS * (_MORE if unknown.any() else 1)
@@ -328,14 +328,14 @@ class LeastSquares:
     ) -> WindowFit:
         """Least squares of a window from a place on, by damped steps within the ranges.
 
-        Derivatives cost many runs, so those of a place serve as long as steps do what they say.
+        Derivatives cost many runs, so those of a point serve while steps fulfil their prediction.
 
         Parameters
         ----------
-        steps : (k,) of differences where there are no derivatives
-        known : minima of this window: what comes within the limits of one is that one
-        fresh : derivatives are those of the place where it begins
-        settle : make it as exact as these derivatives allow
+        steps : (k,) steps of differences where there are no derivatives
+        known : minima of this window: a point within the limits of one counts as that one
+        fresh : whether the derivatives are those of the starting point
+        settle : whether to refine as far as these derivatives allow
         """
 
         def weighted(parts: Sequence[Array]) -> Array:
@@ -397,7 +397,7 @@ class LeastSquares:
         return [x[:, 0] for x in found], [x[:, 1:] for x in found]
 
     def _differences(self, place: Array, part: float, steps: Array | float) -> list[Array]:
-        """Derivatives by differences of runs; it is `steps` over which a signal tells anything."""
+        """Derivatives by differences of runs, over the given `steps`."""
         slopes = []
         for way in np.diag(np.broadcast_to(steps, place.shape)):
             more, less = np.minimum(place + way, 1.0), np.maximum(place - way, 0.0)
@@ -417,7 +417,7 @@ class LeastSquares:
         paths: Sequence[str],
         take: Callable[[Measured, Piece, Array, Array], Array],
     ) -> list[Array]:
-        """Take values of each signal, with its machine's run at a place up to the window's end."""
+        """Values of each signal from its machine's run at a point up to the window's end."""
         given = {p.path: x for p, x in zip(self.parameters, self.values(place), strict=True)}
         times = [_until(m, part) for m in self.measurements]
         runs: dict[int, Piece | None] = {}
@@ -459,7 +459,7 @@ class LeastSquares:
 
 
 def _bounded_step(u: Array, upper: Array, r: Array, damping: float) -> tuple[Array, float]:
-    """A step (k,) that stays in the ranges, and by how much the sum of squares is to fall.
+    """Step (k,) within the ranges, and the predicted decrease of the sum of squares.
 
     Parameters
     ----------
@@ -481,18 +481,18 @@ def _until(measured: Measured, part: float) -> Array:
 
 
 def _is_white(r: Array) -> bool:
-    """True if neighbours are as far apart as strangers; von Neumann 1941."""
+    """True if neighbours differ as much as any two residuals; von Neumann 1941."""
     size = float(r @ r)
     ratio = float((np.diff(r) ** 2).sum()) / size if size else 2.0
     return abs(ratio - 2.0) < _SIGMAS / math.sqrt(len(r))
 
 
 def _is_alike(r: Array, least: float) -> bool:
-    """True if no block of residuals, and none of them, is larger than those of most blocks.
+    """True if no block of residuals, and no single one, exceeds those of most blocks.
 
     Parameters
     ----------
-    least : size of residuals that is no matter
+    least : negligible magnitude of residuals
     """
     memory = _memory(r)
     for count in (2, _BLOCKS):  # long blocks show little, short ones what is soon over
@@ -506,12 +506,12 @@ def _is_alike(r: Array, least: float) -> bool:
 
 
 def _blocks(r: Array, count: int = _BLOCKS) -> list[Array]:
-    """Residuals of a window in so many parts that follow each other, or fewer."""
+    """Residuals of a window in consecutive blocks."""
     return np.array_split(r, min(count, max(1, len(r) // _FEWEST)))
 
 
 def _memory(r: Array) -> float:
-    """Integrated autocorrelation time, up to where correlations are as small as chance's."""
+    """Integrated autocorrelation time, up to where correlations are insignificant."""
     n, correlation = len(r), autocorrelation(r - r.mean())
     if not correlation[0] > 0.0:
         return 1.0

@@ -29,21 +29,21 @@ from mechanism_sim.linkages.grashof import full_turns, transmission_range
 from mechanism_sim.results.path_distance import TargetPath
 
 _CURVES, _PLACES = 1 << 16, 96
-"""Four-bars of the atlas before those without a turning crank go, and places on each curve."""
+"""Number of four-bars of the atlas, before a crank check, and of points on each curve."""
 _LOW, _HIGH = np.array([0.3, 0.3, 0.3, -1.0, -1.5]), np.array([8.0, 8.0, 8.0, 2.0, 1.5])
-"""Ground, coupler and rocker in cranks; point along and across, in couplers."""
+"""Ranges of ground, coupler, rocker in cranks; of the point along and across, in couplers."""
 _TURN = 2.0 * math.pi
 _HARMONICS = np.array([k for k in range(-10, 11) if k])
 _ARCS = np.linspace(0.08, 0.88, 9)
-"""Parts of curves with which open paths are compared."""
+"""Shares of curves with which open paths are compared."""
 _TRIED, KEPT = 60, 5
-"""Curves from which least squares go on, and solutions that are shown."""
+"""Number of curves from which least squares start, and of solutions kept."""
 _POLISHED = 20
 _EXACT = 1e-6
 """Share of the size of a path: deviations below those of any machine."""
 _PHASES = 48
 _COMPARED = 12
-"""Points of an open path that are compared with arcs."""
+"""Number of points of an open path that are compared with arcs."""
 _LARGEST = 30.0
 """Greatest lengths, and distance of the point from the crank pin, in sizes of the path."""
 _MARGIN, _WEIGHT = 0.01, 10.0
@@ -51,7 +51,7 @@ _MARGIN, _WEIGHT = 0.01, 10.0
 _LONGEST, _FARTHEST = 12.0, 3.0
 """Greatest ratio of lengths to the crank, either way; of the point to the coupler."""
 _LEAST_TURN = 0.3
-"""[rad] of the crank along a path; pieces that are found begin with half a radian or more."""
+"""Least rotation of the crank along a path [rad]; arcs start with half a radian or more."""
 _NEAR = 1e-6
 """Weight of unknowns, less those where least squares begin: it moves exact points by 1e-12."""
 _STEP = 1e-6
@@ -64,17 +64,17 @@ class PathFourBar:
 
     Attributes
     ----------
-    lengths : of ground, crank, coupler and rocker
-    branch : as of `FourBar`
-    pivot : of the crank
-    angle : of the ground, from the pivot of the crank to that of the rocker
-    point : of the coupler, along and across it from the crank pin
-    start : absolute angle of the crank where the path begins
+    lengths : lengths of ground, crank, coupler and rocker [m]
+    branch : branch, see `FourBar`
+    pivot : position of the crank's pivot [m]
+    angle : direction from the pivot of the crank to that of the rocker [rad]
+    point : coupler point, along and across the coupler from the crank pin [m]
+    start : absolute angle of the crank at the beginning of the path [rad]
     forward : True if the crank turns counterclockwise
-    rms, largest : distance of the points of the path
-    transmission : least and greatest transmission angle
-    orientation : of positions of a body: its orientation less the angle of the coupler
-    turned : by which orientations are missed at most
+    rms, largest : distances of the points from the path [m]
+    transmission : least and greatest transmission angle [rad]
+    orientation : orientation of a body to be guided less the angle of the coupler [rad]
+    turned : largest error of orientations [rad]
     """
 
     lengths: tuple[float, float, float, float]
@@ -95,7 +95,7 @@ class PathFourBar:
     )
 
     def worth(self, size: float) -> tuple[float, float]:
-        """Order of four-bars for a path of a size [m], the best first.
+        """Sort key of four-bars for a path of a size [m], the best first.
 
         Of those that are exact the one with the best transmission is first.
         """
@@ -141,7 +141,7 @@ def _lengths(shapes: Array) -> Array:
 
 
 def worst_transmission(transmission: tuple[float, float]) -> float:
-    """Distance of a transmission angle from 0 and from pi, at the worst."""
+    """Least distance of the transmission angle from 0 and from pi [rad]."""
     return min(transmission[0], math.pi - transmission[1])
 
 
@@ -155,7 +155,7 @@ def unlike(found: Iterable[PathFourBar]) -> list[PathFourBar]:
 
 
 def _misfit(z: Array, curves: Array) -> Array:
-    """Squares left (...) of points (n,) after the best translation, rotation and scale."""
+    """Sum of squares (...) of points (n,) after the best translation, rotation and scale."""
     z = z - z.mean()
     curves = curves - curves.mean(axis=-1, keepdims=True)
     common = np.abs((curves.conj() * z).sum(axis=-1)) ** 2
@@ -164,7 +164,7 @@ def _misfit(z: Array, curves: Array) -> Array:
 
 
 def _even(curves: Array) -> tuple[Array, Array]:
-    """Closed curves (N, places) at even lengths of the way, and their crank angles in turns."""
+    """Closed curves (N, points) at even arc lengths, and their crank angles in turns."""
     closed = np.concatenate([curves, curves[:, :1]], axis=1)
     way = np.abs(np.diff(closed, axis=1)).cumsum(axis=1)
     way = np.concatenate([np.zeros((len(way), 1)), way / way[:, -1:]], axis=1)
@@ -178,13 +178,13 @@ def _even(curves: Array) -> tuple[Array, Array]:
 
 
 def _way(z: Array) -> Array:
-    """Part of the way (n,) at each point of a path, 0 to 1."""
+    """Share of the arc length (n,) at each point of a path, 0 to 1."""
     way = np.append(0.0, np.abs(np.diff(z)).cumsum())
     return np.asarray(way / way[-1])
 
 
 def _between(curves: Array, places: Array) -> Array:
-    """Values (N, n) of closed curves at places, counted along the second axis with parts."""
+    """Values (N, n) of closed curves at fractional indices along the second axis."""
     k = np.floor(places).astype(int)
     part = places - k
     return np.asarray((1.0 - part) * curves[:, k % _PLACES] + part * curves[:, (k + 1) % _PLACES])
@@ -207,8 +207,8 @@ class _Atlas:
     Attributes
     ----------
     shapes : (5, N) proportions
-    curves : (N, places) at even angles of the crank
-    even, turned : (N, places) at even lengths of the way, and the crank angles there in turns
+    curves : (N, points) coupler points at even angles of the crank
+    even, turned : (N, points) coupler points at even arc lengths, and crank angles in turns
     """
 
     def __init__(self) -> None:
@@ -268,7 +268,7 @@ class _Fit:
         return np.concatenate([np.exp(x[:3]), x[3:5]]), angles
 
     def linear(self, x: Array) -> tuple[complex, complex, Array]:
-        """Factor and shift of the curve, and what is left (n,) of the points."""
+        """Factor and shift of the curve, and deviations (n,) of the points."""
         p = _curve(*self.unpack(x))
         centred = p - p.mean()
         with np.errstate(all='ignore'):
@@ -277,7 +277,7 @@ class _Fit:
         return a, b, self.z - (a * p + b)
 
     def rest(self, x: Array) -> Array:
-        """Distances that are left, as real numbers; large where nothing can be assembled."""
+        """Residuals: components of deviations, then violated limits; large if not assembled."""
         off, (shape, angles) = self.linear(x)[2], self.unpack(x)
         both = np.concatenate([off.real, off.imag, self.beyond(shape), [self.short(angles)]])
         return np.asarray(np.nan_to_num(both, nan=10.0))
@@ -318,7 +318,7 @@ class _Fit:
         return np.asarray(np.nan_to_num(np.hstack([columns.real, columns.imag, beyond]).T))
 
     def solve(self, x: Array, most: int) -> Array:
-        """Unknowns after so many evaluations at most, of many that fit the nearest ones."""
+        """Unknowns after at most `most` evaluations; of equal fits the nearest."""
         # few points leave unknowns open; without full rank MINPACK steps otherwise at every call
         near = _NEAR * np.eye(len(x))
         with np.errstate(all='ignore'):
@@ -334,7 +334,7 @@ class _Fit:
         return np.asarray(found.x)
 
     def polished(self, x: Array) -> Array:
-        """Unknowns after many more evaluations, if they are right."""
+        """Unknowns after many more evaluations, if they are valid."""
         exact = self.solve(x, 400)
         return exact if self.is_right(exact) else x
 

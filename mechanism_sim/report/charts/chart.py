@@ -1,6 +1,6 @@
-"""A chart as plain data: panels with axes, curves and marks, in the units in which people read.
+"""A chart as plain data: panels with axes, curves and marks, in the units of the reader.
 
-It says all there is to decide: what shares a panel, colours and dashes, what lies beneath what,
+It contains all decisions: common panels, colours and dashes, order of drawing,
 labels and their order. `mechanism_sim.report.painting` draws it with Matplotlib,
 `mechanism_sim.pages.charts` writes it for the page; both show the same numbers.
 """
@@ -26,7 +26,7 @@ ROUND = 2.8  #: of round ones
 DASHES: tuple[tuple[float, ...], ...] = (
     (), (3.7, 1.6), (6.4, 1.6, 1.0, 1.6), (1.0, 1.6), (5.0, 1.0), (2.0, 1.0), (3.0, 1.0, 1.0, 1.0),
 )  # fmt: skip
-"""Strokes and gaps of lines that are told apart, in their widths; the first is solid."""
+"""Dash patterns of lines, in widths of the line; the first is solid."""
 
 
 MARKERS = (
@@ -49,8 +49,8 @@ LOOKS = {
     'earlier': Look(0.8, 0.45), 'ideal': Look(4.0, 0.28), 'range': Look(0.0, 0.25),
     'body': Look(0.4, 1.0), 'wear': Look(0.0, 0.6),
 }  # fmt: skip
-"""Of a quantity; of the one that counts; of what is many; of turns before the last; of the ideal
-machine, beneath; of the range of many turns; of areas seen by themselves; of wear."""
+"""Looks of a quantity; of the main one; of many together; of turns before the last; of the ideal
+machine, beneath; of the range of many turns; of areas by themselves; of wear."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,9 @@ class Axis:
 
     Attributes
     ----------
-    low, high : ends of what is shown; where None they are those of the data
-    every : between ticks; where None as fits
-    names : of the places `at` instead of numbers; 0, 1, ... unless given
+    low, high : ends of the axis; None for those of the data
+    every : distance of ticks; None for an automatic one
+    names : labels at the positions `at` instead of numbers; `at` is by default 0, 1, ...
     """
 
     words: str
@@ -96,18 +96,18 @@ class ChartCurve:
     ----------
     x, y : (N,) in the units of the axes, of round panels direction [deg] and size; where they are
         not a number a line breaks. None at all: an entry of the legend only
-    label : in the legend; the same label has one entry
-    of : the quantity, ``velocity.crank``: the links and joints among its parts light it
-    group : what is shown and hidden together by the legend; its quantity if not given
-    colour : number in the palette, or a colour itself
-    dash : number in `DASHES`
-    form : steps change in the middle between places; an area lies between `low` and y
+    label : text in the legend; curves of the same label share an entry
+    of : quantity, as ``velocity.crank``: pointing at its links and joints highlights it
+    group : group shown and hidden together by the legend; by default the quantity
+    colour : index in the palette, or a colour
+    dash : index in `DASHES`
+    form : form of drawing; steps change midway between points, an area lies between `low` and y
     look : one of `LOOKS`
-    marker : at the points, one of `MARKERS`
+    marker : marker of the points, one of `MARKERS`
     low, error : (N,) lower edge of an area; half the height of bars of error
-    when : (N,) [s] of the run, where x is not that
-    texts : beside the points; may be empty
-    notes : what is said of each point to who points at it
+    when : (N,) times in the run [s], where x is another quantity
+    texts : texts beside the points; may be empty
+    notes : hover texts of the points
     """
 
     x: Array

@@ -1,4 +1,4 @@
-"""Forces of teeth on shafts in space, and what the two bearings of a shaft carry."""
+"""Forces of teeth on shafts in space, and loads of the two bearings of a shaft."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class BearingLoads(NamedTuple):
     """
 
     names: tuple[str, ...]
-    force: Array  #: (k, 2, N) [N] along x and y of the world
+    force: Array  #: (k, 2, N) [N] components along x and y of the world
     axial: Array  #: (k, N) [N] along the shaft towards the reader
-    locating: str = ''  #: which of them takes axial forces
+    locating: str = ''  #: name of the locating bearing, which takes axial forces
 
 
 def of_shafts(machine: Machine) -> Iterator[Quantity]:
