@@ -37,7 +37,7 @@ WORDS = {
     'engine': 'contact laws, event loop, solutions, audit',
     'planar': 'bodies, tree, equations',
 }
-"""What the rooms hold; the lowest three layers are drawn by their names alone."""
+"""Contents of the packages; the lowest three layers are drawn by their names alone."""
 
 
 def layers() -> list[list[str]]:

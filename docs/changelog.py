@@ -29,7 +29,7 @@ def to_rst(markdown: str) -> str:
 
 
 def _inline(text: str) -> str:
-    """Code and links as reStructuredText has them; links to files of the repository as text."""
+    """Code and links as reStructuredText; links to files of the repository as text."""
     text = re.sub(r'`+', '``', text)
     text = re.sub(r'\[([^]]+)\]\((https?://[^)]+)\)', r'`\1 <\2>`__', text)
     return re.sub(r'\[([^]]+)\]\([^)]+\)', r'\1', text)

@@ -1,4 +1,4 @@
-"""How loose is the bearing? Windows of a sweep, figures of each, and a random forest.
+"""Classification of bearing clearances: windows of a sweep, features, a random forest.
 
 ``python docs/classify_clearance.py FOLDER`` reads the windows that ``mechanism-sim sweep
 bearing_wear`` wrote, prints the tables of analysis.md and, with ``--plot``, draws its
@@ -33,12 +33,12 @@ class Data:
 
     Attributes
     ----------
-    figures : (N, features) of each window
-    label : (N,) which of the clearances it is
+    figures : (N, features) features of each window
+    label : (N,) index of the clearance
     clearances : (classes,) [m]
     speed, noise : (N,) [rad/s] and [m/s^2]
-    motion : (N,) windows of one motion have one number, whatever noise is on them
-    run : (N,) likewise, with one noise
+    motion : (N,) number of the motion, independent of the noise
+    run : (N,) number of the run, of one motion and noise
     """
 
     figures: Array
@@ -89,11 +89,11 @@ def describe(signal: Array) -> Array:
 
 
 def predict(data: Data, folds) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """What a forest says of every window when the fold it is in was kept from it.
+    """Cross-validated predictions of a random forest for every window.
 
     Returns
     -------
-    Windows that were asked for, and what was said of them.
+    Indices of the windows, and their predicted classes.
     """
     asked, said = [], []
     for train, test in folds:
@@ -142,7 +142,7 @@ def main() -> None:
 
 
 def vote(data: Data, asked: NDArray[np.intp], said: NDArray[np.intp]) -> float:
-    """Part of the runs whose windows say the right thing by majority."""
+    """Share of the runs whose windows are right by majority."""
     votes = np.zeros((data.run.max() + 1, len(data.clearances)))
     np.add.at(votes, (data.run[asked], said), 1)
     runs, first = np.unique(data.run, return_index=True)

@@ -64,11 +64,11 @@ OPTIONS = {
         "--at '0.3 s' --positions 4 --path left_rocker.end --path right_rocker.end"
     ),
 }
-"""What is shown of a scene besides its start; nothing more of those that are not here."""
+"""Further options of a scene's picture; other scenes are drawn at their start."""
 
 
 def draw(name: str, folder: Path = FOLDER) -> Path:
-    """Draw one scene, and give back where the picture is."""
+    """Draw one scene; returns the path of the picture."""
     file = folder / f'{name}.svg'
     more = shlex.split(OPTIONS.get(name, ''))
     with mpl.rc_context({'svg.fonttype': 'none'}):  # letters as paths are large
@@ -81,7 +81,7 @@ def draw(name: str, folder: Path = FOLDER) -> Path:
 
 
 def main() -> None:
-    """Draw what is named, or everything."""
+    """Draw the named scenes, or all."""
     FOLDER.mkdir(exist_ok=True)
     for name in sys.argv[1:] or scene_names():
         draw(name)

@@ -1,4 +1,4 @@
-"""Trials of `mechanism-sim analyze --fit`: bags of known machines, and what is found in them.
+"""Trials of `mechanism-sim analyze --fit`: bags of known machines, and identified values.
 
 Records ten run-ups of the scene `bearing_run_up` as nodes, each with another restitution,
 friction, clearance and noise, identifies them as the command does, and writes the table of

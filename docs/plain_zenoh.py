@@ -1,4 +1,4 @@
-"""Prints what the crank does: hears `joint_states` by eclipse-zenoh and rosbags alone."""
+"""Prints the motion of the crank from `joint_states`, by eclipse-zenoh and rosbags alone."""
 
 import json
 import os

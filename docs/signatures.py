@@ -35,7 +35,7 @@ def __getattr__(name: str) -> Any: ...
 
 
 def kind(part: type[Part], key: str) -> str:
-    """Type of a key's value, as somebody gives it."""
+    """Type of a key's value on input."""
     field = part.model_fields[key]
     facts = facts_of(field)
     public = [name for name in ms.__all__ if getattr(ms, name) is facts.part]

@@ -1,4 +1,4 @@
-"""A speed controller for the crank, as a node of ROS 2: it knows nothing of mechanism_sim.
+"""A speed controller for the crank, as a node of ROS 2 without mechanism_sim.
 
 ``python docs/speed_controller.py`` reads ``joint_states`` and answers each with a torque on
 ``command/effort``: a PI controller with limits and anti-windup. Parameters: ``link``, ``speed``

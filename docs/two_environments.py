@@ -1,4 +1,4 @@
-"""Hold two pages of the thesis's experiment against each other, made in two environments.
+"""Compare two pages of the thesis's experiment, made in two environments.
 
     python docs/two_environments.py PAGE OTHER_PAGE
 
@@ -29,7 +29,7 @@ def lines(page: Path) -> list[tuple[str, str]]:
 
 
 def figures(line: str) -> list[Interval]:
-    """Its intervals, from and up to."""
+    """Intervals of a line, lower and upper ends."""
     return [(float(x) - float(h), float(x) + float(h)) for x, h in FIGURE.findall(line)]
 
 
@@ -39,7 +39,7 @@ def order(before: Interval, after: Interval) -> int:
 
 
 def main(here: Path, there: Path) -> int:
-    """Print what differs, and how much was compared."""
+    """Print the differences, and the number of comparisons."""
     compared, wrong, undecided, conclusions, ours, theirs = 0, [], [], 0, lines(here), lines(there)
     if [name for name, _ in ours] != [name for name, _ in theirs]:
         sys.exit('the pages have other tables')

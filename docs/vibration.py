@@ -22,7 +22,7 @@ GREYS = ('0.0', '0.35', '0.6')
 
 
 def responses() -> Figure:
-    """One oscillator: let go at three dampings, and shaken near its natural frequency."""
+    """One oscillator: free vibration at three dampings, and forced near its natural frequency."""
     figure = Figure(figsize=(8.0, 2.8), layout='constrained')
     left, right = figure.subplots(1, 2)
     t = np.linspace(0.0, 3.0, 600)
@@ -51,7 +51,7 @@ def rotors() -> Figure:
 
 
 def orbits(axes: Axes) -> None:
-    """Below, between and above the critical speeds; dots where the rotor is at 0 and 60 deg."""
+    """Orbits below, between and above the critical speeds; dots at rotor angles 0 and 60 deg."""
     e = 1e-3
     rotor = Rotor(2.0, e, (200.0, 450.0), (1.2, 1.2))
     turn = np.linspace(0.0, 2.0 * np.pi, 400)

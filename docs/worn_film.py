@@ -1,4 +1,4 @@
-"""The film of the README, and the picture by which others link to the site.
+"""The film of the README, and the preview picture of links to the site.
 
 ``python docs/worn_film.py`` writes docs/pictures/worn.gif and docs/site/static/social.png, a
 bearing at four clearances, seen through a lens, and measured by an accelerometer.
@@ -93,7 +93,7 @@ def _lens(axes: Axes, record: Record, now: float, radial: float) -> None:
 
 
 def _stage(record: Record) -> object:
-    """How the machine is drawn; made once."""
+    """Drawing of the machine, made once."""
     if record not in _STAGES:
         from mechanism_sim.export.stage import stage_of  # noqa: PLC0415
 
@@ -107,7 +107,7 @@ _STAGES: dict = {}
 
 
 def _trace(axes: Axes, record: Record, part: tuple[float, float], now: float) -> None:
-    """The signal of a turn, up to now in colour."""
+    """The signal of a turn, in colour up to the present."""
     axes.clear()
     axes.spines[['top', 'right']].set_visible(False)
     signal = record.signal(SENSOR)

@@ -1,4 +1,4 @@
-"""Whether two drawn flanks are conjugate, by Kennedy's theorem ([V] ch. 5).
+"""Test of two drawn flanks for conjugacy, by Kennedy's theorem ([V] ch. 5).
 
 Gears that touch turn about the point K in which the common normal meets the line of centres, so
 that w2/w3 = (K - C)/K, counted from the first centre. The ratio is constant if K stays. The flanks
@@ -30,13 +30,13 @@ from mechanism_sim.errors import InputError
 Array = NDArray[np.float64]
 _Complex = NDArray[np.complex128]
 
-#: points of the second flank between which a contact is looked for
+#: number of points of the second flank between which contacts are sought
 SAMPLES = 400
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Where two flanks touch, in the order of the angle of the first gear.
+    """Contacts of two flanks, in the order of the angle of the first gear.
 
     The first centre is the origin, the second one lies on the x axis.
 
@@ -57,24 +57,24 @@ class Contacts:
 
     @property
     def mean_ratio(self) -> float:
-        """In the middle of the greatest and the least ratio."""
+        """Mean of the greatest and the least ratio."""
         return 0.5 * float(self.ratio.max() + self.ratio.min())
 
     @property
     def deviation(self) -> float:
-        """Of the ratio from the mean one at most, relative; zero for conjugate flanks."""
+        """Largest relative deviation of the ratio from the mean; zero for conjugate flanks."""
         return 0.5 * float(np.ptp(self.ratio)) / abs(self.mean_ratio)
 
 
 class _Place(NamedTuple):
-    """Of a flank: points, unit tangents, and how sharply it bulges [1/m]."""
+    """Positions on a flank: points, unit tangents and curvatures [1/m]."""
 
     z: _Complex
     t: _Complex
     curvature: Array
 
     def at(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> _Place:
-        """Some of them."""
+        """Some of the positions."""
         return _Place(self.z[chosen], self.t[chosen], self.curvature[chosen])
 
 
@@ -126,7 +126,7 @@ def find_contacts(
         degree 7 over the number of the point goes through them: no corners, and an even spacing
         or one that changes gradually
     centre_distance : C [m]
-    points : of the first flank that are tried, evenly over its points
+    points : number of tried positions on the first flank, evenly over its points
     edges : the tips as edges too, which touch where flanks do not, or have let go
 
     Raises
@@ -185,6 +185,6 @@ def find_contacts(
 
 
 def _angles(turned: _Complex) -> Array:
-    """Of vectors (n,), less than half a turn from the middle one [rad]."""
+    """Angles of vectors (n,), less than half a turn from the middle one [rad]."""
     middle = turned[len(turned) // 2]
     return np.asarray(np.angle(middle) + np.angle(turned / middle))

@@ -1,4 +1,4 @@
-"""Damping from vibrations that die away, and what a cycle costs ([V] 6.9)."""
+"""Damping from decaying vibrations, and the energy loss of a cycle ([V] 6.9)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def damping_coefficient(
     Parameters
     ----------
     decrement : logarithmic decrement
-    mass : [kg]
+    mass : mass [kg]
     natural_frequency : without damping [rad/s]
     """
     return np.asarray(2.0 * np.multiply(mass, natural_frequency) * damping_ratio(decrement))

@@ -20,10 +20,10 @@ _PARTS = 128  # of a period, in each of which a function is looked at 16 times
 
 @dataclass(frozen=True, eq=False)
 class PeriodicForce(FourierSeries):
-    """A series that can be passed through a linear system."""
+    """Fourier series of a force, as input of a linear system."""
 
     def passed(self, response: Callable[[Array], ComplexArray]) -> PeriodicForce:
-        """The series behind a linear system, given by its frequency response at w (N,) [rad/s].
+        """Series at the output of a linear system, by its frequency response at w (N,) [rad/s].
 
         Of the rest is known only that nothing comes of none.
         """

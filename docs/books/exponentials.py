@@ -1,4 +1,4 @@
-"""Divided differences of the exponential: what responses of linear systems are made of.
+"""Divided differences of the exponential, the terms of responses of linear systems.
 
 With the roots r of its characteristic equation, an oscillator answers to a blow with the divided
 difference of e^(x t) over r0, r1, and to a force e^(s t) with that over r0, r1, s. Where nodes
@@ -38,7 +38,7 @@ def first_difference(x0: ArrayLike, x1: ArrayLike, t: ArrayLike) -> ComplexArray
 
 
 def second_difference(x0: ArrayLike, x1: ArrayLike, x2: ArrayLike, t: ArrayLike) -> ComplexArray:
-    """Of e^(x t) over three nodes [s^2]; t^2/2 e^(x0 t) where all are the same.
+    """Divided difference of e^(x t) over three nodes [s^2]; t^2/2 e^(x0 t) where all are equal.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ class DampedModes(NamedTuple):
 
 
 class MassSystem(LinearSystem):
-    """A linear system, with what it does when it is let go or shaken."""
+    """A linear system with its free and forced vibrations."""
 
     @property
     def state_matrix(self) -> Array:

@@ -109,7 +109,7 @@ class DiskRotor:
 
     @cached_property
     def system(self) -> MassSystem:
-        """The same in one plane through the axis."""
+        """Linear system in one plane through the axis."""
         return MassSystem(np.diag(self.masses), self.damping, self.stiffness)
 
     @property
@@ -141,7 +141,7 @@ def influence_coefficients(positions: ArrayLike, span: float, rigidity: float) -
 
     Parameters
     ----------
-    positions : of the forces from one support, (n,) [m]
+    positions : (n,) distances of the forces from one support [m]
     span : L between the supports [m]
     rigidity : E I of the beam [N m^2]
 

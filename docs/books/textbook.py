@@ -61,7 +61,7 @@ def transmission_angle(linkage: FourBar, th2: Array) -> Array:
 
 
 def slider_position(linkage: SliderCrank, th2: ArrayLike) -> Array:
-    """Where a slider is [m]; NaN where the rod does not reach its line."""
+    """Position of a slider [m]; NaN where the rod does not reach its line."""
     across = linkage.offset - linkage.crank * np.sin(th2)
     with np.errstate(invalid='ignore'):
         return linkage.crank * np.cos(th2) + np.sqrt(linkage.rod**2 - across**2)

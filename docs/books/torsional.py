@@ -39,7 +39,7 @@ def in_series(*stiffnesses: ArrayLike) -> Array:
 
 
 def referred(value: ArrayLike, ratio: ArrayLike) -> Array:
-    """Inertia, stiffness or damping of a geared shaft as another shaft feels it.
+    """Inertia, stiffness or damping of a geared shaft, referred to another shaft.
 
     Parameters
     ----------

@@ -38,12 +38,12 @@ class TwoMasses:
 
     @property
     def system(self) -> MassSystem:
-        """The same as matrices, [V] eq. 6.184."""
+        """Linear system of matrices, [V] eq. 6.184."""
         return chain([self.m1, self.m2], [self.k1, self.k2], [self.c1, self.c2])
 
     @property
     def natural_frequencies(self) -> Array:
-        """Without damping (2,) [rad/s], [V] eq. 6.153."""
+        """Natural frequencies without damping (2,) [rad/s], [V] eq. 6.153."""
         second = self.k2 / self.m2
         fast = second + self._excess
         return np.sqrt([self.k1 / self.m1 * (second / fast), fast])  # their product is known
@@ -59,7 +59,7 @@ class TwoMasses:
 
     @property
     def _excess(self) -> float:
-        """The larger square of 6.153 less k2/m2 [1/s^2], without cancellation."""
+        """Larger square of eq. 6.153 less k2/m2 [1/s^2], without cancellation."""
         h = (self.k1 / self.m1 + self.k2 / self.m1 - self.k2 / self.m2) / 2.0
         square = self.k2 / self.m1 * (self.k2 / self.m2)
         root = math.hypot(h, math.sqrt(square))
@@ -79,7 +79,7 @@ class TwoMasses:
 
     @property
     def roots(self) -> ComplexArray:
-        """Of the characteristic polynomial (4,) [1/s]."""
+        """Roots of the characteristic polynomial (4,) [1/s]."""
         return np.asarray(np.roots(self.characteristic_polynomial), complex)
 
     def amplitude_ratio(self, root: ArrayLike) -> ComplexArray:

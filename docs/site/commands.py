@@ -1,4 +1,4 @@
-"""The reference of commands: what the command line's own parser says, so that it is never old."""
+"""The reference of commands, generated from the parser of the command line."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _section(name: str, sub: argparse.ArgumentParser) -> str:
 
 
 def _shown(action: argparse.Action) -> str:
-    """How the value of an argument is written in a line of usage."""
+    """Value of an argument in a line of usage."""
     name = action.metavar if isinstance(action.metavar, str) else None
     if name is None:
         name = '|'.join(map(str, action.choices)) if action.choices else action.dest.upper()

@@ -1,4 +1,4 @@
-"""Docstrings of this house for napoleon: what stands after the colon of a parameter is no type.
+"""Docstrings for napoleon: the text after the colon of a parameter is not a type.
 
 And what stands in backticks is code, in whatever word it is.
 """

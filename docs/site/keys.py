@@ -1,4 +1,4 @@
-"""The reference of the keys of scenes and sweeps: what their schemas say, so it is never old."""
+"""The reference of the keys of scenes and sweeps, generated from their schemas."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def parts() -> list[type[Part]]:
 
 
 def title(part: type[Part]) -> str:
-    """Of the section of a part."""
+    """Title of the section of a part."""
     return TITLES.get(part, part.__name__.removesuffix('Part'))
 
 
@@ -94,7 +94,7 @@ def _default(value: Any) -> str:
 
 
 def _values(annotation: Any) -> Iterator[str]:
-    """What may stand behind a key, in words."""
+    """Description of the values allowed for a key."""
     for atom in _atoms(annotation):
         if isinstance(atom, str):
             yield f'`{atom}`'
@@ -124,7 +124,7 @@ def _values_of(metadata: list[Any]) -> Iterator[str]:
 
 
 def _atoms(annotation: Any) -> Iterator[Any]:
-    """What an annotation consists of: classes, literals, and notes such as units and bounds."""
+    """Parts of an annotation: classes, literals, and notes such as units and bounds."""
     if get_origin(annotation) is Literal:
         yield from (a for a in get_args(annotation) if isinstance(a, str))
         return

@@ -1,4 +1,4 @@
-"""Whether all links of the built site lead somewhere, and nothing needs a network to be read.
+"""Check that all links of the built site have targets, and no page needs a network.
 
 ``python docs/site/links.py FOLDER``; the exit code is 1 if not.
 """
@@ -15,14 +15,14 @@ NEEDED = {('script', 'src'), ('img', 'src'), ('link', 'href'), ('iframe', 'src')
 
 
 class Link(NamedTuple):
-    """What a page refers to, and whether it cannot be read without it."""
+    """Reference of a page, and whether the page needs it."""
 
     address: str
     needed: bool
 
 
 class Page(HTMLParser):
-    """Links of a page, and what can be linked to in it."""
+    """Links of a page, and the targets in it."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note what it links to and what it is called."""
+        """Collect the reference and the name of a tag."""
         for key, value in attrs:
             if value is None:
                 continue
@@ -42,7 +42,7 @@ class Page(HTMLParser):
 
 
 def wrong(folder: Path) -> list[str]:
-    """A sentence for each link that leads nowhere, or out of the site where it must not."""
+    """Sentences on links without a target, or forbidden ones out of the site."""
     pages = {
         file.resolve(): Page(file.read_text(encoding='utf-8')) for file in folder.rglob('*.html')
     }

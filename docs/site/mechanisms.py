@@ -1,4 +1,4 @@
-"""The gallery of scenes: picture, title and description, as the scenes themselves have them."""
+"""The gallery of scenes: picture, title and description from the scenes themselves."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SECTIONS = {
         'andrews_squeezer', 'slider_with_play', 'wedge', 'rubbing_compressor',
     ),
 }  # fmt: skip
-"""Scenes by the heading under which they stand."""
+"""Scenes by heading."""
 
 FREEDOMS = {
     'detent': 2, 'differential': 2, 'half_car': 2, 'loader': 2, 'mass_on_spring': 2,
@@ -93,7 +93,7 @@ def _row(name: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text that means itself in a table of Markdown, but for code in backticks."""
+    """Text escaped for a table of Markdown, apart from code in backticks."""
     text = ' '.join(text.split()).replace('|', r'\|').replace('<', '&lt;').replace('"', '&quot;')
     parts = re.split('(`[^`]*`)', text)
     return ''.join(x if x.startswith('`') else re.sub('([*_])', r'\\\1', x) for x in parts)

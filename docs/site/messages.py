@@ -1,4 +1,4 @@
-"""The reference of messages: what the files in msg/ say, so that it is never old."""
+"""The reference of messages, generated from the files in msg/."""
 
 from __future__ import annotations
 

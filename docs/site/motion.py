@@ -42,9 +42,9 @@ BACK = '../docs/mechanisms.html'
 LIBRARY = 'plotly.min.js'
 MODULES = 'svg', 'stage', 'player'
 TURNS = 3
-"""Of a machine with play, whose turns differ; and at most on a card."""
+"""Number of turns of a machine with clearance, and largest number on a card."""
 MOST = 480
-"""Instants on a card."""
+"""Number of instants on a card."""
 
 
 def setup(app: Any) -> dict[str, bool]:
@@ -64,7 +64,7 @@ class Explore(Directive):
     option_spec = {'height': directives.positive_int}  # noqa: RUF012 - of docutils
 
     def run(self) -> list[nodes.Node]:
-        """A frame that holds its page."""
+        """Insert a frame with the page."""
         given = yaml.safe_load('\n'.join(self.content))
         (scene,) = self.arguments
         key = key_of(describe(ms.load_scene(scene)), strict_json.dumps(given))
@@ -80,7 +80,7 @@ class Explore(Directive):
 
 
 def beside(page: str, name: str) -> str:
-    """The address of a run, for a page."""
+    """Relative address of a run from a page."""
     return posixpath.relpath(f'runs/{name}', posixpath.dirname(page))
 
 
@@ -101,7 +101,7 @@ def _link(app: Any, tree: nodes.document, page: str) -> None:
 def _enliven(
     _app: Any, _page: str, _template: str, context: dict[str, Any], tree: nodes.document | None
 ) -> None:
-    """Give a page with such pictures what moves them."""
+    """Add the scripts for moving pictures to a page."""
     if tree is None or 'class="plays' not in context['body'].replace('reference external ', ''):
         return
     context['body'] = (
@@ -112,7 +112,7 @@ def _enliven(
 
 
 def _modules() -> str:
-    """Those of the pages, and that of the site."""
+    """JavaScript modules of the pages, and that of the site."""
     own = Path(__file__).parent / 'gallery.js'
     return import_map(MODULES, {'gallery': own.read_text(encoding='utf-8')})
 
@@ -150,7 +150,7 @@ def _bake(app: Any, failed: Exception | None) -> None:
 
 
 def moving(run: Recorded) -> dict[str, Any]:
-    """What a card needs of a run: its shapes, and where they are in its first turns."""
+    """Data of a run for a card: shapes and their poses in the first turns."""
     record, turn = run.record, report.turn(run)
     end = min(record.end, record.start + (TURNS + 1e-9) * turn) if turn else record.end
     some = record.between(record.start, end) if end < record.end else record
@@ -168,7 +168,7 @@ def moving(run: Recorded) -> dict[str, Any]:
 
 
 def key_of(*parts: str) -> str:
-    """What a run is made of, in short."""
+    """Hash of the inputs of a run."""
     digest = hashlib.sha256('\0'.join(parts).encode())
     digest.update(_program())
     return digest.hexdigest()[:24]
@@ -189,7 +189,7 @@ def _sources() -> Iterator[Path]:
 
 
 def kept(key: str, kind: str, make: Callable[[], str]) -> Path:
-    """A file that is made if it is not there."""
+    """Path of a file, made if missing."""
     file = KEPT / f'{key}.{kind}'
     if not file.exists():
         KEPT.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The reference of quantities: the kinds that the machines of the package can tell."""
+"""The reference of quantities: the kinds in machines of the package."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _append(_app: Any, page: str, source: list[str]) -> None:
 
 
 def table() -> str:
-    """A row for each kind of quantity, with a name of it and the scene that has it."""
+    """Table with a row for each kind of quantity: an example and its scene."""
     found: dict[tuple[str, str, int], tuple[Quantity, str]] = {}
     units: dict[tuple[str, str, int], dict[str, None]] = {}
     for scene in scene_names():

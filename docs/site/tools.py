@@ -1,4 +1,4 @@
-"""The tools of the editor: as its palette has them, where the page of the editor names them."""
+"""The tools of the editor, from its palette, in the page of the editor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A bearing that wears, to play with: its machine, its lens, its sound and its spectrum.
+"""An interactive wearing bearing: machine, lens, sound and spectrum.
 
 The directive ``worn`` runs the thesis scene at several clearances when the site is built, and
 keeps the page as `motion` keeps its runs.
@@ -32,13 +32,13 @@ HERE = Path(__file__).parent
 SCENE, JOINT, SENSOR = 'four_bar_clearance', 'coupler_rocker', 'rocker_accelerometer'
 CLEARANCE = f'joints.{JOINT}.clearance.radial'
 RADII = 0.0254, 0.0508, 0.0762, 0.1016, 0.1778, 0.254
-"""[mm] of clearance, the last that of the thesis."""
+"""Radial clearances [mm], the last that of the thesis."""
 REAL = {
     f'sensors.{SENSOR}.instrument': 'adxl1005',
     f'sensors.{SENSOR}.anti_alias.frequency': '4 kHz',
 }
 TURNS, SHOWN, HEARD = 60, (20, 23), (20, 32)
-"""Revolutions of a run; which are seen, and which are heard."""
+"""Revolutions of a run; those shown, and those in the sound."""
 RATE = 22050  # [Hz] of the sound
 MODULES = 'svg', 'html', 'stage', 'lens', 'player', 'keys'
 
@@ -50,10 +50,10 @@ def setup(app: Any) -> dict[str, bool]:
 
 
 class Worn(Directive):
-    """The page in a frame."""
+    """Directive that inserts the page in a frame."""
 
     def run(self) -> list[nodes.Node]:
-        """A frame that holds it."""
+        """Insert a frame with the page."""
         given = strict_json.dumps([RADII, TURNS, SHOWN, HEARD, RATE])
         files = HERE / 'worn.js', HERE / 'worn.html'
         own = ''.join(file.read_text(encoding='utf-8') for file in files)
@@ -68,7 +68,7 @@ class Worn(Directive):
 
 
 def page() -> str:
-    """The page, as HTML that asks for nothing."""
+    """The page as self-contained HTML."""
     runs = [Record(*run_at(radius), {}) for radius in RADII]
     period = runs[0].machine.drive.period
     seen = together(*(recorded(x.between(*(k * period for k in SHOWN))) for x in runs))
@@ -102,7 +102,7 @@ def run_at(radius: float) -> tuple[Any, Any]:
 
 
 def _pressure(record: Record, start: float, end: float) -> np.ndarray:
-    """What an ear one metre away hears of the impacts between two times (N,) [Pa]."""
+    """Sound pressure (N,) [Pa] one metre away from impacts between two times."""
     part = record.piece
     impacts = [impact for impact in part.impacts if start <= impact.t < end]
     train = strikes(record.machine.mechanism, part.motion, impacts)

@@ -18,7 +18,7 @@ class Polygon:
     """A polygon, on a layer of its name."""
 
     name: str
-    points: Array  #: (2, n) [m]
+    points: Array  #: (2, n) points [m]
     closed: bool = True  #: the last point is joined to the first
 
 
@@ -86,9 +86,9 @@ class Sheet:
 
     title: str
     figures: tuple[PartFigure, ...]  #: those of one gear are named ``GEAR.NAME``
-    outline: Outline | None = None  #: None of parts that have none in the plane
+    outline: Outline | None = None  #: None for parts without an outline in the plane
     remarks: tuple[str, ...] = ()
-    place_unit: str = 'rad'  #: of `PartFigure.at`; m of a cam that slides
+    place_unit: str = 'rad'  #: unit of `PartFigure.at`; m for a sliding cam
 
 
 @dataclass(frozen=True)

@@ -169,7 +169,7 @@ _WALL, _BLOCK, _PIN, _HIGH = (2.0, 6.0), 1.7, 0.75, 1.8
 
 
 def beside(at: Vector2, way: float, along: float, across: float) -> Vector2:
-    """A point of a link so far from another along a direction [rad], and to its left [m]."""
+    """Point of a link at distances [m] from another along a direction [rad], and to its left."""
     x, y = rotate((along, across), way)
     return at[0] + x, at[1] + y
 
@@ -181,8 +181,8 @@ class _Stop(MeasuredGap):
     name: str
     joint: str
     mechanism: Mechanism
-    sign: float  #: 1 of a lower limit, -1 of an upper one
-    limit: float  #: [rad, m]
+    sign: float  #: 1 for a lower limit, -1 for an upper one
+    limit: float  #: limit of the angle or displacement [rad, m]
     restitution: float
     hypothesis: str
     law: ForceLaw | None
@@ -207,8 +207,8 @@ class AngleStop(FrictionlessGap, _Stop):
     else whole turns count.
     """
 
-    radius: float = 1.0  #: [m]
-    other: float | None = None  #: [rad] the limit on the other side
+    radius: float = 1.0  #: radius of the stop [m]
+    other: float | None = None  #: limit on the other side [rad]
 
     @property
     def words(self) -> str:
@@ -258,7 +258,7 @@ class EndStop(_Stop):
     """An end of a guide, which a block meets, or of a slot, which its pin meets and rolls on."""
 
     friction: float = 0.0
-    pin_radius: float = 0.0  #: [m] of a pin that rubs
+    pin_radius: float = 0.0  #: radius of a pin with friction [m]
 
     @property
     def words(self) -> str:

@@ -31,7 +31,7 @@ class DriveRange:
 
     Attributes
     ----------
-    low, high : the limits [rad, m]; infinite where none was found within reach
+    low, high : limits [rad, m]; infinite where none was found within reach
     at_low, at_high : all coordinates (n,) there, or where the search ended
     """
 
@@ -51,9 +51,9 @@ def drive_range(kinematics: Kinematics, q: Array, reach: float) -> DriveRange:
 
     Parameters
     ----------
-    kinematics : its closures, with the coordinate of its single drive held
-    q : (n,) the position
-    reach : how far from there limits are looked for [rad, m]
+    kinematics : closures, with the coordinate of the single drive held
+    q : (n,) position
+    reach : range of the search for limits from there [rad, m]
     """
     drive = kinematics.held[0]
     low, at_low = _limit(kinematics, q, -reach)
@@ -103,7 +103,7 @@ def _limit(kinematics: Kinematics, q: Array, reach: float) -> tuple[float, Array
 
 
 def _walked(kinematics: Kinematics, q: Array, reach: float) -> tuple[Array, Array, float]:
-    """Place (n,) before the drive has gone so far or turns back, direction, and step beyond that.
+    """Position (n,) before a reversal or the end of the search, direction, and next step.
 
     The step is zero where the curve goes no farther.
     """
@@ -139,13 +139,13 @@ def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) ->
 
 
 def _ahead(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
-    """Coordinates (n,) some distance along the arc, which is known to go on there."""
+    """Coordinates (n,) at a distance along the arc, which is known to exist there."""
     found = _corrected(kinematics, q, slope, way) if way else (q,)
     return q + way * slope * kinematics.scale if found is None else found[0]
 
 
 def _rate(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
-    """Direction (n,) of the curve there."""
+    """Direction (n,) of the curve at a distance along the arc."""
     place = _ahead(kinematics, q, slope, way)
     here = _tangent(kinematics, kinematics.closure(place[:, None])[1])
     return here * math.copysign(1.0, float(here @ slope))

@@ -24,11 +24,11 @@ _NARROW = 0.01  # parts of a turn at whose ends cosines hardly differ
 
 @dataclass(frozen=True)
 class CycleRange:
-    """A part of the cycle: between two places of a coordinate, or in one direction of motion."""
+    """A part of the cycle: between two positions of a coordinate, or in one direction."""
 
     coordinate: str
-    begin: float | None  #: [rad, m]
-    end: float | None  #: [rad] counterclockwise from there; [m]
+    begin: float | None  #: start of the range [rad, m]
+    end: float | None  #: end of the range [rad], counterclockwise from the start; [m]
     straight: bool = False  #: whether the coordinate is a displacement
     way: int = 0  #: 1 only while it increases, -1 only while it decreases, 0 both
 
@@ -42,7 +42,7 @@ class CycleRange:
 
         Parameters
         ----------
-        along : the coordinate
+        along : coordinate of the range
         """
         if self.straight:
             ends = (('begin', self.begin, 1.0), ('end', self.end, -1.0))
@@ -98,8 +98,8 @@ class AppliedForce(SceneElement):
 
     scope: FormulaScope
     point: LinkPoint
-    force: tuple[float | str, float | str] = (0.0, 0.0)  #: [N]
-    torque: float | str = 0.0  #: [N m]
+    force: tuple[float | str, float | str] = (0.0, 0.0)  #: components [N], or formulas
+    torque: float | str = 0.0  #: torque [N m], or a formula
     turns: bool = False  #: whether the force is given in the link's frame
     during: CycleRange | None = None
     reaction: LinkPoint | None = None
@@ -165,7 +165,7 @@ class AppliedForce(SceneElement):
 
 @dataclass(frozen=True)
 class UnknownForce(AppliedForce):
-    """A force of size one along a direction, or a torque of size one: how large it is follows."""
+    """A unit force along a direction, or a unit torque, of unknown magnitude."""
 
     @property
     def key(self) -> str:

@@ -19,7 +19,7 @@ from mechanism_sim.planar.protocols import Load
 
 
 class MeasuredSpring(Protocol):
-    """Something between two links with a length or an angle."""
+    """Element between two links with a length or an angle."""
 
     def measured(self, frames: Frames) -> tuple[Term, Term]:
         """Length [m] or angle [rad], and its rate."""
@@ -56,9 +56,9 @@ class FormulaScope:
 
         Parameters
         ----------
-        key : with which the names of its parameters begin
+        key : prefix of the names of its parameters
         own : expressions of further names
-        size : of the state whose rate it is
+        size : scale of the state of which it is the rate
         """
         known, angles = {**(own or {})}, {}
         names = formula.read(text, self.tables).names
@@ -151,10 +151,10 @@ class FormulaState:
     """A state of first order whose rate is a formula; see `FirstOrderState`."""
 
     name: str  #: ``states.NAME``
-    unit: str  #: SI, empty of a plain number
-    start: float  #: [unit]
-    scale: float  #: [unit] a power of two
-    formula: str  #: of its rate [unit/s]
+    unit: str  #: SI unit, empty for a number
+    start: float  #: initial value [unit]
+    scale: float  #: scale of errors [unit], a power of two
+    formula: str  #: formula of its rate [unit/s]
     scope: FormulaScope = field(compare=False)
 
     @property

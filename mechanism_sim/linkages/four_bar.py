@@ -110,7 +110,7 @@ class SliderCrank:
 
     crank: float  #: [m]
     rod: float  #: [m]
-    offset: float = 0.0  #: [m] of the slider's line to the left of the crank's pivot, along +x
+    offset: float = 0.0  #: offset of the slider's line to the left of the crank's pivot [m]
 
     @property
     def turns(self) -> Literal['crank', 'rod', 'both', 'none']:
@@ -181,7 +181,7 @@ class FourBarLoop:
     ----------
     linkage : lengths and branch
     links : names of crank, coupler and rocker
-    turned : their angles in the linkage less those of their frames [rad]
+    turned : angles in the linkage less those of their frames [rad]
     """
 
     linkage: FourBar
@@ -234,8 +234,8 @@ def whole_four_bar(mechanism: Mechanism, crank: str) -> FourBarLoop | None:
 
     Parameters
     ----------
-    mechanism : without clearance
-    crank : the link that is to be its crank
+    mechanism : mechanism without clearance
+    crank : link that must be its crank
     """
     if len(mechanism.bodies) != 3 or len(mechanism.joints) != 4:
         return None

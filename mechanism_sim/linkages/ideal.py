@@ -33,8 +33,8 @@ class Passage:
 
     Attributes
     ----------
-    index : (K,) of the instants
-    branch : (K,) through their positions, as far as it is known
+    index : (K,) indices of the instants
+    branch : (K,) branches through their positions, where known
     pace, bend : (K,) rate and acceleration of the branch's parameter
     """
 
@@ -71,7 +71,7 @@ class Passage:
         Parameters
         ----------
         times : (K, S) [s] from the instants on
-        driven : (3, p, K, S) the driven coordinates then, their rates and accelerations
+        driven : (3, p, K, S) driven coordinates at these times, their rates and accelerations
         """
         shift, pace, bend = times, np.ones_like(times), np.zeros_like(times)
         held = self.kinematics.held
@@ -98,7 +98,7 @@ def with_limits(
     ----------
     sampled : the machine at `SAMPLES` beside some (M,) of the instants, in a share of the width;
         without it only the torque of a single drive is exact
-    required : (n, K) generalised forces that closures and drives supply together
+    required : (n, K) generalised forces of closures and drives together
     """
     count = len(passage.index)
     found = np.full((len(_stacked(seen)), count), np.inf)
@@ -137,7 +137,7 @@ def _stacked(seen: Observation) -> Array:
 
 
 class FourBarMotion:
-    """Motion of a four-bar in closed form, as `LinkageMotion` has it."""
+    """Motion of a four-bar in closed form, with the interface of `LinkageMotion`."""
 
     sliding: list[int] = []  # noqa: RUF012 - a list, because it is an index
     edges = None
@@ -221,8 +221,8 @@ class LinkageMotion:
 
     Attributes
     ----------
-    driven, sliding : which of the coordinates are driven, and which are displacements
-    turning : (n,) those whose whole turns are taken off: angles that follow
+    driven, sliding : indices of the driven coordinates, and of displacements
+    turning : (n,) mask of dependent angles, whose whole turns are taken off
     """
 
     def __init__(self, kinematics: Kinematics) -> None:
@@ -241,15 +241,15 @@ class LinkageMotion:
     def follow(
         self, last: Array, times: Array, driven: Array, now: Array, slope: Array | None
     ) -> tuple[Array, Array | None]:
-        """Coordinates (n, N) a little later: from where the last ones point, or on their branch.
+        """Coordinates (n, N) a little later: from a prediction, or on the branch of the last.
 
         Parameters
         ----------
         last : (n,)
-        times : (N,) [s] since then
-        driven : (p, N) the driven coordinates then
-        now : (3, p) the driven coordinates, their rates and accelerations at `last`
-        slope : (n,) what an earlier call gave for `last`
+        times : (N,) times [s] since then
+        driven : (p, N) driven coordinates at these times
+        now : (3, p) driven coordinates, their rates and accelerations at `last`
+        slope : (n,) direction at `last` from an earlier call
 
         Returns
         -------
@@ -375,7 +375,7 @@ class LinkageMotion:
         return q
 
     def _positions_text(self, driven: Array) -> str:
-        """The driven coordinates (p,) for people."""
+        """Text of the driven coordinates (p,) for messages."""
         return ', '.join(
             f'{self.coordinates[i]} = {x:.6g} m' if i in self.sliding
             else f'{self.coordinates[i]} = {np.degrees(x):.6g} deg'
@@ -398,7 +398,7 @@ class LinkageMotion:
         v, a : (p, N) rates and accelerations of the driven coordinates
         along : rates and accelerations (n, N) of all, near enough to tell branches apart where
             the position is singular
-        rows : (k, N) values of the switches, if not those at these places
+        rows : (k, N) values of the switches; by default those at these positions
         """
         kinematics, passage = self.kinematics, None
         q, rates, accelerations = near.copy(), np.empty_like(near), np.empty_like(near)

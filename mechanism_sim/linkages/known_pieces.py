@@ -1,4 +1,4 @@
-"""Pieces of an ideal motion by what they follow from: a steady drive comes by them every turn."""
+"""Pieces of an ideal motion by position: with a steady drive they repeat every turn."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mechanism_sim.linkages.piece_ends import END
 from mechanism_sim.planar.mechanism import HigherPair
 
 _GRID = 2.0**38
-"""Places in 1 rad, or in the size of the mechanism, to which a start is rounded."""
+"""Number of grid positions in 1 rad, or in the size of the mechanism."""
 _MOST = 4096
 _ALIKE = 1e-9  # closures, of the size of the mechanism, and their slopes: the same
 
@@ -22,27 +22,27 @@ Place: TypeAlias = tuple[bytes, float, float, float]
 
 
 class NextPiece(NamedTuple):
-    """A piece of a motion, and how the run goes on behind it."""
+    """A piece of a motion, with data for the next one."""
 
-    length: float  #: [s]
-    coefficients: Array  #: (n, m) of powers of the time
-    slope: Array | None  #: at its end, as of `IdealMotion.follow`
+    length: float  #: duration [s]
+    coefficients: Array  #: (n, m) coefficients of powers of the time
+    slope: Array | None  #: direction at its end, see `LinkageMotion.follow`
     switched: bool  #: whether a switch ends it
-    share: float  #: of the greatest length, that was tried last
-    smooth: bool  #: whether one of twice the length is as exact
-    cuts: tuple[float, ...] = ()  #: [s] within it, at which loads begin or cease to act
+    share: float  #: share of the greatest length that was tried last
+    smooth: bool  #: whether a piece of twice the length would be as exact
+    cuts: tuple[float, ...] = ()  #: times [s] within it of onset or end of loads
 
 
 class KnownPieces:
-    """Pieces that begin at places of a grid, and those that begin beside them.
+    """Pieces that begin at positions of a grid, and those that begin beside them.
 
     What is computed depends on the place alone, so that it is the same to the bit whether it is
     found here or made again.
 
     Parameters
     ----------
-    ideal : of whose motion they are, n coordinates
-    scale : (n,) [m] or [rad]
+    ideal : ideal motion of n coordinates
+    scale : (n,) scales of the coordinates [m] or [rad]
     first : (n,) a place of the motion
 
     Attributes
@@ -63,7 +63,7 @@ class KnownPieces:
     def place(
         self, last: Array, local: tuple[float, ...], length: float, share: float
     ) -> Place | None:
-        """The place next to positions (n,); None if the drive is not steady, or more counts.
+        """Grid position next to positions (n,); None unless these and a steady drive suffice.
 
         Parameters
         ----------
@@ -83,7 +83,7 @@ class KnownPieces:
         return whole
 
     def start(self, place: Place) -> Array:
-        """Positions (n,) there."""
+        """Positions (n,) of a grid position."""
         return np.asarray(np.frombuffer(place[0]) / _GRID * self._scale)
 
     def enter(self, place: Place, piece: NextPiece | None) -> None:
@@ -93,7 +93,7 @@ class KnownPieces:
         self._pieces[place] = piece if piece and piece.slope is None else None
 
     def beside(self, place: Place, local: tuple[float, ...]) -> NextPiece | None:
-        """The piece that begins beside a place, where the law of the drive has it.
+        """Piece that begins beside a grid position, by the law of the drive.
 
         The first derivatives move its polynomials there: the square of what is left is nothing.
         """
@@ -113,7 +113,7 @@ class KnownPieces:
 
 
 def _pitches(ideal: IdealMotion, first: Array) -> dict[int, float]:
-    """Displacements, by their numbers, and after how far [m] all closures are as before.
+    """Periods [m] of displacements, by index, after which all closures repeat.
 
     Joints say what they repeat themselves after; others of the machine may not.
 

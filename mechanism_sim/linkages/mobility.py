@@ -62,7 +62,7 @@ def kutzbach(links: int, lower_pairs: int, higher_pairs: int = 0) -> int:
 
 
 def mobility(constraints: Constraints, poses: Array) -> Mobility:
-    """Mobility of an assembled mechanism by Kutzbach's criterion, and its true one.
+    """Mobility of an assembled mechanism by Kutzbach's criterion, by rank, and finite.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def mobility(constraints: Constraints, poses: Array) -> Mobility:
 
 
 def _extra(rows: Sequence[str], jacobian: Array) -> tuple[str, ...]:
-    """Joints whose rows do not all add to the rank of those before them."""
+    """Joints with rows that depend on those before them."""
     names, rank, found = np.array(rows, dtype=object), 0, []
     for name in dict.fromkeys(rows):
         upto = int(np.flatnonzero(names == name)[-1]) + 1

@@ -78,19 +78,19 @@ class NominalRun:
 
     Parameters
     ----------
-    ideal : its motion, n coordinates of which p are driven
-    laws : of the driven coordinates
+    ideal : ideal motion, n coordinates of which p are driven
+    laws : laws of the driven coordinates
     first : configuration (n,) at the start, or near it
-    size : [m] of the mechanism
-    edges : at which loads begin or cease to act
-    slope : direction (n,) in which the motion begins, if the first configuration is singular
+    size : size of the mechanism [m]
+    edges : finder of the onset and end of loads
+    slope : direction (n,) of the initial motion, if the first configuration is singular
     turns : whole turns (n,) of the first configuration, beside its angles
-    steep : loads that nodes on pieces must resolve
+    steep : loads to be resolved by the nodes of pieces
 
     Attributes
     ----------
-    steps, events : pieces made, and none
-    timed : whether something depends on time itself: then no piece of a slow drive is longer
+    steps, events : number of pieces, and 0
+    timed : whether loads depend on time itself: then no piece of a slow drive is longer
     """
 
     events = 0
@@ -135,7 +135,7 @@ class NominalRun:
         return float(self._time)
 
     def change_law(self, law: Law) -> None:
-        """Let a law replace the present one from ``law.valid_from`` on.
+        """Announce a law that replaces the present one from ``law.valid_from`` on.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class NominalRun:
         insort(self._coming, law, key=lambda x: x.valid_from)
 
     def go_on_by(self, sources: Mapping[str, LawSource]) -> None:
-        """Let laws of coordinates follow from sources where no others are announced."""
+        """Set sources of laws, by coordinate, for times without an announced law."""
         self._sources = dict(sources)
         for law in self._laws:
             self._continue(law)
@@ -194,7 +194,7 @@ class NominalRun:
             self._add(end)
 
     def motion(self, until: float) -> Motion:
-        """All of it up to a time [s]: where nothing but positions is wanted."""
+        """The whole motion up to a time [s], for positions only."""
         self.advance(until, final=True)
         return self.drain()[0]
 

@@ -23,13 +23,13 @@ from mechanism_sim.numerics.rational import Modes, Rational
 from mechanism_sim.sensing.chain import Instrument, half_sine
 
 _TOUCH = 1e-12
-"""[turns] nearer than this to an angle is on it: a drive may rest there."""
+"""Distance [turns] within which a drive is at an angle: it may rest there."""
 _FARTHEST = 0.49
 """Largest jitter, in sampling periods, so that no sample overtakes another."""
 BLOCK = 256
-"""Samples of a block without a trigger."""
+"""Number of samples of a block without a trigger."""
 _MOST = 100_000_000
-"""Samples of one motion at most: they take some gigabytes."""
+"""Largest number of samples of one motion: they take some gigabytes."""
 _TOGETHER = 100_000  # samples that are computed at once
 
 
@@ -39,7 +39,7 @@ class SensorSource(Protocol):
     inputs: int
 
     def through(self, chain: Rational) -> Modes:
-        """The system from the inputs to what comes out of a chain behind an ideal transducer."""
+        """The system from the inputs to the output of a chain behind an ideal transducer."""
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """The inputs (inputs, N) at instants as those of ``motion.curve.at(segments, dt)``."""
@@ -49,12 +49,12 @@ class SensorSource(Protocol):
 
 
 class DirectSource:
-    """A source of one input that is read as it is, and has no impulses."""
+    """A source of one input without dynamics or impulses."""
 
     inputs = 1
 
     def through(self, chain: Rational) -> Modes:
-        """The system from what is read here to what comes out of a chain."""
+        """The system from the input to the output of a chain."""
         return chain.modes()
 
     def read(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
@@ -71,12 +71,12 @@ class DirectSource:
 
 
 class Block(NamedTuple):
-    """Consecutive samples; `time` [s] is when the first is due."""
+    """Consecutive samples; `time` [s] is the due time of the first."""
 
     time: float
-    samples: Array  #: (N,) in units of what the chain ends in
-    cut: NDArray[np.bool_]  #: (N,) which of them were cut at the end of the range
-    triggered: bool  #: the first is due at a trigger
+    samples: Array  #: (N,) samples in the unit of the chain's output
+    cut: NDArray[np.bool_]  #: (N,) mask of samples clipped at full scale
+    triggered: bool  #: whether the first is due at a trigger
 
     @property
     def overloads(self) -> int:
@@ -90,7 +90,7 @@ class Analogue:
     Parameters
     ----------
     source : what the instrument is mounted on
-    instrument : its transducer, amplifier, integrators, filter and pulses
+    instrument : transducer, amplifier, integrators, filter and pulses
     """
 
     def __init__(self, source: SensorSource, instrument: Instrument) -> None:
@@ -113,7 +113,7 @@ class Analogue:
         return self._last[1]
 
     def numbers(self, motion: Motion) -> Array:
-        """All (n,) of which the first response is made: as another's, if that has the same."""
+        """Numbers (n,) that determine the first response, for comparison with another's."""
         every = np.arange(len(motion.curve))
         inputs = self._source.read(motion, every, NODES), self._source.impulses(motion)
         pulses = [self._pulses.numbers] if self._pulses else []
@@ -197,7 +197,7 @@ class Channel:
             self._cut(span.complete)
 
     def blocks(self, final: bool = False) -> list[Block]:
-        """The blocks that are full, or all that is left; each is given once."""
+        """The full blocks, or all remaining ones; each is returned once."""
         if final:
             self._cut(complete=True)
         blocks, self._blocks = self._blocks, []
@@ -210,7 +210,7 @@ class Channel:
             yield block.time + since, block.samples, block.cut
 
     def warn(self) -> None:
-        """Warn if samples so far were cut: figures of a signal are those of what is left."""
+        """Warn if samples so far were clipped, which distorts figures of the signal."""
         if self._overloads and (limit := self.instrument.adc.range):
             end = f'{limit.value:g} {limit.unit}'.rstrip()
             warnings.warn(
@@ -235,7 +235,7 @@ class Channel:
 
 
 class _Pulses:
-    """Impacts that last: each is two impulses, half a period of an oscillator apart.
+    """Impacts of finite duration: two impulses each, half a period of an oscillator apart.
 
     The state stays at the last impulse, so that it does not depend on how the motion is cut.
     """
@@ -249,7 +249,7 @@ class _Pulses:
 
     @property
     def numbers(self) -> Array:
-        """All (n,) of which the response is made, but for impacts."""
+        """Numbers (n,) that determine the response without impacts."""
         return np.append(self._system.numbers, self._duration)
 
     def take(self, motion: Motion, impulses: Array) -> Callable[[Array], Array]:
@@ -282,9 +282,9 @@ class _Pulses:
 class Span(NamedTuple):
     """Consecutive samples of a record; a record begins at a trigger, or with the run."""
 
-    start: float  #: [s] of the record
-    times: Array  #: [s] of the samples
-    complete: bool  #: no sample of this record will follow
+    start: float  #: start of the record [s]
+    times: Array  #: due times of the samples [s]
+    complete: bool  #: whether no sample of this record will follow
 
 
 class Sampler:
@@ -292,7 +292,7 @@ class Sampler:
 
     Parameters
     ----------
-    instrument : its rate, trigger and jitter
+    instrument : sampling rate, trigger and jitter
     name : of the sensor; with the seed of the noise it decides about the jitter
     drive : index of the coordinate that triggers
     """
@@ -308,7 +308,7 @@ class Sampler:
         self._offsets = np.zeros(0)  # drawn, and not yet used
 
     def due(self, motion: Motion) -> Iterator[Span]:
-        """The samples that fall into a motion, which follows that of the last call.
+        """Samples due within a motion, which follows that of the last call.
 
         They are due at multiples of their interval from time 0 on, wherever the first motion
         begins: a record may be a part of a longer one.
@@ -369,8 +369,8 @@ class LevelPassage:
 
     Parameters
     ----------
-    angle : [rad] that is passed
-    columns : whole factors of coordinates by their index: 1, and -1 of what an angle is seen from
+    angle : angle of the passages [rad]
+    columns : integer factors of coordinates by their index: 1, and -1 for a reference link
     """
 
     def __init__(self, angle: float, columns: Mapping[int, float]) -> None:
@@ -443,11 +443,11 @@ class Conversion(NamedTuple):
     """Output of a converter."""
 
     samples: Array
-    overloads: NDArray[np.bool_]  #: which of them were cut at the end of the range
+    overloads: NDArray[np.bool_]  #: mask of samples clipped at full scale
 
 
 class Digitizer:
-    """Adds noise, cuts at the range and rounds to the steps of the converter."""
+    """Adds noise, clips at full scale and rounds to the steps of the converter."""
 
     def __init__(self, instrument: Instrument, name: str) -> None:
         self._noise, self._converter = instrument.noise, instrument.adc
@@ -471,6 +471,6 @@ class Digitizer:
 
 
 def generator(instrument: Instrument, name: str, purpose: str) -> np.random.Generator:
-    """Random numbers of their own for every seed, sensor and purpose."""
+    """Random generator for a seed, a sensor and a purpose."""
     words = [zlib.crc32(word.encode()) for word in (name, purpose)]
     return np.random.default_rng([instrument.noise.seed, *words])

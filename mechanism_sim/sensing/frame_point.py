@@ -1,4 +1,4 @@
-"""The acceleration of a point of a frame on springs, as an instrument feels it."""
+"""The acceleration of a point of a frame on springs as input of an instrument."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class PointOnFrame:
 
     Parameters
     ----------
-    frame : with n degrees of freedom
-    forces : of the machine on it
-    at : [m] in the world, like its centre of gravity and its mounts
+    frame : frame with n degrees of freedom
+    forces : forces of the machine on the frame
+    at : position [m] in the world, like centre of gravity and mounts
     axis : 'along' the world's x axis or 'across' it, or its angle from there [rad]
-    gravity : [m/s^2] what is read is the acceleration less this
-    transverse : part of the acceleration 90 degrees on from the axis that is read, too
+    gravity : gravity [m/s^2], subtracted from the acceleration
+    transverse : transverse sensitivity, to the acceleration 90 degrees on from the axis
 
     Attributes
     ----------
-    inputs : n, and one more for gravity
+    inputs : number of inputs, n and one more for gravity
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class PointOnFrame:
         self.inputs = frame.freedom + 1
 
     def through(self, chain: Rational) -> Modes:
-        """The system from the forces, and from gravity, to what comes out of a chain."""
+        """The system from the forces, and from gravity, to the output of a chain."""
         moved = through(self._frame.receptance, self._frame.M, self._outputs, chain)
         still = chain.modes()
         n, m = len(moved.poles), len(still.poles)

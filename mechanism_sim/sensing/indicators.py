@@ -25,7 +25,7 @@ from mechanism_sim.arrays import Array
 from mechanism_sim.sensing.spectra import autocorrelation, envelope, power
 
 FEWEST = 4096
-"""Fewest samples of a stretch."""
+"""Least number of samples of a stretch."""
 _SEGMENT = 2048  # samples of a segment of the spectrum
 _BANDS = np.geomspace(1.0 / 256.0, 1.0, 11)  # edges, over half of the sampling rate
 _ENVELOPE = 0.1  # from where on the envelope is taken, over half of the sampling rate
@@ -35,7 +35,7 @@ _LAGS = (3, 5, 8, 12, 20, 30, 50, 80, 120)  # samples
 
 @dataclass(frozen=True)
 class Indicators:
-    """Statistics of N samples x; ``None`` where a signal that does not change leaves it open.
+    """Statistics of N samples x; ``None`` where undefined for a constant signal.
 
     What is about zero counts a constant part of the signal, such as gravity; what is about the
     mean does not.
@@ -172,8 +172,8 @@ def features(x: Array, rate: float, stretches: int = 1) -> Array:
     Parameters
     ----------
     x : (N,) samples
-    rate : [Hz] of sampling
-    stretches : equal parts that the signal is cut into: more than one where the speed changes
+    rate : sampling rate [Hz]
+    stretches : number of equal parts of the signal: more than one where the speed changes
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""One joint of a machine at many instants: what the readings of all kinds of joints begin with."""
+"""One joint of a machine at many instants, the input of readings of all kinds of joints."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class JointView:
 
     Attributes
     ----------
-    modes : (m, N) of the gaps of the machine, see `mechanism_sim.engine.events.Mode`
+    modes : (m, N) modes of the gaps of the machine, see `mechanism_sim.engine.events.Mode`
     """
 
     mechanism: Mechanism
@@ -58,7 +58,7 @@ class JointView:
         return turn._replace(position=turn.position + offset)
 
     def chord(self, link: str, a: Vector2, b: Vector2) -> Trajectory:
-        """Turning of a link by the line from one point of it to another."""
+        """Rotation of a link by the line from one point of it to another."""
         turn = self.turning(link)
         if link not in self.mechanism.having(Beam):
             return turn
@@ -95,14 +95,14 @@ class JointView:
 
     @property
     def moment(self) -> Array:
-        """Moment (N,) [N m] likewise, about the joint's point on the second-named link."""
+        """Moment (N,) [N m] of the first-named link, about the joint's point on the second."""
         return np.asarray(self._wrench[2])
 
     @property
     def foot(self) -> Array:
         """Point of action of the force (2, N) [m]: the joint's point on the second-named link.
 
-        A higher pair presses at a point that wanders: there it is the foot of the joint's point on
+        In a higher pair the contact moves: there it is the foot of the joint's point on
         the force's line of action, or the point itself without a force.
         """
         point, force = self.place(self.joint.second, self.joint.on_second), self.force
@@ -120,7 +120,7 @@ class JointView:
         return moment
 
     def gap(self, side: Side | None = None) -> tuple[Array, NDArray[np.bool_]] | None:
-        """Distance (N,) [m] and whether it is closed (N,), of the joint's gap at that side."""
+        """Distance (N,) [m] and closed mask (N,) of the joint's gap at a side."""
         name = self.joint.name
         if side and isinstance(self.joint, HigherPair):
             name = wall_name(self.mechanism, self.joint, side)

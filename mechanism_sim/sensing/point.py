@@ -1,4 +1,4 @@
-"""Acceleration of a point of a link along its axes, and how it turns, as instruments feel it."""
+"""Acceleration of a point of a link along an axis, and rotation, as inputs of instruments."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class PointOnLink(DirectSource):
 
     Parameters
     ----------
-    mechanism : the machine
-    link : its link that carries the sensor
-    at : [m] in the link's frame; one number: along its x axis
+    mechanism : mechanism of the machine
+    link : link that carries the sensor
+    at : position [m] in the link's frame; one number: along its x axis
     axis : 'along' the link's x axis or 'across' it (counterclockwise), or its angle from there
         [rad]
-    gravity : whether what is read is the acceleration less that of gravity, as instruments do
-    transverse : part of the acceleration 90 degrees on from the axis that is read, too
+    gravity : whether gravity is subtracted from the acceleration, as in real instruments
+    transverse : transverse sensitivity, to the acceleration 90 degrees on from the axis
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class PointOnLink(DirectSource):
 
     @property
     def still(self) -> bool:
-        """True if nothing can be read: the point slides across the axis, and never turns."""
+        """True if the reading is zero: the point slides across the axis without rotation."""
         c, s = math.cos(self._turn), math.sin(self._turn)
         read = [i is not None or abs(c * x + s * y) > 1e-9 for i, _, (x, y) in self._arms]
         return not any(read) and not self._turns and self._gravity == (0.0, 0.0)
@@ -126,7 +126,7 @@ class PointOnLink(DirectSource):
         return np.asarray(self._size * (x * np.cos(axis) + y * np.sin(axis)))[:, None]
 
     def _axis(self, q: Array) -> Array:
-        """Direction [rad] of the axis in the world, by the coordinates that are used."""
+        """Direction [rad] of the axis in the world, from the coordinates in use."""
         axis = np.full(q.shape[1], self._turn)
         for k, slope in self._turns:
             axis += slope * q[k]
@@ -139,7 +139,7 @@ class Attitude(DirectSource):
     Parameters
     ----------
     derivative : 0 for the angle without whole turns [rad], 1 for its rate [rad/s]
-    at : [m] in the link's frame: an elastic link turns with its cross-section there
+    at : position [m] in the link's frame: an elastic link rotates with its cross-section there
     """
 
     def __init__(
@@ -160,10 +160,10 @@ class Attitude(DirectSource):
 class Readings(NamedTuple):
     """N consecutive readings of an inertial unit; x is along the link, y across it."""
 
-    times: Array  #: (N,) [s] when they are due
-    acceleration: Array  #: (N, 2) [m/s^2] less that of gravity: at rest it points upwards
-    angle: Array  #: (N,) [rad] of the link in the world, without whole turns
-    rate: Array  #: (N,) [rad/s]
+    times: Array  #: (N,) due times [s]
+    acceleration: Array  #: (N, 2) [m/s^2] less gravity: at rest it points upwards
+    angle: Array  #: (N,) angle [rad] of the link in the world, without whole turns
+    rate: Array  #: (N,) angular velocity [rad/s]
 
 
 class InertialUnit:
@@ -174,8 +174,8 @@ class InertialUnit:
 
     Parameters
     ----------
-    link, at, axis, transverse : of the accelerometer, see `PointOnLink`
-    instrument, name, drive : as for its `Channel`
+    link, at, axis, transverse : parameters of the accelerometer, see `PointOnLink`
+    instrument, name, drive : parameters of its `Channel`
     """
 
     def __init__(
@@ -212,7 +212,7 @@ class InertialUnit:
             channel.take(motion)
 
     def readings(self, final: bool = False) -> list[Readings]:
-        """Readings of full blocks, or of all that is left if `final`; each is given once."""
+        """Readings of full blocks, or all remaining ones if `final`; each is returned once."""
         found = []
         blocks = (channel.blocks(final) for channel in self._channels)
         for x, y, angle, rate in zip(*blocks, strict=True):

@@ -1,4 +1,4 @@
-"""Impact noise: the sound of bodies that change their velocity when they strike each other.
+"""Impact noise: the sound of bodies whose velocities change in an impact.
 
 A rigid body that is suddenly accelerated pushes the air in front of it and pulls what is behind.
 This *acceleration noise* is modelled as in L. L. Koss and R. J. Alfredson, Transient sound
@@ -27,7 +27,7 @@ from mechanism_sim.planar.gaps import is_stop, joint_of_gap
 from mechanism_sim.planar.mechanism import Joint, Mechanism, Revolute
 from mechanism_sim.planar.points import GROUND
 
-_HEARING = 20e-6  #: [Pa] to which sound pressure levels refer
+_HEARING = 20e-6  #: reference of sound pressure levels [Pa]
 _FAINT = 1e-7  # of its start, to which a click is followed
 _STILL = 1e-9  # of a change of velocity: what is less is rounding
 
@@ -37,7 +37,7 @@ class Air:
     """Air at 20 degrees Celsius and 101.325 kPa, in which the sound travels."""
 
     density: float = 1.204  #: [kg/m^3]
-    speed: float = 343.2  #: [m/s] of sound
+    speed: float = 343.2  #: speed of sound [m/s]
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class SoundMaterial:
     """Steel, of which both spheres are."""
 
     density: float = 7850.0  #: [kg/m^3]
-    modulus: float = 206e9  #: [Pa] of elasticity
+    modulus: float = 206e9  #: modulus of elasticity [Pa]
     poisson: float = 0.3
 
 
@@ -98,8 +98,8 @@ def half_sine_response(poles: Array, residues: Array, duration: float, t: Array)
     Parameters
     ----------
     poles, residues : (k,), conjugate pairs complete
-    duration : [s] of the pulse
-    t : (N,) [s] since its start
+    duration : duration of the pulse [s]
+    t : (N,) times since its start [s]
 
     Returns
     -------
@@ -123,8 +123,8 @@ def contact_time(mass: float, radius: float, speed: float) -> float:
 
     Parameters
     ----------
-    mass, radius : [kg], [m] reduced: ``1 / (1/m1 + 1/m2)``
-    speed : [m/s] of approach
+    mass, radius : reduced mass [kg] and radius [m]: ``1 / (1/m1 + 1/m2)``
+    speed : approach speed [m/s]
     """
     modulus = STEEL.modulus / (2.0 * (1.0 - STEEL.poisson**2))
     deepest = (15.0 * mass * speed**2 / (16.0 * modulus * math.sqrt(radius))) ** 0.4
@@ -138,15 +138,15 @@ class Strike(NamedTuple):
     """
 
     t: float  #: [s]
-    normal_angle: float  #: [rad] from the first to the second body
+    normal_angle: float  #: direction from the first to the second body [rad]
     approach_speed: float  #: [m/s]
-    reduced_mass: float  #: [kg] that takes part in the contact
-    jump: tuple[float, float]  #: [m/s]
-    mass: tuple[float, float]  #: [kg] of what moves the air
+    reduced_mass: float  #: reduced mass of the contact [kg]
+    jump: tuple[float, float]  #: velocity steps of both bodies [m/s]
+    mass: tuple[float, float]  #: masses of the radiating bodies [kg]
 
 
 def strikes(mechanism: Mechanism, motion: Motion, impacts: Sequence[Impact]) -> list[Strike]:
-    """Bodies that move in every impact, and how heavy they are.
+    """Velocity steps and masses of both bodies in every impact.
 
     The jumps are read from the motion, of the joint's point on each link along the normal. Where
     that is not the point of contact, as between gears, a link that does not turn still tells its
@@ -220,9 +220,9 @@ def pressure(
 
     Parameters
     ----------
-    rate : [Hz]
-    end : [s] up to which samples are wanted
-    pulse : [s] duration of all impacts; without it each lasts as long as a Hertzian contact
+    rate : sampling rate [Hz]
+    end : end of the samples [s]
+    pulse : duration of all impacts [s]; by default that of a Hertzian contact for each
     """
     if pulse is not None and not pulse > 0.0:
         raise InputError(f'a pulse must last longer than {pulse:g} s')

@@ -112,7 +112,7 @@ def power(
 
 
 def quickly_transformed(x: Array) -> Array:
-    """A long signal (N,) without so many of its last samples that its transform is quick.
+    """A long signal (N,), shortened at its end to a length with a fast transform.
 
     Of a quarter of a million samples none are left out, of more 0.7 % at most: lengths with large
     prime factors take five times as long, and as much memory.
@@ -121,7 +121,7 @@ def quickly_transformed(x: Array) -> Array:
 
 
 def severity_spectrum(signals: Sequence[Array], rate: float) -> LineSpectrum:
-    """The density of power of which the severity is taken where turns do not bring all again.
+    """Power spectral density for the severity of a signal that is not periodic in turns.
 
     Of segments of a second, whose lines resolve 10 Hz: one window over all of a longer signal
     would leave out shocks at its ends, and weigh those in its middle more than once.
@@ -201,7 +201,7 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum
 
     Parameters
     ----------
-    segment : samples of each: shorter than the time between shocks, longer than their ringing
+    segment : samples of a segment: shorter than the time between shocks, longer than the ringing
     """
     window = scipy.signal.get_window('hann', segment)
     cut = np.lib.stride_tricks.sliding_window_view(x, segment)[:: max(1, segment // 4)]
@@ -218,7 +218,7 @@ def spectral_kurtosis(x: Array, rate: float, segment: int = 128) -> LineSpectrum
 
 
 def shock_band(x: Array, rate: float, turn: float = math.inf) -> tuple[float, float]:
-    """The band [Hz] in which a signal (N,) consists of shocks most: the top of its kurtogram.
+    """The band [Hz] of the largest spectral kurtosis of a signal (N,), from its kurtogram.
 
     Of all frequencies and segments of 16, 32, ... samples, at least 16 of them in the signal, the
     pair of the largest spectral kurtosis; the band is as wide as the main lobe of the Hann window
@@ -266,7 +266,7 @@ class TurnSegments:
         ``first[k]`` on, or ``-2 pi r j / n`` of a shaft that turns backwards
     first : (K,) whole turns before each row; rows that follow each other are neighbours in time
         where they rise by r
-    backwards : whether the shaft turns clockwise
+    backwards : whether the shaft rotates clockwise
     turns : r
     """
 
@@ -282,7 +282,7 @@ class TurnSegments:
         return np.asarray(2.0 * np.pi * self.turns * np.arange(n) / n)
 
     def together(self, turns: int) -> TurnSegments | None:
-        """Rows of so many turns each instead of one; None if there are none.
+        """Rows of several turns each instead of one; None if there are none.
 
         They begin where a multiple of so many turns is over, as of a machine that is as before
         after several turns only.
@@ -302,7 +302,7 @@ class TurnSegments:
 
     @property
     def mean(self) -> Array:
-        """Synchronous average (n,) over `angle`: what repeats every turn."""
+        """Synchronous average (n,) over `angle`: the part that repeats every turn."""
         return self.by_angle(self.values.mean(axis=0))
 
     @property
@@ -320,11 +320,11 @@ class TurnSegments:
 
     @property
     def residual(self) -> Array:
-        """Residue (K, n) without the average: what does not repeat."""
+        """Residual (K, n) without the average: the part that does not repeat."""
         return np.asarray(self.values - self.values.mean(axis=0))
 
     def series(self) -> list[Array]:
-        """Turns that follow each other, joined: (k n,) each."""
+        """Consecutive turns, joined: (k n,) each."""
         cuts = np.flatnonzero(np.diff(self.first) != self.turns) + 1
         return [rows.ravel() for rows in np.split(self.values, cuts)]
 
@@ -340,8 +340,8 @@ def at_equal_angles(
     Parameters
     ----------
     turned : revolutions of the shaft at the samples of runs without a gap, (N,) each, rising
-    values : the samples, likewise
-    per_turn : angles in a turn; by default the number of samples in the slowest turn
+    values : samples of the runs, (N,) each
+    per_turn : number of angles in a turn; by default the number of samples in the slowest turn
 
     Raises
     ------

@@ -25,7 +25,7 @@ _Damping = Annotated[float, si('N s/m'), NOT_NEGATIVE]
 _Place = tuple[Position, Position]
 
 _FASTEST = 1e6
-"""[Hz] Natural frequencies beyond it are those of no frame."""
+"""Largest plausible natural frequency of a frame [Hz]."""
 
 
 class Mount(Part):

@@ -1,4 +1,4 @@
-"""The steady vibration of a linear system under periodic forces, and bounds of what it leaves."""
+"""Steady vibration of a linear system under periodic forces, with bounds of the remainder."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class FourierSeries:
 
     frequency: float  #: w of the first harmonic [rad/s]
     mean: float
-    amplitudes: ComplexArray  #: (harmonics,)
-    error: float = 0.0  #: what the mean and each amplitude may be off
-    rest: float = 0.0  #: root mean square of all higher harmonics together, at most
+    amplitudes: ComplexArray  #: (harmonics,) complex amplitudes
+    error: float = 0.0  #: error of the mean and of each amplitude
+    rest: float = 0.0  #: upper bound of the root mean square of all higher harmonics
 
     @property
     def frequencies(self) -> Array:
@@ -53,12 +53,12 @@ class SteadyVibration:
 
     Parameters
     ----------
-    forces : n of them, in more harmonics than those that are asked for
-    frequency : of their first harmonic [rad/s]
+    forces : n forces, with more harmonics than those requested
+    frequency : frequency of their first harmonic [rad/s]
     matrices : M, C, K, each (n, n)
     B : (m, n)
-    mean : (m,) of the coordinates
-    amplitudes : (count, m) of the coordinates
+    mean : (m,) means of the coordinates
+    amplitudes : (count, m) complex amplitudes of the coordinates
     impulses : (n,) sums of magnitudes of the impulses in a period, which are in no `rest`
     """
 
@@ -102,7 +102,7 @@ class SteadyVibration:
         return np.concatenate(found) if found else np.zeros((0, len(self._K)), complex)
 
     def _rest(self, row: int, order: int) -> float:
-        """Bound of the root mean square of all harmonics beyond those that are asked for.
+        """Bound of the root mean square of all harmonics beyond those requested.
 
         Those that are known by the forces are known themselves. Of the others the bound is that
         of the forces times the largest response to any of them; impulses, whose harmonics never
@@ -117,7 +117,7 @@ class SteadyVibration:
         return float(np.hypot(np.sqrt((known**2).sum() / 2.0), self._beyond(row, order)))
 
     def _beyond(self, row: int, order: int) -> float:
-        """Bound beyond the harmonics that are known of the forces."""
+        """Bound beyond the known harmonics of the forces."""
         rest = self._forces.rest
         if not rest.any() and self._impulses is None:
             return 0.0

@@ -18,7 +18,7 @@ from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.numerics.rational import Modes, Rational
 
 _DEFECTIVE = 1e5
-"""Condition of the eigenvectors from which on poles are taken for a multiple one."""
+"""Condition number of the eigenvectors above which poles count as a multiple one."""
 _APART = 1e-10
 """Relative change of damping then: poles move apart by the square root of it."""
 _MEET = 1e-5
@@ -30,8 +30,8 @@ double one with it, of which two halves are moved so far apart: what changes is 
 class Receptance(NamedTuple):
     """``sum_k residues_k / (s - poles_k)`` of a system of n degrees of freedom."""
 
-    poles: ComplexArray  #: (2 n,) [rad/s]
-    residues: ComplexArray  #: (n, n, 2 n)
+    poles: ComplexArray  #: (2 n,) poles [rad/s]
+    residues: ComplexArray  #: (n, n, 2 n) residues
 
 
 def receptance(M: Array, C: Array, K: Array) -> Receptance:
@@ -64,8 +64,8 @@ def through(system: Receptance, M: Array, outputs: Array, chain: Rational) -> Mo
 
     Parameters
     ----------
-    M : (n, n) its mass matrix
-    outputs : (n,) how much of each acceleration is measured
+    M : (n, n) mass matrix
+    outputs : (n,) factors of the accelerations in the measured one
     """
     own = chain.modes()
     rest = outputs @ np.linalg.inv(M)

@@ -1,4 +1,4 @@
-"""The stiffness of a shaft in its supports, as its disks and the heavy supports feel it.
+"""The stiffness of a shaft in its supports, for its disks and the heavy supports.
 
 The shaft is a beam of Euler and Bernoulli without mass, so that its own places follow from those
 of the disks and of the supports that have a mass (static condensation, exact here).
@@ -20,8 +20,8 @@ ROUNDING = 1e-12  # of a stiffness
 class Bearing:
     """A support of a shaft in one plane."""
 
-    along: float  #: [m] from the first disk
-    stiffness: float = np.inf  #: [N/m]; infinite for one that does not give way
+    along: float  #: position from the first disk [m]
+    stiffness: float = np.inf  #: [N/m]; infinite for a rigid support
     kept: bool = False  #: whether its displacement stays a coordinate
     clamped: bool = False  #: whether the shaft cannot tilt there
 
@@ -58,8 +58,8 @@ def condensed(
     Parameters
     ----------
     rigidity : E I [N m^2]
-    disks : where they are [m], each with whether the slope there is a coordinate
-    sections : where another E I begins and ends [m], and what it is
+    disks : positions of the disks [m], each with whether the slope there is a coordinate
+    sections : starts and ends of sections [m] with another E I, and its value
 
     Returns
     -------

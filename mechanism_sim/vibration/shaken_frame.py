@@ -28,9 +28,9 @@ from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.frame import Frame
 
 _UNRESOLVED = 1e-6
-"""Share of the largest force below which higher harmonics of a piece must be."""
+"""Largest share of the force for higher harmonics of a piece."""
 _ROUNDING = 1e-12
-"""Share of the largest rate of a coordinate below which its steps are none."""
+"""Share of the largest rate of a coordinate below which its steps are negligible."""
 
 
 class Forces(Protocol):
@@ -47,12 +47,12 @@ class Forces(Protocol):
 
 
 class WholeMachine:
-    """All that a machine does to its ground, impacts included.
+    """Force of a whole machine on its ground, impacts included.
 
     Parameters
     ----------
-    force : from the momentum of its links
-    physics : what follows from its motion
+    force : shaking force from the momentum of its links
+    physics : physics of the machine
     """
 
     def __init__(self, force: ShakingForce, physics: Physics) -> None:
@@ -113,7 +113,7 @@ class Shaking:
 
     Attributes
     ----------
-    inputs : n
+    inputs : number n of inputs
     """
 
     def __init__(self, frame: Frame, forces: Forces) -> None:
@@ -176,11 +176,11 @@ class Shaking:
 class FrameStates(NamedTuple):
     """A frame at N instants; rows x, y and, if it can turn, angle, (n, N)."""
 
-    position: Array  #: [m, rad] of the centre of gravity, from where mounts carry the frame alone
+    position: Array  #: displacement [m, rad] of the centre of gravity from rest without machine
     velocity: Array  #: [m/s, rad/s]
     acceleration: Array  #: [m/s^2, rad/s^2]
-    force: Array  #: [N, N m] of the machine on the frame, without impulses
-    mount_force: Array  #: [N, N m] of the mounts on the ground, less the frame's own weight
+    force: Array  #: force [N, N m] of the machine on the frame, without impulses
+    mount_force: Array  #: force [N, N m] of the mounts on the ground, less the frame's own weight
 
 
 @dataclass(frozen=True)
@@ -189,8 +189,8 @@ class FrameMotion:
 
     Attributes
     ----------
-    motion : of the machine on its m pieces
-    response : position, velocity and acceleration (3 n) of its modes there
+    motion : motion of the machine on its m pieces
+    response : response of its modes there: position, velocity, acceleration (3 n)
     start : (n,) forces at the start of the run
     """
 

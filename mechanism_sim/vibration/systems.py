@@ -17,7 +17,7 @@ import scipy
 from mechanism_sim.arrays import Array, ComplexArray
 from mechanism_sim.errors import InputError
 
-#: what is smaller, against the largest of its kind, is rounding
+#: share of the largest of its kind below which a value is rounding
 ROUNDING = 1e-13
 
 
@@ -25,8 +25,8 @@ class VibrationModes(NamedTuple):
     """Modes of the undamped system, the slowest first."""
 
     frequencies: Array  #: natural frequencies (n,) [rad/s]; 0 for a rigid-body mode
-    shapes: Array  #: (n, n), a mode in each column, with shapes^T M shapes = 1
-    decay_rates: Array | None  #: (n,) [1/s]; None if the damping couples the modes
+    shapes: Array  #: (n, n) mode shapes in columns, with shapes^T M shapes = 1
+    decay_rates: Array | None  #: (n,) decay rates [1/s]; None if damping couples the modes
 
 
 @dataclass(frozen=True, eq=False)

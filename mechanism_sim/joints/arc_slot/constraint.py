@@ -29,7 +29,7 @@ _ARC = 64
 class PinInArc(HigherPair):
     """A pin of `first` in a slot of `second` about `on_second`, in which it slides and turns."""
 
-    radius: float = 1.0  #: [m] of the slot's centre line
+    radius: float = 1.0  #: radius of the slot's centre line [m]
 
     @property
     def extent(self) -> float:
@@ -45,11 +45,11 @@ class PinInArc(HigherPair):
         return True
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
-        """The pin's surface on the wall that presses it."""
+        """Contact of the pin's surface with the loaded wall."""
         return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
 
     def draw(self, draft: Draft) -> None:
-        """A pin of `first`; of `second` the slot as far as the pin comes."""
+        """Draw a pin of `first`, and the slot of `second` over the pin's travel."""
         pin, half = (self.first, self.on_first), SLOT * draft.symbol
         draft.pin(pin, self.name)
         away = complex_of(draft.within(self.second, pin).T - self.on_second)

@@ -43,8 +43,8 @@ from mechanism_sim.planar.view import Draft, circle
 class Strand(NamedTuple):
     """One of the two strands, in the frame of the carrier."""
 
-    leaves: Vector2  #: [m] the first pulley
-    meets: Vector2  #: [m] the second pulley
+    leaves: Vector2  #: [m] point of tangency on the first pulley
+    meets: Vector2  #: [m] point of tangency on the second pulley
     way: Vector2  #: unit vector between them
     side: float  #: 1 on the left, -1 on the right
 
@@ -53,14 +53,14 @@ class Strand(NamedTuple):
 class Belt(Transmission):
     """A belt over two pulleys that turn on a common carrier."""
 
-    radii: tuple[float, float] = (1.0, 1.0)  #: [m]
-    centre: Vector2 = (0.0, 0.0)  #: [m] of the first pulley, in the carrier's frame
-    apart: Vector2 = (1.0, 0.0)  #: [m] from there to that of the second
+    radii: tuple[float, float] = (1.0, 1.0)  #: radii of the pulleys [m]
+    centre: Vector2 = (0.0, 0.0)  #: centre of the first pulley, in the carrier's frame [m]
+    apart: Vector2 = (1.0, 0.0)  #: vector from there to the centre of the second [m]
     shafts: tuple[str, ...] = ()
     stiffness: float = 0.0  #: [N/m]; 0 for an ideal belt
     damping: float = 0.0  #: [N s/m]
     pretension: float = 0.0  #: [N]
-    friction: float | None = None  #: coefficient, if that alone holds it; as on a flat pulley
+    friction: float | None = None  #: coefficient of a flat belt; None for a belt without slip
     begun: tuple[int, int, int] = (0, 0, 0)
     """Whole turns of first, second and carrier that it did not follow: it was put on after."""
 
@@ -81,7 +81,7 @@ class Belt(Transmission):
 
     @property
     def slips(self) -> bool:
-        """True if friction alone holds it."""
+        """True if friction alone transmits its force."""
         return self.friction is not None
 
     @property
@@ -93,7 +93,7 @@ class Belt(Transmission):
 
     @property
     def most(self) -> float:
-        """The largest difference of tensions before it slips [N]."""
+        """Largest difference of tensions without slip [N]."""
         return 2.0 * self.pretension * math.tanh(0.5 * (self.friction or 0.0) * self.wrap)
 
     @property
@@ -148,7 +148,7 @@ class Belt(Transmission):
 
 @dataclass(frozen=True)
 class BeltClosure(TransmissionClosure):
-    """A ratio of angles that strands keep, which load the shafts."""
+    """A ratio of angles by strands, which load the shafts."""
 
     joint: Belt
 
@@ -166,11 +166,11 @@ class BeltClosure(TransmissionClosure):
 class _Tension(NamedTuple):
     """Tension of an elastic strand."""
 
-    taut: Term  #: 1 where it is, else 0
-    length: Term  #: [m] by which it is stretched
-    rate: Term  #: [m/s] of that
-    stored: Term  #: [N] by its stiffness
-    whole: Term  #: [N] with its damping, and never less than zero
+    taut: Term  #: 1 if the strand is taut, else 0
+    length: Term  #: elongation [m]
+    rate: Term  #: rate of elongation [m/s]
+    stored: Term  #: tension by stiffness [N]
+    whole: Term  #: tension with damping [N], never negative
 
 
 @dataclass(frozen=True)
@@ -267,7 +267,7 @@ class BeltForce:
 
 @dataclass(frozen=True)
 class SlippingBelt(BeltForce):
-    """A belt that friction holds, or lets slip: the pull acts against the slip x'."""
+    """A belt driven by friction, which may slip: the pull acts against the slip x'."""
 
     def _pull(self, frames: Frames) -> tuple[Term, Term]:
         """Difference of tensions [N], and the slip [m/s]."""

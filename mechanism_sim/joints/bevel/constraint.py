@@ -46,7 +46,7 @@ class SpatialPair(Transmission):
     Attributes
     ----------
     facing : direction from each shaft towards the mate, in its own plane [rad]
-    along : where both lie on their shafts [m]
+    along : positions of both along their shafts [m]
     """
 
     untold: ClassVar[tuple[str, ...]] = ('transmission_error', 'mesh_frequency')
@@ -57,7 +57,7 @@ class SpatialPair(Transmission):
     @property
     @abstractmethod
     def radii(self) -> tuple[float, float]:
-        """Radii at which the force acts [m]."""
+        """Radii of the points of force [m]."""
 
     @property
     @abstractmethod
@@ -129,10 +129,10 @@ class BevelPair(SpatialPair):
 
     Attributes
     ----------
-    mean_radii : at the middle of the teeth [m]
-    cones : half their openings [rad]
+    mean_radii : radii at the middle of the teeth [m]
+    cones : pitch angles [rad]
     pressure_angle : [rad]
-    teeth : of the first
+    teeth : number of teeth of the first
     """
 
     mean_radii: tuple[float, float] = (math.nan, math.nan)
@@ -154,7 +154,7 @@ class BevelPair(SpatialPair):
     def _beside(
         self, view: PairView, tangential: Array
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """Tangential, radial and axial forces: the flanks press across the cones' common line."""
+        """Tangential, radial and axial forces: normal to the flanks at the cones' common line."""
         first = -float(self.ratio) * view.moment / self.radii[0]
         apart = np.abs(tangential) * math.tan(self.pressure_angle)
         (c1, s1), (c2, s2) = ((math.cos(g), math.sin(g)) for g in self.cones)

@@ -94,11 +94,11 @@ class CamPair(PlacedCam):
         return f'law: {jumps[0]}{more}: no finite force gives this motion' if jumps else ''
 
     def closure(self, mechanism: Mechanism) -> CamClosure:
-        """The follower touches, without play."""
+        """Closure of contact without clearance."""
         return CamClosure(self, mechanism)
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
-        """Off the roller's centre, which turns on a pin of that radius, or off a face's pivot."""
+        """Contact off the roller's centre, on a pin of that radius, or off a face's pivot."""
         follower, name = self.cam.follower, f'{self.name}.friction'
         roller = getattr(follower, 'roller', 0.0)
         share = radius / roller if roller else 1.0
@@ -108,7 +108,7 @@ class CamPair(PlacedCam):
 
 @dataclass(frozen=True)
 class GroovePair(CamPair):
-    """A cam with a groove that holds the roller: play opens between two walls."""
+    """A cam with a groove that guides the roller, with or without clearance between its walls."""
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     parts: ClassVar[str] = 'roller between the walls of a groove'
@@ -250,7 +250,7 @@ def _follower_outline(joint: PlacedCam, angle: float, symbol: float) -> Array:
 
     Parameters
     ----------
-    angle : of the follower's link in the world at some instant [rad]
+    angle : angle of the follower's link in the world at some instant [rad]
     symbol : size of the drawing's symbols [m]
     """
     follower = joint.cam.follower

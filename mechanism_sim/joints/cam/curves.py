@@ -131,8 +131,8 @@ def spline_curve(x: ArrayLike, y: ArrayLike, ends: Ends = 'clamped') -> Piecewis
 class BoundaryCondition(NamedTuple):
     """A value that a derivative of a curve has at a place."""
 
-    at: float  #: from the beginning of the curve
-    order: int  #: 0 for the displacement
+    at: float  #: position from the beginning of the curve
+    order: int  #: order of the derivative, 0 for the displacement
     value: float
 
 

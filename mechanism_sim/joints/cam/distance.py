@@ -52,7 +52,7 @@ class Distance:
 
     Attributes
     ----------
-    name : of the joint
+    name : name of the joint
     beside : how far the follower's point lies from its line through the camshaft, along y [m];
         it counts for faces that are tilted
     exact : whether to the second order; for rollers only, and for laws whose acceleration does
@@ -66,17 +66,17 @@ class Distance:
 
     @property
     def swings(self) -> bool:
-        """True if the follower's place is an angle."""
+        """True if the follower's position is an angle."""
         return isinstance(self.cam.follower, Oscillating | OscillatingFlat)
 
     @property
     def slides(self) -> bool:
-        """True if the cam does."""
+        """True if the cam slides."""
         return self.cam.law.reciprocating
 
     @property
     def lowest(self) -> float:
-        """Place of the follower on the base circle, or base line [m, rad]."""
+        """Position of the follower on the base circle, or base line [m, rad]."""
         follower, base = self.cam.follower, self.cam.base_radius
         if isinstance(follower, FlatFaced):
             return base / math.cos(follower.tilt) - self.beside * math.tan(follower.tilt)
@@ -88,7 +88,7 @@ class Distance:
         return follower.lowest(base)
 
     def value(self, frames: Frames, angle: Jet, place: Jet) -> Jet:
-        """D [m] at an angle [rad, m] of the cam and a place [m, rad] of the follower."""
+        """D [m] at an angle [rad, m] of the cam and a position [m, rad] of the follower."""
         count = 1 if isinstance(self.cam.follower, FlatFaced) else 3 if self.exact else 2
         laws = displacement(self.cam.law, self.name, angle, frames, count)
         # the place at which the follower touches
@@ -125,7 +125,7 @@ class Distance:
         return off * (across + off * bend * 0.5)
 
     def _path(self, frames: Frames, at: Jet) -> tuple[Pair, Pair, Pair]:
-        """Centre of the roller and its two derivatives by the follower's place."""
+        """Centre of the roller and its two derivatives by the follower's position."""
         follower, p = self.cam.follower, frames.parameters
         if isinstance(follower, Translating):
             offset = constant(p(f'{self.name}.offset', follower.offset))
@@ -147,7 +147,7 @@ class Distance:
     def _bend(
         self, path: tuple[Pair, Pair, Pair], along: Pair, laws: list[Jet], square: Jet, speed: Jet
     ) -> Jet:
-        """Second derivative of D by the follower's place, from the pitch curve's curvature."""
+        """Second derivative of D by the follower's position, from the pitch curve's curvature."""
         p, way, bent = path
         _, u1, u2 = laws
         p2 = way[0] * u2 + bent[0] * u1 * u1, way[1] * u2 + bent[1] * u1 * u1
@@ -165,7 +165,7 @@ class Distance:
 
 
 def constant(term: Term) -> Jet:
-    """A term that does not move as a jet."""
+    """Jet of a constant term."""
     return Jet(term, {}, None, None)
 
 
@@ -186,7 +186,7 @@ class Rows(NamedTuple):
     breaks : (k + 1,) [rad] or [m]
     values : (k, n) the coefficients of the polynomial about the middle of the row, in rising
         order; with waves anywhere also amplitude, frequency and phase there
-    terms : how many of them are coefficients
+    terms : number of coefficients among the values
     """
 
     breaks: Array
@@ -220,8 +220,8 @@ def displacement(law: Law, name: str, angle: Jet, frames: Frames, count: int = 2
 
     Parameters
     ----------
-    name : of the table in `frames`
-    angle : of the cam [rad], of any number of turns; of a cam that slides its displacement [m]
+    name : name of the table in `frames`
+    angle : angle of the cam [rad], with any number of turns, or displacement of a sliding cam [m]
 
     Raises
     ------
@@ -274,7 +274,7 @@ def _eccentric(law: Eccentric, angle: hy.expression) -> list[hy.expression]:
 
 @dataclass(frozen=True)
 class PlacedCam(HigherPair):
-    """A cam on `first` and a follower on `second`: where both are.
+    """Placement of a cam on `first` and a follower on `second`.
 
     `on_first` is the camshaft's axis, `on_second` the centre of the roller, the tip of the knife
     or a point of the face. The frame of `followers` has its origin on the axis and its x axis
@@ -286,15 +286,15 @@ class PlacedCam(HigherPair):
     """
 
     cam: Cam
-    centre: Vector2  #: [m] of the camshaft, or of the origin in its place, in the world
-    direction: float  #: [rad] in which the follower rises, or from the camshaft to its pivot
+    centre: Vector2  #: position of the camshaft, or of a sliding cam's origin, in the world [m]
+    direction: float  #: direction of the rise, or from the camshaft to the pivot [rad]
     sense: Literal[1, -1] = 1  #: 1 if the cam angle grows with the angle of `first`
     phase: float = 0.0  #: [rad]
     arm: Vector2 = (1.0, 0.0)
     """From the pivot of a swinging follower to its point [m], in its own frame."""
-    beside: float = 0.0  #: [m] from the line through the camshaft to the point of a face
+    beside: float = 0.0  #: offset of the point of a face from the line through the camshaft [m]
 
-    exact: bool = False  #: distances of a roller to the second order, as grooves with play need
+    exact: bool = False  #: whether distances are of second order, as for grooves with clearance
 
     sides: ClassVar[tuple[Side, ...]] = ('right',)
     grooved: ClassVar[bool] = False
@@ -322,12 +322,12 @@ class PlacedCam(HigherPair):
 
     @property
     def mirror(self) -> int:
-        """-1 where the frame of `followers`, in which cams turn clockwise, is seen mirrored."""
+        """-1 if the frame of `followers`, in which cams rotate clockwise, is mirrored; else 1."""
         return -self.sense
 
     @property
     def swing(self) -> int:
-        """1 if the place of a swinging follower grows as it turns counterclockwise."""
+        """1 if a swinging follower's position grows with counterclockwise rotation, else -1."""
         side: int = getattr(self.cam.follower, 'side', 1)
         return self.mirror * side
 
@@ -336,7 +336,7 @@ class PlacedCam(HigherPair):
         return rotate((vector[0], self.mirror * vector[1]), self.direction)
 
     def profile(self, points: Array) -> Array:
-        """Points (2, N) of the profile as `Cam` gives them, in the frame of `first` [m]."""
+        """Points (2, N) of the profile from the frame of `Cam`, in that of `first` [m]."""
         x, y = points
         angle = self.direction + self.sense * self.phase
         c, s = math.cos(angle), math.sin(angle)

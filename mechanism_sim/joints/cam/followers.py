@@ -79,7 +79,7 @@ class Translating(_Rolling):
 
     Parameters
     ----------
-    offset : of the line from the camshaft, counterclockwise positive [m]; 0 is radial
+    offset : offset of the line from the camshaft, counterclockwise positive [m]; 0 is radial
     roller : its radius [m]; 0 is a knife edge
     """
 
@@ -127,7 +127,7 @@ class Oscillating(_Rolling):
     Parameters
     ----------
     pivot_distance : from the camshaft, along the x axis [m]
-    arm : from the pivot to the roller's centre [m]
+    arm : length from the pivot to the roller's centre [m]
     roller : its radius [m]; 0 is a knife edge
     side : 1 if the arm swings counterclockwise as it rises (the roller is then on the clockwise
         side of the line from the camshaft to the pivot), else -1
@@ -247,7 +247,7 @@ class FlatFaced(_Flat):
 
     Parameters
     ----------
-    tilt : from the direction of motion to the normal of the face, counterclockwise [rad]; it is
+    tilt : angle from the direction of motion to the face's normal, counterclockwise [rad]; it is
         the pressure angle
     """
 
@@ -284,7 +284,7 @@ class OscillatingFlat(_Flat):
     Parameters
     ----------
     pivot_distance : from the camshaft, along the x axis [m]
-    face_offset : of the face from the pivot, away from the cam positive [m]
+    face_offset : distance of the face from the pivot, away from the cam positive [m]
     side : 1 if the face swings counterclockwise as it rises, else -1
     """
 

@@ -17,14 +17,14 @@ from mechanism_sim.joints.cam.profiles import Cam, drawing_angles, extent, runs_
 
 @dataclass(frozen=True)
 class CutAway:
-    """Angles at which the point of contact is cut away by the follower at other angles.
+    """Range of angles whose contact points are cut away by the follower at other angles.
 
     Parameters
     ----------
     start, end : [rad], to the step of the search
-    worst : where the point of contact lies deepest within what is cut away [rad]
-    depth : how deep [m]
-    reciprocating : the cam slides; all places are in metres
+    worst : angle of the deepest cut [rad]
+    depth : largest depth of the cut [m]
+    reciprocating : whether the cam slides; angles are then displacements [m]
     """
 
     start: float

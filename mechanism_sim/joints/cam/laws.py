@@ -77,8 +77,8 @@ class Piecewise:
 
     Parameters
     ----------
-    start : where the first piece begins
-    pieces : each of positive length
+    start : start of the first piece
+    pieces : pieces of positive length
     """
 
     def __init__(self, start: float, pieces: Sequence[LawPiece]) -> None:
@@ -129,7 +129,7 @@ class Segment:
     start, end : [rad], less than a turn apart; of a reciprocating cam [m]
     rise : [m] or [rad]; zero is a dwell
     curve : the normalised rise; a return runs it backwards
-    own : the curve is no normalised rise but the displacement itself, over the angle [rad]
+    own : whether the curve is the displacement itself, over the angle [rad]
     """
 
     start: float
@@ -158,7 +158,7 @@ class PiecewiseLaw:
 
     Attributes
     ----------
-    function : over a turn, or the stroke of a cam that slides
+    function : displacement over a turn, or the stroke of a sliding cam
     reciprocating : the cam slides
     """
 
@@ -185,7 +185,7 @@ class Diagram(PiecewiseLaw):
 
     Parameters
     ----------
-    segments : in the order of their angles
+    segments : segments in the order of their angles
     reciprocating : the cam slides; its stroke is from the first segment to the last, and the
         follower need not come back
     """
@@ -287,7 +287,7 @@ class MeasuredLaw(PiecewiseLaw):
 
     @cached_property
     def peaks(self) -> tuple[SampledPeak, SampledPeak]:
-        """Least and greatest second derivative, and how far they may be off."""
+        """Least and greatest second derivative, with their errors."""
         return acceleration_peaks(*self._samples)
 
 
@@ -365,8 +365,8 @@ class Jump:
 
     Parameters
     ----------
-    angle : [rad] or [m]
-    order : 0 for the displacement, up to 3 for the jerk
+    angle : position of the jump [rad] or [m]
+    order : order of the derivative: 0 for the displacement, up to 3 for the jerk
     before, after : limits from the left and the right, by radians or metres of the cam
     reciprocating : the cam slides
     """
@@ -390,7 +390,7 @@ def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[
 
     Parameters
     ----------
-    order : the highest derivative that should not jump, 3 at most
+    order : highest derivative that should not jump, 3 at most
     tolerance : of the greatest value of a derivative over a turn, what counts as a jump, unless
         the rounding of polynomials of high degree over short pieces is more
     """
@@ -414,7 +414,7 @@ def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[
 
 
 def spelled(*places: float, reciprocating: bool) -> str:
-    """Places of a cam as they stand in sentences: in degrees, or in millimetres if it slides."""
+    """Text of positions of a cam: in degrees, or in millimetres if it slides."""
     numbers = (1e3 * x if reciprocating else math.degrees(x) for x in places)
     return ' to '.join(f'{x:g}' for x in numbers) + (' mm' if reciprocating else ' deg')
 

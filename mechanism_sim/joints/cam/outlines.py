@@ -120,7 +120,7 @@ class CamOutline:
 
     Parameters
     ----------
-    curves : in counterclockwise order, each beginning where the one before ends
+    curves : curves in counterclockwise order, each from the end of the one before
     """
 
     def __init__(self, curves: Sequence[OutlineCurve]) -> None:
@@ -155,7 +155,7 @@ class CamOutline:
         return min(nearest)
 
     def law(self, follower: Follower, base_radius: float) -> OutlineLaw:
-        """The law that a follower gets, its zero where it touches the base circle [m]."""
+        """Law of a follower on the profile, zero on the base circle [m]."""
         looks = [np.linspace(c.breaks[0], c.breaks[-1], 65) for c in self.curves]
         lift = max(
             float(np.abs(follower.place(*c.at(t), base_radius)[1]).max())
@@ -190,7 +190,7 @@ def _fitted(
 
     Parameters
     ----------
-    rest : what last terms may be [m] or [rad]
+    rest : largest last terms [m] or [rad]
 
     Raises
     ------
@@ -251,7 +251,7 @@ def _fitted(
 
 
 def _joined(pieces: list[LawPiece]) -> list[LawPiece]:
-    """Pieces that meet: each is tilted by what rounding leaves open at its ends."""
+    """Pieces without gaps: each is tilted by the rounding errors at its ends."""
     starts = [p.derivative(0.0, 0) for p in pieces]
     ends = [p.derivative(p.length, 0) for p in pieces]
     joints = [0.5 * (a + b) for a, b in zip(starts, [ends[-1], *ends[:-1]], strict=True)]
@@ -272,8 +272,8 @@ def nose_cam(base: float, nose: float, lift: float, flank: float, at: float | No
     Parameters
     ----------
     base, nose : radii [m]
-    flank : of the flanks [m], negative if they are hollow; infinite for lines (a tangent cam)
-    at : direction of the nose [rad]; if not given the rise begins at zero
+    flank : radius of the flanks [m], negative if hollow; infinite for lines (a tangent cam)
+    at : direction of the nose [rad]; by default the rise begins at zero
     """
     d = base + lift - nose
     if not 0.0 < nose < base + 0.5 * lift or d <= 0.0:
@@ -332,7 +332,7 @@ class Edge(NamedTuple):
     start: complex
     end: complex
     centre: complex | None = None
-    sweep: float = 0.0  #: [rad], positive counterclockwise
+    sweep: float = 0.0  #: angle of an arc [rad], positive counterclockwise
 
     @classmethod
     def arc(cls, centre: complex, radius: float, begin: float, end: float) -> Edge:
@@ -378,7 +378,7 @@ class Edge(NamedTuple):
 
 
 def edge_cam(edges: Sequence[Edge]) -> CamOutline:
-    """The profile that edges make, in whichever order and direction they come."""
+    """Profile from edges in any order and direction."""
     size = max(abs(z) for edge in edges for z in (edge.start, edge.end))
     rest, chain = list(edges[1:]), [edges[0]]
     while rest:

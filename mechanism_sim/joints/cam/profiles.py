@@ -35,11 +35,11 @@ class Cam:
 
     Parameters
     ----------
-    law : of the follower
-    follower : what touches the cam
+    law : law of the follower
+    follower : follower in contact with the cam
     base_radius : the least distance of the profile from the camshaft, on the base circle, or from
         the line that takes its place [m]
-    law_on : the law that the same shape has on another base circle [m]; None: it is the same
+    law_on : law of the same shape on another base circle [m]; None if it is the same
     """
 
     law: Law
@@ -89,10 +89,10 @@ class Flaw:
     Parameters
     ----------
     kind : 'cusp' where the radius of curvature just falls to zero
-    wall : which side of the roller or face; only grooves have an outer wall
+    wall : side of the roller or face; only grooves have an outer wall
     start, end : cam angles between which the profile is cut away, to the distance of samples [rad]
-    worst : where it is worst [rad]
-    reciprocating : the cam slides; all three are in metres
+    worst : cam angle of the worst point [rad]
+    reciprocating : whether the cam slides; all three are then in metres
     """
 
     kind: Literal['undercut', 'cusp']
@@ -119,7 +119,7 @@ def find_flaws(cam: Cam, clearance: float | None = None) -> list[Flaw]:
 
     Parameters
     ----------
-    clearance : of the roller in a groove [m]; None: the cam has no outer wall
+    clearance : clearance of the roller in a groove [m]; None without an outer wall
     """
     radius = getattr(cam.follower, 'roller', None)
 
@@ -221,7 +221,7 @@ def drawing_angles(law: Law, step: float) -> Array:
 
     Parameters
     ----------
-    step : the largest distance [rad] or [m]
+    step : largest distance [rad] or [m]
     """
     pieces = _pieces(law)
     counts = [math.ceil((end - start) / step) + 1 for start, end in pieces]
@@ -249,8 +249,8 @@ def greatest(law: Law, function: Callable[[Array], Array]) -> tuple[float | None
 
     Parameters
     ----------
-    function : of angles (N,), smooth between the breaks of the law; limits at breaks count, from
-        both sides
+    function : function of angles (N,), smooth between the breaks of the law; limits at breaks
+        count, from both sides
     """
     search = ExtremeSearch(['value'])
     search.add(lambda x: function(x.ravel())[None], *np.array(_pieces(law)).T)

@@ -60,11 +60,11 @@ class CamReading(NamedTuple):
     contact_speed: Annotated[Array, Told('m/s', 'speed of the contact along the profile')]
     sliding_speed: Annotated[Array, Told('m/s', 'sliding speed of the follower over the cam')]
     roller_speed: Annotated[Array, Told('rad/s', 'spin of the roller on its pin')]
-    mode: NDArray[np.uint8]  #: (N,) of `CamMode`
+    mode: NDArray[np.uint8]  #: (N,) values of `CamMode`
 
 
 def read_cam(joint: PlacedCam, view: PairView) -> CamReading:
-    """A cam that its follower may leave, or in whose groove it has play."""
+    """Reading of a cam that its follower may leave, or of a groove with clearance."""
     cam, torque = _cam(joint, view)
     angle = cam.position
     lift, touch = joint.cam.law(angle), joint.cam.at(angle)
@@ -94,7 +94,7 @@ def _touching(
 
     Parameters
     ----------
-    rate : of the cam (N,) [rad/s] or [m/s]
+    rate : rate of the cam (N,) [rad/s] or [m/s]
     """
     turn = view.turning(joint.first, joint.on_first).position
     (x, y), (c, s) = joint.profile(touch.profile), (np.cos(turn), np.sin(turn))
@@ -117,7 +117,7 @@ def _cam(joint: PlacedCam, view: PairView) -> tuple[Trajectory, Array]:
 
 
 def _follower(joint: PlacedCam, view: PairView, lift: Array) -> Trajectory:
-    """The follower's place, from where it is on the base circle, in the direction of the lift."""
+    """Trajectory of the follower from the base circle, in the direction of the lift."""
     lowest = joint.distance.lowest
     if joint.distance.swings:
         turn = view.chord(joint.second, joint.pivot, joint.on_second)
@@ -132,7 +132,7 @@ def _follower(joint: PlacedCam, view: PairView, lift: Array) -> Trajectory:
 
 
 def _contact(joint: PlacedCam, view: PairView) -> tuple[Array, NDArray[np.uint8]]:
-    """Distance [m] to what the follower may touch, and the mode."""
+    """Gap [m] of the follower, and the mode."""
     walls = [view.gap(side) for side in joint.sides]
     count = view.count
     known = [(wall, side) for wall, side in zip(walls, joint.sides, strict=True) if wall]

@@ -25,7 +25,7 @@ from mechanism_sim.joints.cam.profiles import (
 from mechanism_sim.joints.sheets import Circle, JointParts, Outline, PartFigure, Polygon, Sheet
 from mechanism_sim.tables import Table
 
-#: for which a base radius is proposed [rad]
+#: pressure angle for which a base radius is proposed [rad]
 _PRESSURE_ANGLE = math.radians(30.0)
 _BESIDE = 1e-11  # of the largest value: beside a break, what is less is 0
 
@@ -96,7 +96,7 @@ class CamParts(JointParts):
 
 
 def _per(unit: str, of: str, order: int) -> str:
-    """The unit of a derivative by what is in the unit `of`."""
+    """Unit of a derivative by a quantity of the unit `of`."""
     above, power = ('1', order - 1) if unit == of and order else (unit, order)
     if power <= 0:
         return '' if above == '1' else unit
@@ -150,7 +150,7 @@ def cam_outline(cam: Cam, clearance: float | None = None) -> Outline:
 
     Parameters
     ----------
-    clearance : of the roller in a groove [m], which then has both walls; None: no groove
+    clearance : clearance of the roller in a groove [m], with both walls; None without a groove
     """
     at = outline_angles(cam.law)
     touch, closed = cam.at(at), not cam.law.reciprocating

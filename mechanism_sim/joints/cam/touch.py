@@ -27,14 +27,14 @@ class CamTouch(NamedTuple):
     ----------
     pitch : centre of the roller, tip of the knife or point of contact of a face, (2, N) [m]
     profile : the point of contact, (2, N) [m]
-    normal : out of the cam, (2, N)
+    normal : outward normal of the cam, (2, N)
     pressure_angle : from the direction in which the follower moves at a positive rate, at its
         `pitch` point, to the normal, counterclockwise, (N,) [rad]
-    curvature : of the pitch curve, positive where it bulges, (N,) [1/m]
-    curvature_radius : of the profile, negative where it is hollow, (N,) [m]
+    curvature : curvature of the pitch curve, positive where convex, (N,) [1/m]
+    curvature_radius : radius of curvature of the profile, negative where concave, (N,) [m]
     sliding : along the face or at the knife; what the rolling of a roller has to take up; per
         radian [m] or metre of the cam, counterclockwise in the cam's frame, (N,)
-    rate : how fast the point of contact moves along the profile, counted likewise, (N,)
+    rate : velocity of the point of contact along the profile, with the same sign and units, (N,)
     """
 
     pitch: Array
@@ -51,11 +51,11 @@ class FramePassage(NamedTuple):
     """Motion of the frame relative to the cam per radian, or per metre of a sliding cam."""
 
     turning: float
-    velocity: Array  #: without the turning, (2, 1)
+    velocity: Array  #: translational velocity, (2, 1)
 
     @classmethod
     def of(cls, law: Law) -> FramePassage:
-        """The one that goes with a law."""
+        """Passage of the frame for a law."""
         slides = float(law.reciprocating)
         return cls(1.0 - slides, np.array([[0.0], [slides]]))
 

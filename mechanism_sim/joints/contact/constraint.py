@@ -32,14 +32,14 @@ _ACROSS = 48
 
 @dataclass(frozen=True)
 class DiscPair(HigherPair):
-    """A disc of `first` and a disc of `second`, or a bar that goes from there to `end`."""
+    """A disc of `first` and a disc of `second`, or a bar from there to `end`."""
 
     sides: ClassVar[tuple[Side, ...]] = ()
     parts: ClassVar[str] = 'links that touch'
     equations: ClassVar[int] = 0
 
-    radii: tuple[float, float] = (0.0, 0.0)  #: [m]
-    end: Vector2 | None = None  #: [m] of a bar, in the frame of `second`
+    radii: tuple[float, float] = (0.0, 0.0)  #: radii, or half thickness of a bar [m]
+    end: Vector2 | None = None  #: end of a bar, in the frame of `second` [m]
 
     def closure(self, mechanism: Mechanism) -> DiscClosure:
         """Closure of the pair, which has no bilateral constraints."""
@@ -166,7 +166,7 @@ class DiscGap:
     def _along(
         self, frames: Frames, x: Jet, y: Jet
     ) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet], tuple[hy.expression, hy.expression]]:
-        """First's middle along and across a bar, and from its end; flags of both ends."""
+        """Position of first's centre along and across a bar, and from its end; end flags."""
         ux, uy = self._bar(frames)
         along, across = ux * x + uy * y, ux * y - uy * x
         ends = self.pair.on_second, self.pair.end or self.pair.on_second

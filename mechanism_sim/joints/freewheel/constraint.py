@@ -32,8 +32,8 @@ class Freewheel(Transmission):
 
     parts: ClassVar[str] = 'one-way clutch'
 
-    sense: float = 1.0  #: in which the first drives the second: 1 counterclockwise, -1 clockwise
-    teeth: int = 0  #: of a ratchet on a turn; 0 of a freewheel
+    sense: float = 1.0  #: sense of driving the second: 1 counterclockwise, -1 clockwise
+    teeth: int = 0  #: number of teeth of a ratchet; 0 for a freewheel
 
     @property
     def coupling(self) -> None:
@@ -46,10 +46,10 @@ class Freewheel(Transmission):
 
 @dataclass(frozen=True)
 class Overrun(Wall):
-    """Lead of the second link over the first; of a freewheel only its rate."""
+    """Lead of the second link over the first; for a freewheel only its rate."""
 
     def value(self, frames: Frames) -> Jet:
-        """A rate without value, or the pawl's travel from the last tooth that it passed [m]."""
+        """Rate without value, or travel of the pawl from the last tooth passed [m]."""
         joint = self.closure.joint
         assert isinstance(joint, Freewheel)  # noqa: S101 - it makes this gap
         (ahead,) = self.closure.values(frames)

@@ -1,4 +1,4 @@
-"""Intermittent motion: a driving pin that moves a slotted follower, which is locked meanwhile.
+"""Intermittent motion: a driving pin moves a slotted follower, which is locked in between.
 
 Slots repeat, so their distance from the pin is written as a periodic function: with N slots on a
 wheel, a sine of N times the pin's direction in the wheel's frame ([V] 2.6). A switch tells whether
@@ -47,7 +47,7 @@ DRIVEN: Mapping[str, tuple[str, ...]] = MappingProxyType(
         'effort on what is driven': ('driven_effort',),
     }
 )
-"""Readings that are worth a chart, by its title."""
+"""Readings shown in charts, by the chart's title."""
 
 
 class GenevaReading(NamedTuple):
@@ -104,12 +104,12 @@ class Geneva(IndexingPair):
 
     slots: int
     towards: float  #: [rad] direction from the wheel's centre to the crank's, in the world
-    distance: float  #: [m] of the two centres
-    entry: float  #: [m] from the wheel's centre to the mouth of a slot
+    distance: float  #: distance of the two centres [m]
+    entry: float  #: radius from the wheel's centre to the mouth of a slot [m]
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """The wheel: it is left with another slot at the same place."""
+        """The wheel, whose constraint repeats with its slots."""
         return (self.second,)
 
     def reading(self, view: PairView) -> GenevaReading:
@@ -148,7 +148,7 @@ class Geneva(IndexingPair):
         draft.add('wheel', self.first, points_of(disc) + centre)
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
-        """The wheel, as far as its slots reach."""
+        """Disc of the wheel up to the slots' mouths."""
         return [((self.second, self.on_second), self.entry)]
 
     def closure(self, mechanism: Mechanism) -> GenevaClosure:
@@ -158,7 +158,7 @@ class Geneva(IndexingPair):
 
 @dataclass(frozen=True)
 class GenevaClosure(HigherClosure[Geneva]):
-    """A Geneva wheel without play."""
+    """A Geneva wheel without clearance."""
 
     def _pin(self, frames: Frames) -> Pair:
         """Vector from the wheel's centre to the pin, in the world [m]."""
@@ -172,7 +172,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         return frames.switch(self.name, dense(inside) / self.joint.entry**2)
 
     def offset(self, frames: Frames) -> Jet:
-        """Offset of the pin, or of the locked wheel at the slot's mouth, from its place [m].
+        """Offset of the pin, or of the locked wheel at the slot's mouth, from closure [m].
 
         ``(r/N) sin(N (phi - psi))`` with the pin at polar coordinates r, phi about the wheel's
         centre; ``(R/N) sin(N (psi - towards))`` with the slots' mouths at R.
@@ -184,7 +184,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         return either(self.engaged(frames), slot, locked)
 
     def _off(self, frames: Frames) -> tuple[Jet, Jet, Jet]:
-        """Radius r [m]; angles of the pin off a slot, and of the wheel off its locked place."""
+        """Radius r [m]; angles of the pin off a slot, and of the wheel off its locked position."""
         wheel = frames.angle(self.mechanism.frame(self.joint.second)[0])
         radius, angle = _polar(*self._pin(frames))
         towards = lift(dense(frames.parameters(f'{self.name}.towards', self.joint.towards)))
@@ -207,7 +207,7 @@ class GenevaClosure(HigherClosure[Geneva]):
     def pressed(self, frames: Frames, force: Term) -> Wrench:
         """Wrench on the wheel of a force along the offset.
 
-        With play the slot is not quite along the pin's direction: there is a part of the force
+        With clearance the slot is not quite along the pin's direction: a part of the force is
         towards the wheel's centre, by the offset over the pin's distance.
         """
         joint, on, offset = self.joint, self.engaged(frames), self.offset(frames)
@@ -256,5 +256,5 @@ def sine(x: Jet, n: int | hy.expression) -> Jet:
 
 
 def either(flag: Term, a: Jet, b: Jet) -> Jet:
-    """The first where the flag is 1, the second where it is 0; the flag does not move."""
+    """First jet where a flag is 1, second where it is 0; the flag is constant."""
     return a * lift(flag) + b * lift(1.0 - flag)

@@ -31,9 +31,9 @@ class Elasticity:
 
     stiffness: float  #: k0 [N/m], the mean
     damping: float = 0.0  #: [N s/m]
-    variation: tuple[float, ...] = ()  #: a_1, a_2, ... of k0
+    variation: tuple[float, ...] = ()  #: harmonics a_1, a_2, ... relative to k0
     tooth: float = 0.0  #: [rad] N a of the first gear with a tooth on the line of centres
-    lead: float = 0.0  #: [rad] u of the first flank, when the tooth is there
+    lead: float = 0.0  #: [rad] phase u of the first flank with that tooth there
 
     def __post_init__(self) -> None:
         least = min(

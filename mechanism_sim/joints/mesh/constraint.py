@@ -52,7 +52,7 @@ _FLANK = 14  # points of a drawn flank, its fillet among them
 
 @dataclass(frozen=True)
 class MeshClosure(HigherClosure[PlacedMesh]):
-    """Gears in mesh without play."""
+    """Gears in mesh without backlash."""
 
     def places(self, frames: Frames) -> tuple[Jet, Jet]:
         """Angles of the gears against the carrier [rad]; of a rack, its displacement [m]."""
@@ -94,7 +94,7 @@ class MeshClosure(HigherClosure[PlacedMesh]):
         return found
 
     def couples(self, frames: Frames, force: Term) -> tuple[Term, Term]:
-        """Moments [N m] on first and second that the errors add to a force along the row."""
+        """Moments [N m] on first and second by the errors, beside a force along the row."""
         found: list[Term] = [None, None]
         for e, (_, slope, _) in self._errors(frames):
             found[e.member] = add(found[e.member], mul(force, slope))
@@ -148,20 +148,20 @@ class MeshClosure(HigherClosure[PlacedMesh]):
 
 
 class _Flank(NamedTuple):
-    """One side of the teeth: what presses on it."""
+    """Deflection and force of one flank of the teeth."""
 
-    share: Term  #: 1 where it is pressed, else 0
+    share: Term  #: 1 if the flank is in contact, else 0
     pressed: Term  #: x [m]
     rate: Term  #: x' [m/s]
     force: Term  #: k x + d x' [N]
     stiffness: Term  #: k [N/m]
     slope: Term  #: dk/d a of the first gear [N/m/rad]
-    sign: float  #: of the force along the row
+    sign: float  #: sign of the force along the row
 
 
 @dataclass(frozen=True)
 class MeshSpring:
-    """Elastic teeth in the place of a joint, with play or without.
+    """Elastic teeth in the place of a joint, with or without backlash.
 
     Which flank is pressed is told by switches of the engine: the equations are smooth between
     them. The damper acts while a flank is pressed; where there is play it never makes one pull.
@@ -169,7 +169,7 @@ class MeshSpring:
 
     closure: MeshClosure
     elasticity: Elasticity
-    play: float = 0.0  #: [m] to either side
+    play: float = 0.0  #: backlash to either side along the line of action [m]
 
     @property
     def name(self) -> str:
@@ -201,7 +201,7 @@ class MeshSpring:
         return found
 
     def _stiffness(self, frames: Frames, k0: Term, sign: float) -> tuple[Term, Term]:
-        """K and its derivative by the place of the first."""
+        """k and its derivative by the position of the first."""
         e, p = self.elasticity, frames.parameters
         wave = self.closure.joint.waves[0]
         turned = wave * dense(self.closure.places(frames)[0].value)
@@ -267,7 +267,7 @@ class MeshSpring:
 
 @dataclass(frozen=True)
 class GearMesh(PlacedMesh):
-    """Teeth in mesh, with play or without, rigid or elastic."""
+    """Teeth in mesh, with or without backlash, rigid or elastic."""
 
     parts: ClassVar[str] = 'teeth with backlash'
     node: ClassVar[str] = 'gear_train'
@@ -321,7 +321,7 @@ class GearMesh(PlacedMesh):
 
     @property
     def toothed(self) -> tuple[str, ...]:
-        """All but a rack."""
+        """Names of both links, without a rack."""
         return tuple(link for link in self.links if not self.is_rack(link))
 
     def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
@@ -365,7 +365,7 @@ class GearMesh(PlacedMesh):
             draft.add('wheel', link, *curves, size=gear.tip_radius)
 
     def _straight_teeth(self, draft: Draft, teeth: Teeth) -> Array:
-        """Outline of a rack with as many teeth as the motion needs, (k, 2) in its link's frame."""
+        """Outline of a rack with enough teeth for the motion, (k, 2) in its link's frame [m]."""
         guide, gear = self.guide, teeth.gear
         assert guide is not None  # noqa: S101 - on which it slides
         towards = self.towards + math.pi - guide.angle
@@ -388,7 +388,7 @@ class GearMesh(PlacedMesh):
         return [(side, teeth.gear.pitch_radius) for teeth, side in wheels if not teeth.rack]
 
     def bars(self) -> Sequence[Bar]:
-        """A rack, as long as the gear is round."""
+        """Bar of a rack, as long as the gear's circumference."""
         if self.guide is None:
             return ()
         axis, turned = self.guide.axis, self.guide.angle

@@ -60,7 +60,7 @@ def inverse_inv(value: float) -> float:
 
 
 def rounded_up(shift: float) -> float:
-    """A profile shift to four digits that is not less."""
+    """Profile shift rounded up to four digits."""
     return math.ceil(shift * 1e4 - 1e-6) / 1e4
 
 
@@ -86,8 +86,8 @@ class Gear:
     teeth : N
     module : m [m]
     system : shape of the rack
-    shift : how far the rack was moved outwards, in modules (profile shift)
-    internal : teeth inwards
+    shift : profile shift outwards, in modules
+    internal : whether teeth point inwards
     """
 
     teeth: int
@@ -250,10 +250,10 @@ class Fillet:
 
     Parameters
     ----------
-    gear : external
+    gear : external gear
     radius : rho [m]
     depth : c [m]
-    beside : of the arc's centre from the middle of the rack's tooth [m]
+    beside : distance of the arc's centre from the middle of the rack's tooth [m]
     """
 
     gear: Gear
@@ -279,12 +279,12 @@ class Fillet:
 
     @property
     def last(self) -> float:
-        """Place x [m] at which the arc of the rack ends and its flank begins."""
+        """Position x [m] at which the arc of the rack ends and its flank begins."""
         return self.depth / math.tan(self.gear.system.pressure_angle)
 
     @property
     def crossing(self) -> float:
-        """Place x [m] at which the fillet touches the involute, or where it undercuts crosses it.
+        """Position x [m] at which the fillet touches the involute, or crosses it by undercut.
 
         Without undercut the arc goes over into the flank of the rack, and the fillet into the
         involute, without a corner.
@@ -307,7 +307,7 @@ class Fillet:
 
     @property
     def end(self) -> float:
-        """Radius [m] of that point."""
+        """Radius [m] at the end of the fillet."""
         return self.at(self.crossing)[0]
 
     def points(self, count: int) -> Array:

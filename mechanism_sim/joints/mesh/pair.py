@@ -29,8 +29,8 @@ class Pair:
 
     Parameters
     ----------
-    pinion, wheel : of one module and pressure angle
-    centre_distance : C [m]; without it, that of no backlash
+    pinion, wheel : gears of equal module and pressure angle
+    centre_distance : C [m]; by default that without backlash
     """
 
     pinion: Gear
@@ -83,7 +83,7 @@ class Pair:
     def _cure(self) -> str:
         """Profile shifts that end undercut, if the pair meshes with them, and their distance.
 
-        What one gear gains the other gives, as far as it is not undercut itself.
+        One shift is taken from the other gear, as far as that is not undercut itself.
         """
         gears = self.pinion, self.wheel
         first, second = (rounded_up(g.least_shift) if g.undercut else g.shift for g in gears)
@@ -193,7 +193,7 @@ class Pair:
 
     @property
     def contact_ratio(self) -> float:
-        """Path of contact over base pitch: how many pairs of teeth touch in the mean."""
+        """Path of contact over base pitch: mean number of pairs of teeth in contact."""
         start, end = self.path
         return (end - start) / self.pinion.base_pitch
 

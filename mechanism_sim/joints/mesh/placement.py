@@ -1,4 +1,4 @@
-"""Gears in mesh where they stand in a mechanism, as what closes, reads or draws them needs it."""
+"""Placement of gears in mesh in a mechanism, for closures, readings and drawings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Teeth(NamedTuple):
     name: str
     gear: Gear
     rack: bool = False
-    tooth: float = 0.0  #: [rad] where its link's frame has a tooth; of a rack [m] along the guide
+    tooth: float = 0.0  #: position of a tooth in its link's frame [rad]; of a rack [m]
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,9 @@ class Harmonic:
     """
 
     member: int
-    order: float  #: per radian, or per metre
+    order: float  #: wave number [1/rad], or [1/m] for a rack
     amplitude: float  #: [m] along the line of action
-    start: float = 0.0  #: [rad, m]
+    start: float = 0.0  #: position of zero [rad, m]
 
 
 @dataclass(frozen=True)
@@ -47,23 +47,23 @@ class PlacedMesh(HigherPair):
     carrier: str
     waves: tuple[float, float]  #: N of each, negative for internal teeth; of a rack [1/m]
     base_pitch: float  #: [m]
-    pressure_angle: float  #: [rad] working
+    pressure_angle: float  #: working pressure angle [rad]
     towards: float  #: [rad] from the first centre to the second, in the carrier's frame
     reach: float  #: [m] from the first centre to the pitch point in that direction
     facing: tuple[float, float] = (0.0, 0.0)
     """Where each has its angle zero on the line of centres: angle against the carrier [rad]; of a
     rack the displacement [m] with `on_second` there."""
-    guide: Prismatic | None = None  #: along which a rack slides on the carrier
+    guide: Prismatic | None = None  #: guide of a rack on the carrier
     bearings: tuple[str, ...] = ()  #: shafts between gears and carrier, and the guide
     wheels: tuple[Teeth, ...] = ()
     contact_ratio: float = math.nan
     sliding_arm: float = 0.0  #: [m] mean distance of contact from the pitch point
     helix_angle: float = 0.0  #: [rad] on the working pitch circles
-    hand: int = 1  #: of the first: 1 right, -1 left
-    along: tuple[float, float] = (0.0, 0.0)  #: [m] where both lie on their shafts
+    hand: int = 1  #: hand of the first: 1 right, -1 left
+    along: tuple[float, float] = (0.0, 0.0)  #: positions of both along their shafts [m]
     phase: float = 0.0  #: u0 [rad]
     errors: tuple[Harmonic, ...] = ()
-    play: float = 0.0  #: [m] along the line of action, to either side
+    play: float = 0.0  #: backlash to either side along the line of action [m]
     elasticity: Elasticity | None = None
 
     @property
@@ -73,7 +73,7 @@ class PlacedMesh(HigherPair):
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Gears, unless teeth have errors of their own: with the next tooth all is as before."""
+        """Gears without errors of single teeth: their constraint repeats with every tooth."""
         own = {
             x.member
             for x in self.errors

@@ -47,7 +47,7 @@ class GearReading(NamedTuple):
     first_torque: Annotated[Array, Told('N m or N', 'torque on {first}', 'first')]
     second_torque: Annotated[Array, Told('N m or N', 'torque on {second}')]
     mesh_frequency: Annotated[Array, Told('Hz', 'mesh frequency')]
-    mode: NDArray[np.uint8]  #: (N,) of `MeshMode`
+    mode: NDArray[np.uint8]  #: (N,) values of `MeshMode`
 
 
 def read_mesh(joint: PlacedMesh, view: PairView) -> GearReading:
@@ -80,7 +80,7 @@ def read_ratio(
 
     Parameters
     ----------
-    effort : on the second (N,) [N m], or of one that slides [N]; else the moment of the joint
+    effort : effort on the second (N,) [N m], or [N] if sliding; by default the joint's moment
     """
     unknown = np.full(view.count, np.nan)
     second = view.moment if effort is None else effort

@@ -41,7 +41,7 @@ class MeshParts(JointParts):
 
     @property
     def has_friction(self) -> bool:
-        """The efficiency of two gears depends on friction."""
+        """True for two gears, whose efficiency depends on friction."""
         return not any(w.part.rack for w in self.wheels)
 
     def sheet(self, gear: str | None, friction: float) -> Sheet:
@@ -141,9 +141,9 @@ def gear_outline(gear: Gear, angle: float = 0.0, x: float = 0.0, name: str = '')
 
     Parameters
     ----------
-    angle : of one of the teeth from the x axis [rad]
-    x : of the shaft on that axis [m]
-    name : what the names of curves begin with, as in ``pinion.profile``
+    angle : angle of one of the teeth from the x axis [rad]
+    x : position of the shaft on that axis [m]
+    name : prefix of the names of curves, as in ``pinion.profile``
     """
     points = gear.outline(FLANK, angle, ARC).T
     teeth = Polygon(f'{name}profile', points + np.array([[x], [0.0]]) if x else points)
@@ -200,7 +200,7 @@ def gear_and_rack_outline(
 
     Parameters
     ----------
-    distance : of the rack's pitch line from the shaft [m]
+    distance : distance of the rack's pitch line from the shaft [m]
     """
     teeth = 2 * math.ceil(gear.teeth / 2.0 / math.pi) + 2
     at = distance, 0.5 * (teeth - 1) * gear.circular_pitch

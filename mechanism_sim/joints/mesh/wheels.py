@@ -1,4 +1,4 @@
-"""Gears of a scene: where they are on their links, and pairs on their carrier."""
+"""Gears of a scene: placement on their links, and of pairs on their carrier."""
 
 from __future__ import annotations
 
@@ -73,12 +73,12 @@ class Placed(NamedTuple):
     towards: float  #: [rad] from the first centre to the second, in the carrier's frame
     reach: float  #: [m] from the first centre to the pitch point in that direction
     pressure_angle: float  #: [rad] working
-    path: Path  #: [m] along the line of action, as the first drives
-    backlash: float  #: [m] along the working pitch circle
-    tight: str  #: what would leave no backlash
-    facing: tuple[float, float]  #: as of `GearMesh`
+    path: Path  #: path of contact along the line of action with the first driving [m]
+    backlash: float  #: backlash along the working pitch circle [m]
+    tight: str  #: text on the placement without backlash
+    facing: tuple[float, float]  #: see `PlacedMesh`
     half: float  #: [rad] N times half the angle of a tooth of the first at the pitch point
-    waves: tuple[float, float]  #: as of `GearMesh`
+    waves: tuple[float, float]  #: see `PlacedMesh`
     bearings: tuple[str, ...]  #: shafts, and the guide of a rack
     guide: Prismatic | None = None
 

@@ -1,4 +1,4 @@
-"""A block with play in its guide: each of its corners may touch a wall.
+"""A block with clearance in its guide: each of its corners may touch a wall.
 
 P. Flores, R. Leine, C. Glocker, Modeling and analysis of planar rigid multibody systems with
 translational clearance joints based on the non-smooth dynamics approach, Multibody System
@@ -35,7 +35,7 @@ class GuideClearance(MeasuredGap):
     mechanism: Mechanism
     side: Side
     corner: Vector2  #: [m] in the block's frame
-    width: float  #: [m] of the guide, from its axis
+    width: float  #: half width of the guide, from its axis [m]
     restitution: float
     friction: float = 0.0
     hypothesis: str = 'newton'
@@ -119,8 +119,8 @@ def corners(
     Parameters
     ----------
     joint : a prismatic joint that is cut; the block is its second link
-    size : of the block along and across the guide [m]
-    clearance : on each side [m]
+    size : size of the block along and across the guide [m]
+    clearance : clearance on each side [m]
     """
     guide = mechanism.joint(joint)
     if not isinstance(guide, Prismatic):

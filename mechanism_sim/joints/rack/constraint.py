@@ -32,10 +32,10 @@ class SlottedRack(IndexingPair):
     `on_second` a point of a slot.
     """
 
-    pitch: float  #: [m] of the slots: twice the radius of the pin's circle
+    pitch: float  #: pitch of the slots: twice the radius of the pin's circle [m]
     axis: float  #: [rad] direction of the rack in the world
-    centre: Vector2  #: [m] of the crank, in the world
-    side: Literal[1, -1]  #: of that line on which the rack is: 1 on its right, -1 on its left
+    centre: Vector2  #: centre of the crank, in the world [m]
+    side: Literal[1, -1]  #: side of that line with the rack: 1 on its right, -1 on its left
 
     @property
     def pitches(self) -> Mapping[str, float]:
@@ -79,7 +79,7 @@ class SlottedRack(IndexingPair):
 
 @dataclass(frozen=True)
 class RackClosure(HigherClosure[SlottedRack]):
-    """A slotted rack without play."""
+    """A slotted rack without clearance."""
 
     def _from_centre(self, frames: Frames, link: str, at: Vector2) -> Pair:
         """Position of a point of a link: components along the rack and across it [m]."""
@@ -98,12 +98,12 @@ class RackClosure(HigherClosure[SlottedRack]):
         return frames.switch(self.name, -dense(across.value) * (2.0 * joint.side / joint.pitch))
 
     def values(self, frames: Frames) -> list[Jet]:
-        """Offset of the pin, or of the locked rack, from its place along the rack [m]."""
+        """Offset of the pin, or of the locked rack, along the rack [m]."""
         wave, *off = self._off(frames)
         return [either(self.engaged(frames), *(sine(x, wave) for x in off))]
 
     def _off(self, frames: Frames) -> tuple[hy.expression, Jet, Jet]:
-        """The slots' wave number [1/m]; how far the pin is off one, and the rack off its place."""
+        """Wave number of the slots [1/m]; offsets of the pin from one, and of the locked rack."""
         joint = self.joint
         pin, _ = self._from_centre(frames, joint.first, joint.on_first)
         slot, _ = self._from_centre(frames, joint.second, joint.on_second)

@@ -28,11 +28,11 @@ class BearingClearance:
 
     name: str
     mechanism: Mechanism
-    clearance: float  #: [m] radial
+    clearance: float  #: radial clearance c [m]
     restitution: float
     friction: float = 0.0
     hypothesis: str = 'newton'
-    pin_radius: float = 0.0  #: [m]
+    pin_radius: float = 0.0  #: radius of the pin [m]
     law: ForceLaw | None = None
 
     def value(self, frames: Frames) -> Jet:
@@ -118,8 +118,8 @@ class FilmBearing:
     name: str
     mechanism: Mechanism
     film: ShortBearing
-    reach: float = 0.0  #: [m] how far off the centre its walls touch; 0: never
-    soft: bool = False  #: whether these give way
+    reach: float = 0.0  #: eccentricity at which the walls touch [m]; 0 if never
+    soft: bool = False  #: whether the walls are compliant
 
     @property
     def clearance(self) -> float:
@@ -137,7 +137,7 @@ class FilmBearing:
         return self.clearance - float(np.hypot(x, y)[0])
 
     def _motion(self, frames: Frames) -> JournalMotion:
-        """The motion that the film asks for, of Q in components."""
+        """Motion of the journal, Q in components, as input of the film."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         joint, p = self.mechanism.joint(self.name), frames.parameters
         spins = []

@@ -33,10 +33,10 @@ class BearingEnd(BearingClearance):
     """An end of a bearing, see there; Q is that of its plane."""
 
     bearing: str = ''  #: name of the joint
-    pin: Vector2 = (0.0, 0.0)  #: [m] of its axis off the joint's point on the first link
-    bushing: Vector2 = (0.0, 0.0)  #: [m] the same on the second link
-    height: float = 0.0  #: [m] above the plane of the links
-    reach: float = 0.0  #: [m] above the middle of the bearing
+    pin: Vector2 = (0.0, 0.0)  #: offset of the pin's axis from the joint's point [m]
+    bushing: Vector2 = (0.0, 0.0)  #: offset of the bushing's axis from the joint's point [m]
+    height: float = 0.0  #: height above the plane of the links [m]
+    reach: float = 0.0  #: height above the middle of the bearing [m]
 
     thrust: ClassVar[float] = 0.0
     softness: ClassVar[float] = 1e-9
@@ -67,7 +67,7 @@ class BearingEnd(BearingClearance):
 
         Parameters
         ----------
-        q : (n, N) of the coordinates
+        q : (n, N) coordinates
         N, T : (N,) normal and friction force [N]
         """
         x, y = self.mechanism.trace(self.apart, q)[0]
@@ -85,11 +85,11 @@ def bearing_ends(
 
     Parameters
     ----------
-    gap : of the bearing as if pin and bushing were in line; its law is that of each end
-    length : of the bearing [m]
+    gap : gap of the aligned bearing; its contact law is that of each end
+    length : length of the bearing [m]
     pin, bushing : inclinations of the axes [rad], the way each leans towards the reader, in the
         frame of its link
-    along : how far its middle is above the plane of the links [m]; counts where these lean
+    along : height of its middle above the plane of the links [m]; matters for tilting links
     """
     joint, m = gap.mechanism.joint(gap.name), gap.mechanism
     assert isinstance(joint, Revolute)  # noqa: S101 - a bearing is
@@ -116,13 +116,13 @@ class AxialStop(FrictionlessGap):
     name: str
     joint: str
     mechanism: Mechanism
-    thrust: float  #: 1 of what stops the first link on its way towards the reader, else -1
-    play: float  #: [m] from the middle
+    thrust: float  #: 1 for the stop of the first link's motion towards the reader, else -1
+    play: float  #: axial clearance from the middle [m]
     restitution: float
     hypothesis: str = 'newton'
     law: ForceLaw | None = None
-    radius: float = 0.0  #: [m] r; 0 of a face that takes no moment
-    crown: float = 0.0  #: [m] k, of the face's middle above its rim
+    radius: float = 0.0  #: radius r [m]; 0 for a face without moment
+    crown: float = 0.0  #: height k of the face's middle above its rim [m]
     pin: Vector2 = (0.0, 0.0)  #: [rad] inclination by manufacture, in the frame of its link
     bushing: Vector2 = (0.0, 0.0)  #: [rad]
 
@@ -194,13 +194,13 @@ def seat(clearance: float, towards: Array, off: Array) -> Array:
 
     Parameters
     ----------
-    clearance : [m] radial
+    clearance : radial clearance [m]
     towards : (2,) unit vector of the load on the pin
-    off : (2,) from bushing's to pin's axis at the front end [m], if they meet in the middle
+    off : (2,) vector from bushing's to pin's axis at the front end [m], concentric in the middle
 
     Returns
     -------
-    From the bushing's centre to the pin's in the middle of the bearing (2,) [m].
+    Vector from the bushing's centre to the pin's in the middle of the bearing (2,) [m].
     """
     along = float(towards @ off)
     square = float(off @ off)

@@ -39,7 +39,7 @@ from mechanism_sim.planar.frames import Frames, Jet
 _Pair = tuple[Term, Term]  # real and imaginary part
 
 LOOKS = 4096
-"""Places of a surface at which its depth is asked for, evenly from angle 0 on."""
+"""Number of evenly spaced points of a surface with a depth, from angle 0 on."""
 _DIRECTIONS = 512
 _ROUNDS = 30
 _REFINED = 9
@@ -63,9 +63,9 @@ def locus(depth: Array, clearance: float, radius: float, of_pin: bool = False) -
 
     Parameters
     ----------
-    depth : (4096,) worn off [m]
-    clearance : without wear [m]
-    radius : of the pin without wear [m]; 0 of a point, whose locus is the bushing itself
+    depth : (4096,) wear depths [m]
+    clearance : clearance without wear [m]
+    radius : radius of the unworn pin [m]; 0 for a point, with the bushing as locus
     """
     phi = 2.0 * np.pi / LOOKS * np.arange(-LOOKS // 4, LOOKS // 4 + 1)
     place = LOOKS // _DIRECTIONS * np.arange(_DIRECTIONS)[:, None] + np.arange(len(phi))
@@ -86,9 +86,9 @@ def locus(depth: Array, clearance: float, radius: float, of_pin: bool = False) -
 class SurfaceTouch(NamedTuple):
     """A worn surface seen from its link: the measure of the gap, and its derivatives there."""
 
-    value: Term  #: y [m]
-    slope: _Pair  #: by x and y
-    slope_rate: _Pair  #: its rate
+    value: Term  #: measure y of the gap [m]
+    slope: _Pair  #: derivatives by x and y
+    slope_rate: _Pair  #: rate of `slope`
 
 
 @dataclass(frozen=True)
@@ -98,12 +98,12 @@ class WornSurface:
     Attributes
     ----------
     clearance : c [m]
-    centre : from where z is counted, in the link's frame from the joint's point [m]
+    centre : origin of z, in the link's frame from the joint's point [m]
     soft : s [m]
     a : (n + 1,) coefficients of A [m]
     b : (n + 1,) coefficients of B
-    error : [m] the farthest that its zero is from the locus
-    tilt : [rad] the farthest that its gradient is from the unit normal
+    error : largest distance of its zero from the locus [m]
+    tilt : largest deviation of its gradient from the unit normal [rad]
     """
 
     clearance: float
@@ -161,7 +161,7 @@ class WornSurface:
         return np.asarray(way / t - z * (z.conj() * way).real / t**3)
 
     def measure(self, z: ComplexArray) -> tuple[Array, ComplexArray]:
-        """Y [m] at places of the pin (N,) in the link's frame, and its gradient x + i y."""
+        """Measure y [m] at positions of the pin (N,) in the link's frame, and gradient x + i y."""
         z = z - self.centre
         w, half = self._turned(z), 0.5 * np.abs(z) ** 2 / self.clearance
         A, B = (np.polynomial.Polynomial(x) for x in (self.a, self.b))
@@ -173,7 +173,7 @@ class WornSurface:
         return value, gradient[0] + 1j * gradient[1] - z / self.clearance * B(w).real
 
     def touch(self, frames: Frames, name: str, x: Jet, y: Jet) -> SurfaceTouch:
-        """Y as an expression of the pin's place in the link's frame; `name` is of parameters."""
+        """Measure y as an expression of the pin's position; `name` is that of parameters."""
         p, c = frames.parameters, self.clearance
         x -= dense(p.reserve(f'{name}.centre.x', self.centre.real))
         y -= dense(p.reserve(f'{name}.centre.y', self.centre.imag))
@@ -230,7 +230,7 @@ def _evenly(count: int) -> ComplexArray:
 
 
 def _farthest(value: Array, gradient: ComplexArray, way: ComplexArray) -> float:
-    """Largest first-order distance of zeros of a function from places (N,) along unit vectors."""
+    """Largest first-order distance of zeros of a function from points (N,) along unit vectors."""
     return float(np.abs(value / (gradient * way.conj()).real).max())
 
 
@@ -259,10 +259,10 @@ class WornShape:
 
     Attributes
     ----------
-    mean : [m] clearance with the mean depths of both
-    pin, bushing : the surfaces that are worn, each beside the other with its mean depth
-    widest : [m] twice the largest value of the gap, which of a circle is its clearance
-    off : [m] the farthest that the gap is off where they touch
+    mean : clearance with the mean depths of both [m]
+    pin, bushing : worn surfaces, each beside the other with its mean depth
+    widest : twice the largest value of the gap [m]; for a circle its clearance
+    off : largest error of the gap in contact [m]
     """
 
     mean: float
@@ -273,11 +273,11 @@ class WornShape:
 
     @property
     def surfaces(self) -> list[WornSurface]:
-        """Surfaces that are worn."""
+        """The worn surfaces."""
         return [surface for surface in (self.pin, self.bushing) if surface is not None]
 
     def measure(self, z: ComplexArray, ways: Sequence[Any]) -> tuple[Array, ComplexArray]:
-        """The gap [m] at places of the pin (N,), and its gradient; `ways` of the worn links."""
+        """The gap [m] at positions of the pin (N,), and its gradient; `ways` of the worn links."""
         value, gradient = np.zeros(len(z)), np.zeros(len(z), complex)
         for surface, way in zip(self.surfaces, ways, strict=True):
             own = surface.measure(z * np.conj(way))
@@ -329,11 +329,11 @@ class FilmProfile:
 
     Attributes
     ----------
-    place : from which link both are seen, 0 the pin's or 1 the bushing's: the less round one
-    own : (n + 1,) c_k of its wall, with the mean depth of both
-    other : (m,) c_1, c_2, ... of the other wall, as far as they matter
-    count : of even angles at which the film is looked at
-    blur : [rad] over which it ruptures
+    place : link of reference, 0 the pin's or 1 the bushing's: that of the less round wall
+    own : (n + 1,) c_k of the reference wall, with the mean depth of both
+    other : (m,) significant c_1, c_2, ... of the other wall
+    count : number of even angles at which the film is evaluated
+    blur : angle over which the rupture is smoothed [rad]
     """
 
     place: int

@@ -25,10 +25,10 @@ _ROUND = WornShape(0.0, None, None)
 class _Pressed(NamedTuple):
     """Contact of a worn bearing, in the world."""
 
-    gap: Jet  #: [m]
-    place: tuple[Jet, Jet]  #: of the pin, from the bushing's centre [m]
+    gap: Jet  #: gap [m]
+    place: tuple[Jet, Jet]  #: position of the pin from the bushing's centre [m]
     normal: tuple[Jet, Jet]  #: from bushing to pin: values and rates
-    on_bushing: tuple[Term, Term]  #: of this the part that does not pass the bushing's centre
+    on_bushing: tuple[Term, Term]  #: part of the normal with a moment about the bushing's centre
 
 
 @dataclass(frozen=True)

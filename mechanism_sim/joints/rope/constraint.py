@@ -1,4 +1,4 @@
-"""A rope through points of any links and over pulleys on them: it pulls, or hangs slack.
+"""A rope through points of any links and over pulleys on them: in tension, or slack.
 
 Between the centres C of its points, with the radii r of pulleys counted positive where the rope
 passes counterclockwise, an open stretch with the unit vector d and its left normal n has
@@ -37,19 +37,19 @@ from mechanism_sim.planar.view import Draft, Side, circle
 
 
 class Drum(NamedTuple):
-    """Origin of what is wound on a drum."""
+    """Reference position of a rope on a drum."""
 
-    way: float  #: [rad] direction of the rope
-    angle: float  #: [rad] of the drum's link
-    turns: int = 0  #: whole turns of it beside that
+    way: float  #: direction of the rope [rad]
+    angle: float  #: angle of the drum's link [rad]
+    turns: int = 0  #: whole turns of the link beside that
 
 
 class Pulley(NamedTuple):
     """A point of a rope, and the pulley there."""
 
     place: LinkPoint
-    radius: float = 0.0  #: [m] positive where the rope passes counterclockwise; 0 of a point
-    drum: Drum | None = None  #: of one at its end
+    radius: float = 0.0  #: [m] positive if the rope passes counterclockwise; 0 for a point
+    drum: Drum | None = None  #: reference of a drum at the rope's end
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Rope(HigherPair):
     parts: ClassVar[str] = 'rope'
 
     pulleys: tuple[Pulley, ...] = ()
-    length: float = 0.0  #: [m]
+    length: float = 0.0  #: length of the rope [m]
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -78,11 +78,11 @@ class Rope(HigherPair):
         return link in self.links
 
     def closure(self, mechanism: Mechanism) -> RopeClosure:
-        """Taut."""
+        """Closure of the taut rope."""
         return RopeClosure(self, mechanism)
 
     def covered(self) -> Sequence[LinkPoint]:
-        """All its points."""
+        """All points of the rope."""
         return [p.place for p in self.pulleys]
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
@@ -90,7 +90,7 @@ class Rope(HigherPair):
         return [(p.place, abs(p.radius)) for p in self.pulleys if p.radius]
 
     def draw(self, draft: Draft) -> None:
-        """The pulleys, and that links reach to its points."""
+        """Draw the pulleys, and extend links to the points of the rope."""
         for (link, at), radius, _ in self.pulleys:
             draft.reach((link, at))
             if radius and draft.first(f'{link} {at} {abs(radius):.9g}'):
@@ -102,8 +102,8 @@ class Rope(HigherPair):
 class Stretch(NamedTuple):
     """An open stretch of a rope."""
 
-    span: tuple[Jet, Jet]  #: [m] between the centres of its ends
-    length: hy.expression  #: [m]
+    span: tuple[Jet, Jet]  #: vector between the centres of its ends [m]
+    length: hy.expression  #: length [m]
     way: tuple[hy.expression, hy.expression]  #: unit vector along it
 
     @property
@@ -217,7 +217,7 @@ class Slack(Wall):
         return self._laid(q)[0]
 
     def arcs(self, q: Array) -> dict[str, Array]:
-        """Angles (N,) [rad] by which it lies on pulleys at q (n, N), 0 to 2 pi; by their names."""
+        """Wrap angles (N,) [rad] on the pulleys at q (n, N), 0 to 2 pi; by their names."""
         ways, pulleys = self._laid(q)[1], self.closure.joint.pulleys
         found = {}
         for k, p in enumerate(pulleys[1:-1]):

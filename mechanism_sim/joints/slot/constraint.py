@@ -23,7 +23,7 @@ class PinInSlot(HigherPair):
     `on_second` is a point of the slot's centre line.
     """
 
-    axis: float = 0.0  #: [rad] direction of the slot in the frame of `second`
+    axis: float = 0.0  #: direction of the slot in the frame of `second` [rad]
 
     def draw(self, draft: Draft) -> None:
         """A pin of `first`, and the slot of `second`."""
@@ -89,9 +89,9 @@ class SlotClosure(HigherClosure[PinInSlot]):
 
 @dataclass(frozen=True)
 class SlotWall(Wall):
-    """A wall of a slot with play, with friction on its pin."""
+    """A wall of a slot with clearance, with friction on its pin."""
 
-    pin_radius: float = 0.0  #: [m]
+    pin_radius: float = 0.0  #: radius of the pin [m]
 
     def _foot(self, frames: Frames) -> Foot | None:
         return self.closure.foot(frames) if isinstance(self.closure, SlotClosure) else None

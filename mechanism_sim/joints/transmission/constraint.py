@@ -47,7 +47,7 @@ class Transmission(HigherPair):
     )  # fmt: skip
 
     ratio: Fraction = Fraction(1)
-    phase: float = 0.0  #: [rad]
+    phase: float = 0.0  #: angle of the second at zero of the first [rad]
     carrier: str = GROUND
     guides: tuple[Prismatic, ...] = field(default=(), kw_only=True)
     """Of first and second, if these slide."""
@@ -95,12 +95,12 @@ class Transmission(HigherPair):
 
 @dataclass(frozen=True)
 class LooseTransmission(Transmission):
-    """Transmission with play to either side, in the middle of which it starts."""
+    """Transmission with backlash to either side, centred at the start."""
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     parts: ClassVar[str] = 'dogs between stops'
 
-    play: float = 0.0  #: [rad] of the second to either side; of links that slide [m]
+    play: float = 0.0  #: backlash of the second to either side [rad]; [m] for sliding links
 
     @property
     def coupling(self) -> Coupling:
@@ -110,13 +110,13 @@ class LooseTransmission(Transmission):
 
     @property
     def angular_clearance(self) -> bool:
-        """True of links that turn."""
+        """True for rotating links."""
         return not self.guides
 
 
 @dataclass(frozen=True)
 class TransmissionClosure(HigherClosure[Transmission]):
-    """A ratio that is kept."""
+    """Closure of a constant ratio."""
 
     @property
     def lever(self) -> float:

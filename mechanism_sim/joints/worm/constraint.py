@@ -27,8 +27,8 @@ class WormPair:
     ----------
     threads, teeth : N2 of the worm, N3 of the wheel
     diameter : pitch diameter d2 of the worm [m]
-    lead_angle : lambda [rad]; the helix angle of the wheel is the same
-    pressure_angle : in the plane normal to the thread [rad]
+    lead_angle : lead angle lambda [rad]; the helix angle of the wheel is the same
+    pressure_angle : pressure angle in the plane normal to the thread [rad]
     """
 
     threads: int
@@ -49,7 +49,7 @@ class WormPair:
 
     @property
     def centre_distance(self) -> float:
-        """Between the shafts [m]."""
+        """Centre distance of the shafts [m]."""
         return (self.diameter + self.wheel_diameter) / 2.0
 
     @property
@@ -89,7 +89,7 @@ class WormDrive(SpatialPair):
 
     Attributes
     ----------
-    worm : its sizes
+    worm : sizes of the pair
     hand : 1 right, -1 left
     friction : Coulomb's coefficient
     """
