@@ -70,8 +70,8 @@ class CsvTable:
     Attributes
     ----------
     where : begins each sentence about it: file and key that name it, and its own name
-    heading : its first line
-    cells : of each column, from the first row on
+    heading : first line
+    cells : texts of each column, from the first row on
     units : by column as its heading has it; empty for none
     lines : line of the file that each row is on, or its number
     """
@@ -217,7 +217,7 @@ def read_csv(path: Path, where: str, larger: int = 1) -> CsvTable:
     Parameters
     ----------
     where : the file and key that name it, which begin each sentence about it
-    larger : how many times as large it may be as `LARGEST` and `MOST`
+    larger : factor on the limits `LARGEST` and `MOST`
     """
     where, most = f"{where}: '{path.name}'", larger * MOST
     data = documents.limited(path, larger * LARGEST, where, 'give fewer points')

@@ -42,7 +42,7 @@ class DocumentError(ValueError):
 
 
 def read(path: Path, kind: str) -> Any:
-    """The content of a file of some `kind`, named so in what is said of it."""
+    """The content of a file of some `kind`, named so in messages."""
     try:
         data = bytes_of(path, LARGEST)
     except OSError as error:

@@ -59,7 +59,7 @@ def quoted(value: object) -> str:
 
 
 def a_or_an(noun: str) -> str:
-    """A noun with its article, told by its first letter."""
+    """A noun with its article, by its first letter."""
     return f'{"an" if noun[0] in "aeiou" else "a"} {noun}'
 
 
@@ -75,7 +75,7 @@ def nearest(
     Parameters
     ----------
     likeness : 0 to 1, of words that begin alike or have the same letters; others need `_ALIKE`
-    deeper : paths that end with the word itself, which are named, too
+    deeper : further paths that end with the word itself
     """
     import difflib  # noqa: PLC0415 - few runs are refused
 
@@ -93,7 +93,7 @@ def nearest(
 
 
 def other_word(word: str, words: Mapping[str, str]) -> str:
-    """``; here that is X`` for a word of other books and programs, or nothing.
+    """``; here that is X`` for a term of other books and programs, or nothing.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def check_options(
     Parameters
     ----------
     others : functions that they are handed on to, of which those with defaults count, and names
-    words : as of `other_word`
+    words : see `other_word`
     """
     known = [
         p.name for p in _parameters(function) if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)

@@ -1,4 +1,4 @@
-"""Memory of processes, where the system tells it and takes it back."""
+"""Memory of processes, on systems that report it and take it back."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Reused(Generic[T]):
 
     Parameters
     ----------
-    most : how many things like one are kept at most; more go with their owners
+    most : largest number of equal objects kept; further ones go with their owners
     """
 
     def __init__(self, most: Callable[[T], int]) -> None:

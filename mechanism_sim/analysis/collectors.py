@@ -81,9 +81,9 @@ class FieldRange(PublishedRange):
 
     unit: str
     samples: int
-    unknown: int  #: of them, not a number or infinite
-    start: float  #: [s] of the first of them
-    end: float  #: [s]
+    unknown: int  #: number of values that are NaN or infinite
+    start: float  #: time of the first value [s]
+    end: float  #: time of the last value [s]
 
 
 def field_ranges(bag: Bag) -> tuple[FieldRange, ...]:
@@ -130,9 +130,9 @@ class MessageAccounts:
     """
 
     topics: tuple[TopicAccount, ...]
-    finished: tuple[str, ...]  #: nodes
-    unfinished: tuple[str, ...]  #: nodes
-    lost: int  #: messages sent and not recorded, on all topics
+    finished: tuple[str, ...]  #: names of nodes that finished
+    unfinished: tuple[str, ...]  #: names of nodes that did not
+    lost: int  #: number of messages sent and not recorded, on all topics
 
 
 class MessageAccountsCollector:
@@ -195,9 +195,9 @@ class SensorSummary(Indicators):
     link: str
     quantity: str
     unit: str
-    sample_rate: float  #: [Hz]
-    missing: int  #: samples between blocks that should meet and do not
-    overloads: int  #: samples cut at the end of the range
+    sample_rate: float  #: sampling rate [Hz]
+    missing: int  #: number of samples missing between consecutive blocks
+    overloads: int  #: number of samples clipped at full scale
     orders: tuple[tuple[float, float], ...]
 
 
@@ -263,8 +263,8 @@ class Signal:
     ----------
     quantity : one of `QUANTITIES`
     rate : [Hz]
-    starts : of the first sample of each run [s]
-    runs : the samples (N,) of each
+    starts : time of the first sample of each run [s]
+    runs : samples (N,) of each run
     """
 
     sensor: str

@@ -36,7 +36,7 @@ from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40
-"""Number of orders of the drive that are drawn."""
+"""Number of orders of the drive in a chart."""
 _FEWEST = 16  # samples of a spectrum
 
 
@@ -46,12 +46,12 @@ class Wanted:
 
     Attributes
     ----------
-    spectra, orders, envelopes : sensors
-    averages, deviations : sensors or names of `Piece.sample`
-    impacts, wear : joints
-    band : of the envelopes [Hz]; where the signal consists of shocks most if it is not given
+    spectra, orders, envelopes : names of sensors
+    averages, deviations : names of sensors, or of `Piece.sample`
+    impacts, wear : names of joints
+    band : band of the envelopes [Hz]; by default that of the largest spectral kurtosis
     skip : whole turns of the drive at the start that are left out
-    pin_radius : [m] of wear maps, instead of the scene's
+    pin_radius : radius of the pin for wear maps [m], instead of the scene's
     """
 
     spectra: Sequence[str] = ()
@@ -79,9 +79,9 @@ class SignalSpectrum:
 
     spectrum: LineSpectrum
     unit: str
-    band: tuple[float, float] | None = None  #: of an envelope [Hz]
-    share: float | None = None  #: of the power of the signal that is in the band
-    signal_unit: str = ''  #: of the values of the signal itself
+    band: tuple[float, float] | None = None  #: band of an envelope [Hz]
+    share: float | None = None  #: share of the signal's power in the band
+    signal_unit: str = ''  #: unit of the signal itself
 
     def significant_part(self, rate: float | None) -> tuple[float, Array, Array]:
         """Part worth drawing of orders or of an envelope: its end, places and values (N,).
@@ -111,7 +111,7 @@ class Struck:
     """The impacts of a joint, one by one and turn by turn."""
 
     rose: Rose
-    cycles: ImpactCycles | None  #: None where no whole turn of the drive is in the run
+    cycles: ImpactCycles | None  #: None without a whole turn of the drive in the run
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ class Beside:
 
     deviation: Deviation
     unit: str
-    against: str | None = None  #: the scene of the other
+    against: str | None = None  #: name of the other run's scene
     alpha: Alpha | None = None
 
 
@@ -128,8 +128,8 @@ class Beside:
 class Details:
     """Results of a request, by name."""
 
-    drive: str  #: the link whose angle orders the turns
-    drive_rate: float | None  #: turns a second in the mean [Hz]; None of one that turns back
+    drive: str  #: coordinate whose angle orders the turns
+    drive_rate: float | None  #: mean turns a second [Hz]; None if the drive reverses
     spectra: dict[str, SignalSpectrum] = field(default_factory=dict)
     orders: dict[str, SignalSpectrum] = field(default_factory=dict)
     envelopes: dict[str, SignalSpectrum] = field(default_factory=dict)

@@ -172,7 +172,7 @@ def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha
 
     Parameters
     ----------
-    highest : order that counts; half the highest that both resolve unless told
+    highest : highest order considered; by default half the highest that both resolve
     """
     if not other.rms:
         raise InputError(f'{other.quantity} does not deviate from the ideal: there is no ratio')

@@ -78,12 +78,12 @@ class MessageRun:
         return states[0] if len(states) == 1 else ''
 
     def listed(self) -> Iterator[Name]:
-        """All that can be asked for; an array stands for all its items."""
+        """Names of all quantities; an array stands for all its items."""
         yield from (Name(name, x.unit) for name, x in self.series.items())
         yield from _names_in(self._bag)
 
     def names(self) -> list[str]:
-        """Names of all that can be asked for."""
+        """Names of all quantities."""
         return [name for name, _ in self.listed()]
 
     @property
@@ -176,7 +176,7 @@ def open_run(
     Parameters
     ----------
     source : a bag, of other programs too, or its path; a solution, one of its pieces; a cycle
-    namespace : of the machine, where a bag holds several
+    namespace : namespace of the machine, if a bag holds several
     """
     if isinstance(source, Record):
         return source
@@ -214,7 +214,7 @@ def is_run(source: object) -> bool:
 
 
 class Name(NamedTuple):
-    """Name that can be asked for, and its unit; empty for a number."""
+    """Name of a quantity, and its unit; empty for a number."""
 
     name: str
     unit: str
@@ -225,8 +225,8 @@ class Asked:
 
     Parameters
     ----------
-    bag : where it is recorded, if it is
-    record : the run itself; read from the bag when it is first needed if not given
+    bag : path of the bag, if it is recorded
+    record : the run itself; by default read from the bag when first needed
     namespace : of the machine, and of topics that do not begin with a slash
     """
 
@@ -323,7 +323,7 @@ class Asked:
     def marks(
         self, start: float | None, end: float | None
     ) -> tuple[Mechanism | None, list[float]]:
-        """The mechanism, and when it had impacts [s]; nothing if only messages were asked for."""
+        """The mechanism and the times of its impacts [s]; nothing for messages alone."""
         if self._given is None and 'record' not in self.__dict__:
             return None, []
         begin, finish = self.record.part(start, end)
@@ -331,7 +331,7 @@ class Asked:
         return self.record.machine.mechanism, struck
 
     def names(self) -> Iterator[Name]:
-        """All that can be asked for: of the motion, then sensors, then fields of messages."""
+        """Names of all quantities: of the motion, then sensors, then fields of messages."""
         if self.messages:
             yield from self.messages.listed()
             return
@@ -397,11 +397,11 @@ def single(found: Sequence[Series], name: str, where: object) -> Series:
 
 
 class AskedSignals:
-    """Answers about a file of measured signals, as `Asked` gives them about a run.
+    """Quantities of a file of measured signals, with the interface of a run.
 
     Parameters
     ----------
-    full_scale, scaled, rate : as for `read_signals`
+    full_scale, scaled, rate : see `read_signals`
     """
 
     def __init__(

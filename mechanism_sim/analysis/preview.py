@@ -1,4 +1,4 @@
-"""A machine in its first cycle, by which the sizes of pictures and layouts are chosen."""
+"""A machine in its first cycle, for the sizes of pictures and layouts."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ class Preview(Stage):
 
     Attributes
     ----------
-    found : the cycle
-    largest : joint reaction [N]; 0 where forces are not known
+    found : first cycle
+    largest : largest joint reaction [N]; 0 where forces are not known
     """
 
     found: Cycle = field(kw_only=True)

@@ -22,13 +22,13 @@ class PartKind(NamedTuple):
     """Fields of a kind of parts that are summed up."""
 
     title: str
-    state: str | None  #: the field that says in what state a part is
-    names: dict[int, str]  #: of its values
-    fields: tuple[str, ...]  #: whose ranges are wanted
-    part: str = 'joint'  #: the field that names it
+    state: str | None  #: field with the state of a part
+    names: dict[int, str]  #: names of its values
+    fields: tuple[str, ...]  #: fields with ranges in the summary
+    part: str = 'joint'  #: field with the name of the part
 
 
-#: by topic; the numbers are those of the messages
+#: published parts by topic; the numbers are those of the messages
 PARTS = {
     'cam_state': PartKind(
         'cams',
@@ -65,19 +65,19 @@ class PublishedRange:
 
     quantity: str
     lowest: float
-    lowest_time: float  #: [s]
+    lowest_time: float  #: time of the lowest value [s]
     highest: float
-    highest_time: float  #: [s]
+    highest_time: float  #: time of the highest value [s]
 
 
 @dataclass(frozen=True)
 class PartSummary:
     """One part over a run; `share` of the instants by the name of its state sums to 1."""
 
-    joint: str  #: or the name of an oscillator
-    samples: int  #: instants that were published
+    joint: str  #: name of the joint, or of an oscillator
+    samples: int  #: number of published instants
     share: dict[str, float]
-    ranges: tuple[PublishedRange, ...]  #: without those of which nothing is known
+    ranges: tuple[PublishedRange, ...]  #: known ranges only
     of_motion: bool  #: whether the ranges are those of the motion, not of the instants
 
 
@@ -89,18 +89,18 @@ class EnergySummary:
     """
 
     samples: int
-    start: float  #: [s] of the first published instant
-    end: float  #: [s] of the last, to which all that follows goes
+    start: float  #: time of the first published instant [s]
+    end: float  #: time of the last instant, the end of all that follows [s]
     initial: float
     final: float
     drive_work: float
     dissipated: float
     residual_at_end: float
-    largest_residual: float  #: magnitude
-    largest_residual_time: float  #: [s]
-    largest_energy: float  #: the largest term of the balance
-    exchanged: float  #: sum of the changes of all terms from instant to instant, which no height
-    #: that is called zero is part of: to measure the residual by
+    largest_residual: float  #: largest magnitude of the residual [J]
+    largest_residual_time: float  #: time of that residual [s]
+    largest_energy: float  #: largest term of the balance [J]
+    exchanged: float  #: sum of the changes of all terms from instant to instant [J], reference of
+    #: the relative residual, independent of the zero of heights
 
 
 class PublishedRanges:

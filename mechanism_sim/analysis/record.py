@@ -42,7 +42,7 @@ from mechanism_sim.sensing.spectra import TurnSegments
 from mechanism_sim.tables import Table
 from mechanism_sim.units import counted, instant
 
-#: Last part of the name and type of what is analysed.
+#: Last part of the name, and type, of the analysed topics.
 KINDS = {
     'drive': 'mechanism_sim/msg/DriveLaw',
     'motion': 'mechanism_sim/msg/Motion',
@@ -57,9 +57,9 @@ KINDS = {
     'sensors': 'mechanism_sim/msg/SensorBlock',
     'progress': 'mechanism_sim/msg/Progress',
 }
-#: Kinds told by type alone: every sensor or node may have a topic of its own, of any name.
+#: Kinds known by type alone: every sensor or node may have a topic of its own, of any name.
 SHARED = ('sensors', 'progress')
-#: What is no longer read, with the version of bags that ended it.
+#: Topics that are no longer read, with the version of bags that ended them.
 _RETIRED = {'mechanism_sim/msg/AccelerometerBlock': 2}
 _RUN = 'motion', 'impacts', 'mode_changes'
 _ZEROS = np.zeros((0, 0))
@@ -231,11 +231,11 @@ class Record(Revolutions):
     Attributes
     ----------
     piece : its motion and events; sampled as a solution is
-    signals : of the sensors by name, as far as they are recorded or were asked for
-    audit : of the motion and its impacts, where the record was read from a bag
-    wall_time : how long the run took to be recorded [s], where that is known
+    signals : signals of the sensors by name, if recorded or requested
+    audit : energy balance of motion and impacts, if the record was read from a bag
+    wall_time : wall-clock duration of the recording [s], where known
     complete : False if the bag was cut short
-    whole : the motion from the start of the run on, where `piece` begins or ends elsewhere
+    whole : motion from the start of the run, if `piece` begins or ends elsewhere
     """
 
     signals: dict[str, Signal]
@@ -524,8 +524,8 @@ def pieces(
 
     Parameters
     ----------
-    namespace : of the machine, where the bag holds several
-    others : are handed messages of further kinds of topics (see `KINDS`) as they come
+    namespace : namespace of the machine, if the bag holds several
+    others : callbacks for messages of further kinds of topics (see `KINDS`)
     """
     others, topics = others or {}, find_topics(bag, namespace)
     kinds = {name: kind for kind in (*_RUN, *others) for name in topics[kind]}
@@ -582,7 +582,7 @@ def find_topics(bag: Bag, namespace: str | None = None) -> dict[str, tuple[str, 
 
     Parameters
     ----------
-    namespace : of the machine, as '/left'; needed where a bag holds several
+    namespace : namespace of the machine, as '/left'; needed if a bag holds several
     """
     for topic in bag.topics.values():
         if topic.type in _RETIRED:

@@ -25,7 +25,7 @@ from mechanism_sim.planar.points import GROUND
 from mechanism_sim.results.bearing_wear import shared, wear_sums
 from mechanism_sim.results.turns import impact_means, impacts_by_turn
 
-MARKED = 6  #: impacts marked in [SB] 8.11
+MARKED = 6  #: number of marked impacts, as in [SB] 8.11
 _SECTORS = 72  # of a circle, in maps of wear
 
 
@@ -38,16 +38,16 @@ class Rose:
 
     Attributes
     ----------
-    pin, bushing : the links that carry them
-    time : [s]
-    crank_angle : of the main drive [rad] in [0, 2 pi)
+    pin, bushing : names of the links with pin and bushing
+    time : (N,) times [s]
+    crank_angle : angle of the main drive [rad] in [0, 2 pi)
     turn : whole turns of the drive before the impact; angle zero begins a turn. 0 of a drive that
         slides, whose angle is not a number
     normal_impulse, tangential_impulse : [N s]
     approach_speed : [m/s]
     on_pin, on_bushing : direction of the place struck, in the frame of the pin's and of the
         bushing's link [rad] in (-pi, pi]
-    in_world : the same in the world
+    in_world : direction of the contact point in the world
     """
 
     joint: str
@@ -190,8 +190,8 @@ class WearMap:
 
     Attributes
     ----------
-    link : whose frame it is
-    edges : (n + 1,) of the sectors [rad], from -pi to pi
+    link : link of the frame
+    edges : (n + 1,) limits of the sectors [rad], from -pi to pi
     impulse : (n,) normal impulses of impacts [N s]
     load : (n,) integral of the normal force over time in following [N s]
     load_way : (n,) integral of normal force times slip speed: Archard's measure of wear [N m]

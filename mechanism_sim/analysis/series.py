@@ -1,4 +1,4 @@
-"""Numbers of a run over time: out of messages of any bag, or of the motion itself."""
+"""Quantities of a run over time: from messages of any bag, or from the motion itself."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _SIGNS: dict[str, Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 _ARRAYS = list, tuple, np.ndarray, array  # the last is ROS's
 PADDING = 'header', 'structure_needs_at_least_one_member'
-"""Fields that say nothing: of all messages with a stamp, of empty messages."""
+"""Fields without content: of all messages with a stamp, of empty messages."""
 
 _NAMED = 'name', 'names', 'joint_names'  # fields that name items of others
 _NUMBERS = bool, int, float, np.number, np.bool_
@@ -65,13 +65,13 @@ class Series:
 
     Attributes
     ----------
-    name : what was asked for, and which part of it
-    unit : SI; empty for a number, two with an ``or`` where nobody says which
+    name : requested name, with the part of it
+    unit : SI unit; empty for a number, two with an ``or`` if undetermined
     t, values : (N,) [s], and in the unit
     events : whether values hold at their instants only
-    ideal : whether it is of the same machine with ideal joints
+    ideal : whether it belongs to the same machine with ideal joints
     words, of : title of the quantity, and the coordinate, joint or link that it is of, where known
-    run : name of its run, where there are several
+    run : name of its run, if there are several
     """
 
     name: str
@@ -262,7 +262,7 @@ def _unit(units: Sequence[str], which: tuple[str, ...], sliding: Collection[str]
 
     Parameters
     ----------
-    sliding : what slides, by name; None if no scene says it
+    sliding : names of sliding coordinates; None if unknown without a scene
     """
     if len(units) < 2:
         return units[0] if units else ''
@@ -289,7 +289,7 @@ def drawn(
 
     Parameters
     ----------
-    rate : turns of the drive a second [Hz]
+    rate : turns of the drive per second [Hz]
     also : of another run, at whose instants they are wanted, too
     """
     piece, known = run.solution if isinstance(run, Cycle) else run, catalogue(run.machine)
@@ -388,7 +388,7 @@ class MessagePath:
 
     Attributes
     ----------
-    text : as it was written
+    text : text as written
     """
 
     text: str
@@ -499,7 +499,7 @@ def numeric_paths(message: Any, longest: float = math.inf) -> Iterator[tuple[str
 
     Parameters
     ----------
-    longest : arrays of more items are left out
+    longest : largest number of items of an array that is not left out
     """
 
     def walk(at: Any, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:

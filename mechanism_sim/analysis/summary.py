@@ -91,7 +91,7 @@ class JointImpacts:
     energy_loss: float  #: [J] sum
     largest_approach_speed: float  #: [m/s]
     I_n: float  #: [N s] normal impulse per impact ([SB] 7.3)
-    I_n_half_width: float  #: of its 95 % confidence interval; nan without two whole revolutions
+    I_n_half_width: float  #: half its 95 % confidence interval; NaN below two whole revolutions
     dominant: tuple[DominantImpact, ...]
 
 
@@ -218,11 +218,11 @@ class MotionSummary:
 
     coordinates: tuple[str, ...]
     segments: int
-    start: float  #: [s]
+    start: float  #: start of the motion [s]
     end: float  #: [s]
-    crank: str  #: the coordinate whose revolutions are counted
-    revolutions: float | None  #: of it, in the direction in which it ends up; None if it slides
-    mean_speed: float  #: of it [rad/s or m/s], with its sign
+    crank: str  #: coordinate whose revolutions are counted
+    revolutions: float | None  #: its revolutions, positive in the net direction; None if sliding
+    mean_speed: float  #: its mean speed [rad/s or m/s], with sign
     gaps: tuple[tuple[float, float], ...]
 
 
@@ -235,7 +235,7 @@ class Crank:
     ----------
     driven : the coordinate that is driven, if that is known; else that of the name ``crank``, or
         the first
-    displacements : coordinates that slide, which have neither angles nor revolutions
+    displacements : sliding coordinates, which have neither angles nor revolutions
     """
 
     def __init__(self, driven: str | None, displacements: Collection[str]) -> None:
@@ -341,9 +341,9 @@ class LoadPeak:
     time: float  #: [s]
     #: [rad] of the coordinate `MotionSummary.crank`, in [0, 2 pi); None where not recorded
     crank_angle: float | None
-    #: [s] for which the load is above half of the peak, as far as that is known of the motion
+    #: duration [s] of the load above half of the peak, as far as the motion is known
     duration: float | None = None
-    impulse: float | None = None  #: of the magnitude in that time [N s, N m s]
+    impulse: float | None = None  #: integral of the magnitude over that time [N s, N m s]
     whole: bool = True  #: whether the load was below half of the peak before and after
 
 
@@ -355,11 +355,11 @@ class LoadSummary:
     end in ``.axial``.
     """
 
-    samples: int | None  #: instants that were published, if that is all there is; None: the motion
+    samples: int | None  #: number of published instants, without a motion; else None
     joints: tuple[LoadPeak, ...]
     drive_torque: LoadPeak
-    moments: tuple[LoadPeak, ...] = ()  #: [N m] of bearings that tilt
-    drive_unit: str = 'N m'  #: of the drive: N where it slides
+    moments: tuple[LoadPeak, ...] = ()  #: moments [N m] of tilting bearings
+    drive_unit: str = 'N m'  #: unit of the drive's effort: N if it slides
 
 
 def load_summary(
@@ -373,9 +373,9 @@ def load_summary(
 
     Parameters
     ----------
-    peaks, shapes : by the names of the catalogue
+    peaks, shapes : peaks and their shapes by the names of the catalogue
     crank_angle : angle [rad] of the crank at a time [s]
-    slides : whether the main drive moves straight, by a force
+    slides : whether the main drive slides, by a force
     """
     found: dict[str, list[LoadPeak]] = {'drive_torque': [], 'bearing_moment': [], '': []}
     for name, (value, time) in peaks.items():
@@ -414,12 +414,12 @@ class Summary:
     modes: tuple[JointModes, ...] | None
     loads: LoadSummary | None
     energy: EnergySummary | None
-    parts: dict[str, tuple[PartSummary, ...]]  #: by the topic of their states
+    parts: dict[str, tuple[PartSummary, ...]]  #: summaries of parts by the topic of their states
     vibration: tuple[SensorSummary, ...] | None
     ledger: MessageAccounts | None
     digest: str | None
     absent: tuple[str, ...]
-    fields: tuple[FieldRange, ...] = ()  #: of a bag of another program
+    fields: tuple[FieldRange, ...] = ()  #: ranges of fields of a bag of another program
 
     @property
     def ended_early(self) -> bool:

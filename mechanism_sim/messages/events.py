@@ -36,7 +36,7 @@ def parse_description(text: str, source: str) -> Machine:
 
     Parameters
     ----------
-    source : where it comes from, for errors
+    source : origin of the message, for errors
     """
     try:
         content = strict_json.loads(text)

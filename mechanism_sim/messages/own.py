@@ -1,4 +1,4 @@
-"""The messages of this package: their names, their definitions, and what they may say."""
+"""The messages of this package: names, definitions and allowed values."""
 
 from __future__ import annotations
 

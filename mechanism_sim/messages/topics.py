@@ -47,7 +47,7 @@ WRENCH = 'wrench'
 
 
 def wrench_joints(machine: Machine) -> tuple[str, ...]:
-    """The joints whose wrenches the scene wants to be published."""
+    """The joints with published wrenches, by the scene."""
     outputs = machine.scene.outputs
     if outputs.wrenches is None or not outputs.forces or not machine.physics.has_forces:
         return ()

@@ -1,4 +1,4 @@
-"""The classes of all nodes, by their names: a node by itself needs no other."""
+"""The classes of all nodes, by name; each is imported alone."""
 
 from __future__ import annotations
 
@@ -26,5 +26,5 @@ NODE_NAMES = tuple(name for name in NODE_CLASSES if name not in OUTSIDE)
 
 
 def node_class(name: str) -> Any:
-    """The class of a node, imported when it is asked for."""
+    """The class of a node, imported on request."""
     return resolve_name(NODE_CLASSES[name])

@@ -92,7 +92,7 @@ class DriveCommands:
 
     @property
     def _published(self) -> bool:
-        """True if the graph shows who publishes commands."""
+        """True if the graph shows publishers of commands."""
         return bool(self._drive.get_publishers_info_by_topic(self._topic))
 
     def begin(self) -> None:

@@ -25,12 +25,12 @@ class Control:
     Attributes
     ----------
     path : in the scene; of what is no part of it, the name of the parameter
-    unit : in which it is shown, as all limits and values here
-    scale : how many of this unit an SI unit is
+    unit : unit of display, of all limits and values here
+    scale : value in this unit of 1 in SI units
     effect : on the run that goes on, or by a restart
     owner, parameter : node and parameter that are set; with a restart the scene's `path` is set
-    quantity : SI unit in which a scene is told
-    logarithmic : whether equal ways of the slider are equal ratios
+    quantity : SI unit of the value in a scene
+    logarithmic : whether equal distances on the slider are equal ratios
     """
 
     path: str

@@ -43,7 +43,7 @@ class Member(NamedTuple):
 
     Attributes
     ----------
-    value : by which it is known, with its unit
+    value : value of the run with its unit, as its label
     record : the run, from when on it is shown
     place : (x, heights) on charts over the value; none where there is no such chart
     """

@@ -42,7 +42,7 @@ class Slider:
     Attributes
     ----------
     path : dotted; of a component of a point with ``.x`` or ``.y`` behind it
-    change : how fast the arrays of `dimensions` follow its value
+    change : derivatives of the arrays of `dimensions` by its value
     """
 
     path: str
@@ -154,8 +154,8 @@ class SliderReader:
 
     Attributes
     ----------
-    skeleton : its drawing
-    base : its dimensions
+    skeleton : skeleton of the drawing
+    base : dimensions of the base machine
     equations : of the machine with all sliders moved: there none of them vanishes by chance
     found : the sliders
     refused : usual keys that have none
@@ -193,7 +193,7 @@ class SliderReader:
         return {name: _flat(x) for name, x in found.items()}, equations
 
     def read(self, asked: Mapping[str, tuple[str, str]]) -> None:
-        """Make the sliders that are asked for, lowest and highest values by path, or the usual."""
+        """Make the requested sliders, lowest and highest values by path, or the usual ones."""
         for path, texts in asked.items():
             if why := self._add(path, *self._limits(path, texts)):
                 raise InputError(f"--slider '{path}': {why}")

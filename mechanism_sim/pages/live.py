@@ -20,7 +20,7 @@ from mechanism_sim.pages.recorded import PER_TURN
 MOST, FEWEST = 120, 12
 """Instants of a batch: however much time it spans, and however little."""
 _KEPT = 256
-"""Messages kept until they are asked for; what is older is not shown."""
+"""Messages kept until they are requested; older ones are dropped."""
 _ROUNDING = 1e-12  # of times: messages that follow each other meet
 _SLOWEST = 0.01  # [s] between instants where nothing turns
 _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
@@ -37,7 +37,7 @@ class Live:
     ----------
     epoch : counts how often time began anew
     time : [s] up to which the motion is known here
-    impacts : so far in the run
+    impacts : number of impacts so far in the run
     missed : [s] of motion that did not come, since this was last set to zero
     swaying : frames on springs; None where the motion is not known from its start on, by which
         theirs is: they are shown at rest

@@ -27,7 +27,7 @@ class Operator:
         self._clients: dict[tuple[str, str], Client] = {}
 
     async def state(self) -> int | None:
-        """Playing, paused or stopped (0); None if nobody says."""
+        """Playing, paused or stopped (0); None if unknown."""
         answer = await self._call(f'{SIMULATION}/srv/GetSimulationState', 'get_simulation_state')
         return None if isinstance(answer, str) else int(answer.state.state)
 
@@ -57,7 +57,7 @@ class Operator:
         return _outcome(await self._call(f'{SIMULATION}/srv/ResetSimulation', 'reset_simulation'))
 
     async def values(self, owner: str, names: Sequence[str]) -> list[Any]:
-        """Values of parameters of a node; none if it does not say."""
+        """Values of parameters of a node; empty without an answer."""
         answer = await self._call(
             'rcl_interfaces/srv/GetParameters', f'{owner}/get_parameters', names=list(names)
         )

@@ -36,7 +36,7 @@ class Recorded:
     ----------
     impacts : the hardest of them, in the order of time
     hardest : impulse [N s] of the hardest; 0 if there is none
-    left_out : how many impacts are not among them
+    left_out : number of impacts not among them
     """
 
     record: Record

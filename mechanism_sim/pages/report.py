@@ -1,4 +1,4 @@
-"""The page of a run: one HTML file that plays it and holds its charts, and asks for nothing."""
+"""The page of a run: one self-contained HTML file with its playback and charts."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Family(NamedTuple):
     label : of the value
     values : with their units, one for each run
     runs : the first is that of the page
-    curves : what is drawn of all runs over time, see `curves.js`
+    curves : curves of all runs over time, see `curves.js`
     places : of the runs, x and heights, on charts over the value
     """
 
@@ -145,7 +145,7 @@ def turn(run: Recorded) -> float | None:
 
 
 def _facts(run: Recorded, source: str, digest: str) -> list[SummaryRow]:
-    """Facts in the header; a digest is cut, its whole is said when it is pointed at."""
+    """Facts in the header; a digest is cut, with the whole as hover text."""
     rows = [*head(run.record, digest, len(run.impacts) if run.left_out else None)]
     if source:
         rows.append(

@@ -86,19 +86,19 @@ class Server:
 
     Parameters
     ----------
-    contents : by path
+    contents : contents of the pages by path
     port : 0 for any; None for 8080, or any other if that is taken, which is said
     greet : messages for a page that has just been opened, or their texts
     hear : called, in the server's thread, with every command of a page; whatever it raises, or if
         it gives back False, the page is cut off
     read : the command that a message is, None if it is none
-    key : what the address of a page must end in as ``?key=``, if anything
+    key : required end ``?key=`` of the address of a page, if any
     largest : bytes of a command
     name : of the command, for sentences
 
     Attributes
     ----------
-    port : on which it listens
+    port : port on which it listens
     """
 
     def __init__(

@@ -78,7 +78,7 @@ def report(
 def record_of(
     source: Any, start: float | None, revolutions: float | None, duration: float | str | None
 ) -> Record:
-    """The run of a source, or that part of it which is asked for."""
+    """The run of a source, or the requested part of it."""
     if is_run(source):
         record = run_of_machine(source, 'a report')
         first = record.start if start is None else start

@@ -53,7 +53,7 @@ _YEAR_2200 = 7_258_118_400 * 10**9  # [ns]; later times are damaged ones
 
 
 class Loss(NamedTuple):
-    """Bytes that are no sound record; `times` [ns] of the messages in them, where a chunk says."""
+    """Bytes that are no sound record; `times` [ns] of messages in them, if a chunk has them."""
 
     offset: int
     size: int
@@ -68,13 +68,13 @@ class Salvage:
     Attributes
     ----------
     layout : of all of them together
-    closed : whether nothing is to be done: no chunk is damaged, and there is an index
-    losses : what was passed over
+    closed : whether the file is sound: no damaged chunk, and an index
+    losses : skipped bytes
     tail : bytes at the end that are no whole record
-    cut : whether they are what a kill leaves, the beginning of a record, or zeros
-    places : where records with messages begin, and where they end
+    cut : whether they are the beginning of a record or zeros, as after a kill
+    places : starts and ends of records with messages
     attachments : all that could be read
-    chunks : how many chunks were passed over
+    chunks : number of skipped chunks
     fished : topics that were read out of damaged chunks, since others have messages of them
     """
 
@@ -102,7 +102,7 @@ class Salvage:
 
     @property
     def nameless(self) -> int:
-        """Messages of which no sound record says what their topic is."""
+        """Messages whose topic no sound record contains."""
         known = self.layout.channels
         return sum(count for number, count in self.layout.counts.items() if number not in known)
 
@@ -165,7 +165,7 @@ class _RecordWalk:
         layout.start, layout.end = self._times or (0, 0)
 
     def compare(self, index: FileLayout) -> None:
-        """Take over what a sound index says, and keep losses of messages only."""
+        """Apply a sound index, and keep losses of messages only."""
         found, layout = self.found, self.found.layout
         layout.schemas |= index.schemas
         layout.channels |= index.channels
@@ -251,7 +251,7 @@ class _RecordWalk:
         self.found.places.append((offset, end))
 
     def _note(self, opcode: int, offset: int, end: int) -> bool:
-        """Note a record that is no chunk; whether it is what its opcode says."""
+        """Enter a record that is no chunk; returns True if its content fits its opcode."""
         body = self._data[offset + RECORD.size : end]
         if opcode in _PARSED:
             return self._note_parsed(opcode, offset, body)
@@ -320,7 +320,7 @@ class _RecordWalk:
 
 
 def _pieces(record: bytes) -> Iterator[bytes]:
-    """Records of a chunk of zstd as far as it can be decompressed, each by itself."""
+    """Records of a chunk of zstd, as far as it can be decompressed."""
     start = _NAME_LENGTH + 4 + 4 + 8
     held, read = b'', _reader()
     with suppress(ZstdError):

@@ -392,7 +392,7 @@ def parts(path: Path) -> list[BagFile]:
 
 
 def file_of(path: Path | str) -> Path:
-    """The one MCAP file that is meant: `path` itself, or that in a folder; else InputError."""
+    """The MCAP file of a path: `path` itself, or the only one in a folder; else InputError."""
     path = Path(path)
     if path.is_dir():
         found = _files(path)

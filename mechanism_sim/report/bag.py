@@ -1,4 +1,4 @@
-"""Summary of a bag, and what was asked of it beside, in sections."""
+"""Summary of a bag, and further requested results, in sections."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _cell(own: Mapping[str, Any], key: str) -> Cell:
 
 
 def render_details(details: Details) -> str:
-    """Return the text that the command line shows of what was asked."""
+    """Return the text of the requested results for the command line."""
     return text(_detail_sections(details))
 
 
@@ -281,7 +281,7 @@ def _at_angle(drive: str, angle: float | None) -> str:
 
 
 def _detail_sections(details: Details) -> Iterator[Section]:
-    """All that was asked for."""
+    """All requested results."""
     drive = details.drive
     yield from (_spectrum(name, line) for name, line in details.spectra.items())
     for name, line in details.orders.items():

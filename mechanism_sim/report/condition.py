@@ -26,7 +26,7 @@ _SUMS = {
 
 
 def charts(details: Details) -> Iterator[Chart]:
-    """The charts of what was asked of a bag, by name as their keys."""
+    """The charts of the results requested of a bag, by name."""
     for name, chart in _named(details):
         yield replace(chart, key=name)
 
@@ -65,7 +65,7 @@ def _average(name: str, average: Average, drive: str) -> Chart:
 
 
 def rose_picture(name: str, rose: Rose) -> Chart:
-    """[SB] 8.11: every impact a line towards the place struck, the six largest marked."""
+    """[SB] 8.11: every impact as a line towards its contact point, the six largest marked."""
     found = [rose_chart(rose, on_pin, name, 0) for on_pin in (True, False)]
     short = [replace(c, title=c.title.removeprefix(f'{rose.joint}: ')) for c in found]
     return joined(f'impacts in {name}', short, 2)

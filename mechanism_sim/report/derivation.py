@@ -405,7 +405,7 @@ def _condition(gap: Gap) -> str:
 
 
 class _Recorder:
-    """Frames that remember the vectors they were asked for, by label."""
+    """Frames that record the requested vectors, by label."""
 
     def __init__(self, frames: Any) -> None:
         self._frames = frames
@@ -428,7 +428,7 @@ class Vectors:
     Attributes
     ----------
     frames : those of the equations; they remember the vectors they are asked for
-    equations : what every symbol of a vector stands for
+    equations : meanings of the symbols of vectors
     """
 
     def __init__(self, equations: Equations, symbols: Symbols) -> None:
@@ -450,7 +450,7 @@ class Vectors:
         return () if term is None else self._symbols.terms(self.in_symbols(term))
 
     def use_seen(self) -> None:
-        """Let symbols stand for the vectors asked for since the last time, and no others."""
+        """Set symbols for the vectors requested since the last call, and no others."""
         self._abbreviations = {}
         for label, pair in self.frames.seen.items():
             if label not in self._named:

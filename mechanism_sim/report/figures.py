@@ -56,7 +56,7 @@ def check_picture(
     Parameters
     ----------
     option : of the command line, for the message
-    folder_too : whether a folder will do; it is made when it is needed
+    folder_too : whether a folder is allowed; it is made when needed
     numbers : endings of files of numbers, which the option takes as well
     """
     path = Path(file)

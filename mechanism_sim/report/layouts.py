@@ -32,7 +32,7 @@ class Plot:
 
     Attributes
     ----------
-    group : what it is about
+    group : subject
     title : the quantity with its unit
     paths : ``TOPIC.FIELD`` by the label of each line, in the syntax of Foxglove's message paths
     style : lines; dots for events; or the values of an array in the latest message

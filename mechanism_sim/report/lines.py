@@ -25,7 +25,7 @@ _MOST = 100  # lines that axes and legend have room for
 
 
 def draw(chart: Chart) -> Picture:
-    """A picture of a chart whose lines can be told apart."""
+    """A picture of a chart with distinct lines."""
     names = list(dict.fromkeys(c.of for p in chart.panels for c in p.curves if len(c.x)))
     if len(names) > _MOST:
         raise InputError(

@@ -75,7 +75,7 @@ def table(machine: Machine, name: str) -> Table:
 
 
 def write(outline: Outline | None, path: Path) -> None:
-    """Write an outline as its ending says."""
+    """Write an outline in the format of the file's ending."""
     if outline is None:
         raise InputError(f'--output {path}: bevel and worm pairs have no outline in the plane')
     output.write_text(path, WRITERS[path.suffix](outline))

@@ -53,7 +53,7 @@ class SampleWriter:
             self._place.__exit__(type(incomplete) if incomplete else None, incomplete, None)
 
     def add(self, piece: Piece) -> None:
-        """Write the piece before, up to where this one begins: there this one's values hold."""
+        """Write the piece before, up to the start of this one, whose values hold there."""
         if not len(piece.motion):
             return
         begin = float(piece.motion.curve.start[0])

@@ -1,4 +1,4 @@
-"""A machine on a figure whose parts move from frame to frame, and a play under a lens.
+"""A machine on a figure whose parts move from frame to frame, with a magnified clearance.
 
 `Stage` and its frames say where everything is; this draws it with Matplotlib, a lens in radii of
 the bushing or halves of the space between walls. Pages and viewers draw the same data.
@@ -78,7 +78,7 @@ class Screen:
     Attributes
     ----------
     figure : Matplotlib's
-    size : its width and height [pixels], even numbers
+    size : width and height [pixels], even numbers
     """
 
     def __init__(
@@ -282,16 +282,16 @@ def _layout(shape: Array, size: int | tuple[int, int], lens: bool) -> _Layout:
 
 
 class Lens:
-    """A play at the instants of a film; `_lens_of` makes the one for a joint.
+    """A clearance at the instants of a film; `_lens_of` makes that of a joint.
 
     Parameters
     ----------
     axes : Matplotlib's, square
-    states : (N,) numbers among the words of the play
+    states : (N,) indices among the words of the clearance
 
     Attributes
     ----------
-    metre : a metre of play in the lens
+    metre : length in the lens per metre of clearance
     """
 
     metre: float
@@ -315,12 +315,12 @@ class Lens:
 def _lens_of(
     axes: Any, record: Record, stage: Stage, joint: str, frames: StageFrames, pace: float
 ) -> Lens:
-    """The lens over a joint with play.
+    """The lens over a joint with clearance.
 
     Parameters
     ----------
     axes : Matplotlib's, square
-    stage, frames : what moves, at N instants
+    stage, frames : moving parts, and their poses at N instants
     pace : simulated seconds in a second of film
     """
     if joint in {pair.name for pair in stage.plays}:
@@ -402,7 +402,7 @@ class _Bushing(Lens):
 
 
 class _Slit(Lens):
-    """A part between the walls of a pair with play, or off the one it may leave."""
+    """A part between the walls of a pair with clearance, or off the one it may leave."""
 
     def __init__(self, axes: Any, stage: Stage, joint: str, frames: StageFrames) -> None:
         k = [pair.name for pair in stage.plays].index(joint)

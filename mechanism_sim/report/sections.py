@@ -23,8 +23,8 @@ class SummaryRow(NamedTuple):
 
     Attributes
     ----------
-    value, unit : as people read them
-    words : said beside the value; may be empty
+    value, unit : value and unit for the reader
+    words : text beside the value; may be empty
     """
 
     label: str

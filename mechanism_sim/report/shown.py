@@ -1,4 +1,4 @@
-"""Pictures and films of machines, asked for in one line of Python."""
+"""Pictures and films of machines in one line of Python."""
 
 from __future__ import annotations
 

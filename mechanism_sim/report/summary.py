@@ -267,7 +267,7 @@ def head(record: Record, digest: str = '', hardest: int | None = None) -> Iterat
     Parameters
     ----------
     digest : of the whole run, where this is a part of one
-    hardest : how many impacts are shown, if they are not all
+    hardest : number of impacts in the table, if not all
     """
     machine, solver = record.machine, record.machine.scene.solver
     span = f'{instant(record.start)} s to {instant(record.end)}'
@@ -416,7 +416,7 @@ def load_rows(
 
     Parameters
     ----------
-    drive : the coordinate whose angle is told
+    drive : coordinate whose angle is shown
     levels : loads not exceeded in `SHARE` of the time [N, N m] by the names in `loads`
     """
     units = [(peak, 'N') for peak in loads.joints]

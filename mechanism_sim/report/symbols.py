@@ -55,7 +55,7 @@ class Symbol:
 
     symbol: Expression
     latex: str
-    name: str  #: as the engine has it
+    name: str  #: name in the engine
     meaning: str
     unit: str
     value: float | None = None  #: SI; none for what changes during a run
@@ -310,7 +310,7 @@ class Description(NamedTuple):
 
 
 def describe(name: str, equations: Equations) -> Description:
-    """Words for the parameter `name`; one that is not known stands for itself."""
+    """Words for the parameter `name`; an unknown one is returned as it is."""
     for read in (_of_masses, _of_vectors):
         found = read(name, equations)
         if found:

@@ -28,7 +28,7 @@ class ModeTable(NamedTuple):
 
     Attributes
     ----------
-    scene : its name
+    scene : name of the scene
     stations : one about rest, several over angles or speeds
     over : 'angle' or 'speed'; None about rest
     main : coordinate of the drive

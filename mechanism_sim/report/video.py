@@ -30,7 +30,7 @@ _TURN = 3.0  # [s] of film for a turn of the drive
 _WHOLE = 6.0  # [s] of film for a run without turns
 _MOST = 20_000  # frames
 _USUAL = {'.mp4': (30.0, 960), '.gif': (20.0, 560), '': (25.0, 960)}
-"""Frames a second and longer side [pixels] unless told."""
+"""Default frames a second and longer side [pixels]."""
 
 _SHADES = 32  # of grey, and of the accent lighter and darker
 
@@ -50,8 +50,8 @@ class Target:
     Attributes
     ----------
     kind : ``.mp4``, ``.gif``, or empty for SVG frames
-    files : those written so far
-    usual_rate, usual_size : frames a second and longer side [pixels], unless told
+    files : files written so far
+    usual_rate, usual_size : default frames a second and longer side [pixels]
     """
 
     def __init__(self, name: str, option: str = '--output') -> None:

@@ -61,7 +61,7 @@ def rebuilt(
 
 
 def _check_freedom(machine: Machine) -> None:
-    """Refuse a machine that cannot be assembled, or cannot move as its drives say."""
+    """Refuse a machine that cannot be assembled, or cannot follow its drives."""
     assembly, plan = machine.assembly, machine.plan
     if 0 < assembly.overdriven == len(plan.prescribed) and not assembly.freedom:
         raise InputError(
@@ -258,7 +258,7 @@ def _check_clearance(where: str, law: str, spec: ClearanceSpec, soft: bool) -> N
     Parameters
     ----------
     law : the key of their law of force
-    soft : whether any contact of the machine gives way
+    soft : whether any contact of the machine is compliant
     """
     if soft and spec.wall == 'rigid':
         key = f'{law}.stiffness' if spec.film else law

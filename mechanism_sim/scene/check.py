@@ -39,7 +39,7 @@ _AHEAD = 10.0
 _CURVE = 8
 """Points between which a speed goes on, of a curve rather than of ramps one after the other."""
 _IN_PIECE = 33
-"""Places in a piece at which accelerations are compared."""
+"""Positions in a piece at which accelerations are compared."""
 _WHY = {
     Level.KINEMATIC: 'the drives are prescribed, every joint is ideal, and forces are not '
     'requested, have no limit, or masses are not given: loop closure',
@@ -80,7 +80,7 @@ _NOTHING = 1e-12
 class CoordinateStart:
     """A coordinate at the start."""
 
-    words: str  #: as "angle of rod"
+    words: str  #: description, as "angle of rod"
     value: float  #: [rad, m], all turns counted
     rate: float  #: [rad/s, m/s]
     unit: str
@@ -103,7 +103,7 @@ class Report:
     relations: list[str]
     gaps: list[str]
     starts: dict[str, GapStart]  #: of every gap
-    limits: list[str]  #: what stops the machine, or may: the first of its notes
+    limits: list[str]  #: limits that stop the machine, or may: the first of its notes
     left_out: list[str]
     notes: list[str]
     questions: list[str] = field(default_factory=list)  #: values about a thousand times off

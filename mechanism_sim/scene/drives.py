@@ -275,7 +275,7 @@ def _profile_laws(
 
     Parameters
     ----------
-    start : where a coordinate whose speed is given is at time zero
+    start : value at time zero of a coordinate whose speed is given
     """
     rate = isinstance(profile, SpeedPart)
     if profile.unit and (profile.unit.startswith('m') != straight):
@@ -445,7 +445,7 @@ def _move_laws(
 
     Parameters
     ----------
-    start : where the coordinate is at first
+    start : initial value of the coordinate
     steps : goal [rad, m] and limits of each move; or nothing and how long it rests [s]
     """
     laws = [replace(start, coefficients=(start.coefficients[0], 0.0))]

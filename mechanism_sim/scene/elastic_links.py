@@ -1,4 +1,4 @@
-"""Elastic links: from what a scene says of them to their beams, and what weighs them down."""
+"""Elastic links: from their keys to beams and carried masses."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _QUASI_STATIC, _RIGID = 20.0, 200.0
 def read_beams(
     names: Names, joints: Iterable[Joint], driven: Mapping[str, DrivePart]
 ) -> dict[str, Body]:
-    """The elastic links as bodies, of what they weigh by themselves, by name."""
+    """The elastic links as bodies with their own mass, by name."""
     found = {
         link: _body(f'links.{link}', link, given)
         for link in names.links
@@ -174,7 +174,7 @@ def _spread(
 def elastic_notes(
     mechanism: Mechanism, period: float, impacts: bool, held: Callable[[], Mapping[str, float]]
 ) -> list[str]:
-    """Frequencies of the modes of each elastic link by itself, and which treatment would do.
+    """Frequencies of the modes of each elastic link by itself, and a sufficient treatment.
 
     Accelerations of a machine that turns at W are about ``W^2`` times its size, and bend a link of
     the first angular frequency w by about ``(W/w)^2`` of that; loads and weight bend it besides.

@@ -1,4 +1,4 @@
-"""The equations of motion of a machine, compiled when they are first asked for."""
+"""The equations of motion of a machine, compiled when first needed."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class EquationsOfMotion:
     Attributes
     ----------
     name : of the scene
-    assembly : where the mechanism without clearance is at the start
+    assembly : initial configuration of the mechanism without clearance
     """
 
     name: str

@@ -24,8 +24,8 @@ class Facts(NamedTuple):
     Attributes
     ----------
     part : the kind of part it holds, if it holds parts
-    many : whether these are in a ``list``, or by name in a ``dict``
-    quantities : what numbers it holds, in order
+    many : ``list`` or ``dict`` by name, if there are several
+    quantities : quantities of its numbers, in order
     bounds : in words
     choices : what may stand there, if little may
     """
@@ -37,7 +37,7 @@ class Facts(NamedTuple):
     choices: tuple[str, ...]
 
     def render(self) -> str:
-        """Unit, bounds and choices, as in ``m, > 0``; empty if there is nothing to say."""
+        """Unit, bounds and choices, as in ``m, > 0``; empty without any."""
         units = dict.fromkeys(' or '.join(filter(None, q.units)) for q in self.quantities)
         text = ', '.join([*filter(None, units), *self.bounds])
         others = list(dict.fromkeys(q.other for q in self.quantities if q.other))
@@ -139,7 +139,7 @@ def as_written(value: Any, facts: Facts | None = None, every: bool = False) -> A
 
     Parameters
     ----------
-    every : whether keys that nobody gave are written, too
+    every : whether keys with default values are written, too
     """
     if isinstance(value, Part):
         return {

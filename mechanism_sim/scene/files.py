@@ -1,4 +1,4 @@
-"""Finding and reading scene files, overrides, and errors that say where and what to do.
+"""Search and reading of scene files, overrides, and errors with place and advice.
 
 Pydantic's own words never reach a user: every sort of problem has words here, and the rest says of
 what the key is.

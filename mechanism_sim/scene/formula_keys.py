@@ -174,7 +174,7 @@ def table_calls(
 
     Parameters
     ----------
-    links : those that turn; the time may be one
+    links : rotating links; the time may be one
     """
     for node in root.walk():
         if node.kind == 'call' and node.name in tables:

@@ -52,7 +52,7 @@ class JointWrenches:
         return seen.local, wrenches
 
     def impulses(self, motion: Motion, segments: NDArray[np.intp], step: Array) -> Places:
-        """Likewise with their integrals [N s, N m s] where the rates make a `step` (n, N)."""
+        """Coordinates, and impulses [N s, N m s] where the rates make a `step` (n, N)."""
         dt, names, curve = np.zeros(len(segments)), self.mechanism.coordinates, motion.curve
         q, outer = curve.local(segments, dt).T, self._impulses.outside
         known = outside(outer, names, curve, segments, dt, motion.state_curve)

@@ -1,4 +1,4 @@
-"""A machine: what a scene comes down to, part by part, each made once when it is first asked for.
+"""A machine: the parts derived from a scene, each made once when first needed.
 
 - `Machine.plan`: links, joints, drives and forces as the scene is read (`ScenePlan`)
 - `Machine.assembly`: the mechanism without clearance at the start (`assemble`)
@@ -75,7 +75,7 @@ class Machine(Rich):
     Attributes
     ----------
     name : of the scene
-    scene : its content, in SI units
+    scene : content of the scene, in SI units
     questions : about what its file says and its content in SI units does not, as units
     """
 
@@ -169,7 +169,7 @@ class Machine(Rich):
 
     @cached_property
     def rigid(self) -> Machine:
-        """Copy with rigid links and shafts, or itself if nothing gives way."""
+        """Copy with rigid links and shafts, or itself if nothing is compliant."""
         stiff = not self.plan.ideal.deformations
         return self if stiff else replace(self, scene=_rigid_scene(self.plan, self.assembly))
 
@@ -183,7 +183,7 @@ class Machine(Rich):
 
     @cached_property
     def equations(self) -> EquationsOfMotion:
-        """The equations of motion, compiled when they are first asked for."""
+        """The equations of motion, compiled when first needed."""
         return EquationsOfMotion(self.name, self.plan, self.assembly)
 
     @cached_property

@@ -37,8 +37,8 @@ class Nominal:
     Attributes
     ----------
     name : of the scene
-    assembly : where it is at the start
-    forces : whether forces are asked of its runs
+    assembly : initial configuration
+    forces : whether its runs need forces
     """
 
     name: str

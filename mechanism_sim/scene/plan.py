@@ -56,7 +56,7 @@ from mechanism_sim.scene.tilted_links import check_tilts, without_mass
 from mechanism_sim.units import QuantityValue
 
 _AHEAD = 4096
-"""Pieces of a motion without end that are looked at beforehand."""
+"""Number of pieces of an endless motion that are checked beforehand."""
 
 _PLACES, _PACES = ('rad', 'm'), ('rad/s', 'm/s')
 
@@ -84,7 +84,7 @@ class ScenePlan(Names):
     states : of first order
     efforts : what prescribed drives supply, where it is given
     motors : of the driven coordinates that have one whose torque is no straight line over speed
-    weighed : whether every link has the mass properties that forces need
+    weighed : whether every link has the mass properties needed for forces
     """
 
     scene: Scene
@@ -255,7 +255,7 @@ class ScenePlan(Names):
 
     @property
     def placed_outright(self) -> bool:
-        """True if the scene itself says where links start, beside the main drive."""
+        """True if the scene gives initial positions, beside the main drive."""
         return bool((self.given[0].keys() | self.given[1]) - {self.main}) or any(self.floating)
 
     @cached_property
@@ -328,7 +328,7 @@ class ScenePlan(Names):
 def _read_places(
     plan: ScenePlan, drives: Mapping[str, DrivePart], tree: Mechanism
 ) -> tuple[Values, Values, list[str]]:
-    """Coordinates as `initial` sets them, as `guess` has them, and which of these it says."""
+    """Coordinates by `initial`, by `guess`, and names of those given there."""
     initial, guess = plan.scene.initial.position, plan.scene.guess
     outright, placed = split(plan, 'initial.position', initial, tree)
     rough, near = split(plan, 'guess', guess, tree)

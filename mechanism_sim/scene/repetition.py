@@ -24,7 +24,7 @@ from mechanism_sim.scene.nominal import Nominal
 from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 
 MOST = 12
-"""Turns of the drive up to which it is looked whether a machine repeats itself."""
+"""Largest number of turns of the drive for which repetition is checked."""
 WHOLE = 1e-6
 """Tolerance for whole turns, or tables: angles in degrees have six digits."""
 _CENTRED = 1e-9
@@ -41,7 +41,7 @@ class Repetition:
     ----------
     turns : a whole number; 1 too if there is none up to `MOST`, or nothing is known of it
     last : what comes again last, or not at all; empty if one turn brings all again
-    found : whether all comes again
+    found : whether the whole machine repeats itself
     duration : [s] instead, of a drive whose speed repeats itself over time
     """
 
@@ -221,7 +221,7 @@ def _span(plan: ScenePlan, function: str) -> float:
 
 
 def _seen(plan: ScenePlan) -> list[str]:
-    """Links that turn, and of which it is seen how far: others are alike at any angle.
+    """Rotating links whose angle matters: the constraints of others do not depend on it.
 
     Those are wheels on which all is at one point, their axle.
     """

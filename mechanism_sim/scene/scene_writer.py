@@ -47,7 +47,7 @@ HEAD = """\
 
 
 class Entry(NamedTuple):
-    """A line of YAML, and what is to be said of it."""
+    """A line of YAML, and its comment."""
 
     text: str
     note: str = ''
@@ -62,7 +62,7 @@ def commented(data: Mapping[str, Any], scene: AnyScene) -> str:
     Parameters
     ----------
     data : keys and values as a file gives them
-    scene : the same, checked
+    scene : checked scene
     """
     lines = _SceneWriter(_parts_in(scene)).part(type(scene), data, scene)
     return HEAD + '\n' + '\n'.join(row for line in lines for row in _rows(line)) + '\n'
@@ -112,7 +112,7 @@ class _SceneWriter:
         yield from _indented(inner)
 
     def named(self, name: str, data: Any, value: Part, note: str = '') -> Iterator[Entry]:
-        """A part with its name; in one line where nothing has to be said of it."""
+        """A part with its name; in one line if it has no comment."""
         data = data or {}
         frame = name == GROUND and isinstance(value, LinkPart)  # most keys are for what moves
         inner = (
@@ -188,7 +188,7 @@ def _keys(kind: type[Part], value: Part) -> Iterable[str]:
 
 
 def _parts_in(value: Any) -> set[type[Part]]:
-    """The kinds of parts that somebody gave."""
+    """The kinds of the given parts."""
     if isinstance(value, Part):
         inner = [getattr(value, key) for key in value.model_fields_set]
         return {type(value)}.union(*map(_parts_in, inner))
@@ -252,7 +252,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def new_scene(name: str, source: str, overrides: Mapping[str, Any] | Iterable[str] = ()) -> Path:
-    """Write a commented scene, and say where.
+    """Write a commented scene; returns its path.
 
     Parameters
     ----------

@@ -170,7 +170,7 @@ class Start:
         return slides[0] == slides[1]
 
     def _places(self, start: Assembly, near: Array, held: Sequence[str], given: Values) -> Array:
-        """Coordinates of the loose mechanism: pins at their seats, unless given ones move them.
+        """Coordinates of the mechanism with clearances: pins at rest, unless given otherwise.
 
         Where they do, ideal joints stay closed, and the pins are as little off their seats as can
         be, measured in their clearances.

@@ -1,4 +1,4 @@
-"""Starts told by places and rates of points, and by quantities that no coordinate has.
+"""Starts by positions and rates of points, and by quantities that are no coordinates.
 
 A machine's coordinates are angles of links and displacements of blocks along the guides that carry
 them. Who writes a scene need not know which: where a point is, or how far a block is along a guide
@@ -40,8 +40,8 @@ class StartTarget:
 
     Attributes
     ----------
-    key : as ``guess.coupler.E``
-    points : whose place is told, or whose displacement from the first to the second
+    key : path of the key, as ``guess.coupler.E``
+    points : point with given position, or two with a given displacement
     joint : the guide along which that counts; None for the place of the only point
     value : (2,) [m, m/s], or (1,)
     """
@@ -78,7 +78,7 @@ def split(
 
     Parameters
     ----------
-    unit : of what is said of points and blocks
+    unit : unit of the values of points and blocks
     """
     plain: dict[str, QuantityValue] = {}
     found: list[StartTarget] = []

@@ -1,4 +1,4 @@
-"""Start of a machine told by the pose or the velocity of one of its links."""
+"""Start of a machine by the pose or the velocity of one of its links."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def start_values(
 
 
 def check_start(machine: Machine, link: str, pose: Planar | None, velocity: Planar | None) -> None:
-    """Refuse a machine that does not start with the link as was asked."""
+    """Refuse a machine that does not start with the requested pose of the link."""
     size, loose = machine.mechanism.size, 0.0
     found_pose, found_velocity = pose_and_velocity(machine, link)
     pace = max(math.hypot(*found_velocity.at) / size, abs(found_velocity.angle), 1.0)

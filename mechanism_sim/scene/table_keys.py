@@ -100,7 +100,7 @@ def with_files(
     Parameters
     ----------
     key : path of the content in the scene
-    instead : whether points that are there already give way
+    instead : whether present points are replaced
     replaced : paths whose values overrides will replace: no file is read for what they hold
     """
     if key[1:] in replaced:

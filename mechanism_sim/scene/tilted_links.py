@@ -1,4 +1,4 @@
-"""Links that lean out of their plane: what a scene says of them, and makes of their bodies."""
+"""Links that tilt out of their plane: their keys and bodies."""
 
 from __future__ import annotations
 

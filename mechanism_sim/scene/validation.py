@@ -77,7 +77,7 @@ def validate(machine: Machine, duration: float | None = None) -> Machine:
 
 
 def check_scenes_way(machine: Machine) -> None:
-    """Refuse drives that it cannot follow for a turn, or for as long as the scene says.
+    """Refuse drives that the machine cannot follow for a turn, or for the scene's duration.
 
     A scene that says no duration is for a machine in all its positions, too: if its drive cannot
     turn round, only a run that asks it to is refused.
@@ -100,7 +100,7 @@ def validate_loose(machine: Machine, what: str) -> None:
 
     Parameters
     ----------
-    what : that is asked for, with its verb: ``statistics need``
+    what : request with its verb: ``statistics need``
     """
     steady = _turns_steadily(machine) and machine.drive.fastest and not machine.torque_driven
     if not (steady and machine.plan.clearances):
@@ -165,7 +165,7 @@ def _check_way(machine: Machine, duration: float) -> None:
 
 
 def _try_way(machine: Machine, duration: float) -> None:
-    """Refuse what cannot be followed, see `_check_way`; ends of ways are entered when tried.
+    """Refuse a way that cannot be followed, see `_check_way`; its tried ends are entered.
 
     Raises
     ------

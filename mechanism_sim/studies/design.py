@@ -55,7 +55,7 @@ class Factor(NamedTuple):
     Attributes
     ----------
     path : dotted
-    text : its distribution in words
+    text : distribution as text
     distribution : frozen, of `scipy.stats`, in SI units
     """
 

@@ -65,7 +65,7 @@ class Exceedance:
 
     Attributes
     ----------
-    runs : those that are drawn independently of each other, and have a figure
+    runs : number of independently drawn runs with a figure
     least, limit : the lower and the upper limit, None if there is none
     capability : Cpk, how many times three standard deviations fit between the mean and the nearer
         limit; None if runs do not differ

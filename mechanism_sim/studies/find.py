@@ -44,7 +44,7 @@ class Found:
 
     Attributes
     ----------
-    jump : whether the figure steps across what is wanted
+    jump : whether the figure jumps across the wanted value
     last : of all values from this one on that give the figure, as far as samples tell
     """
 
@@ -60,7 +60,7 @@ class Finding:
 
     Attributes
     ----------
-    parameter, goal : what was varied, and for what
+    parameter, goal : varied parameter, and its goal
     unit : of the figure
     wanted : value of the figure; None if it was to be least, or greatest
     curve : (value, figure) in the order of values, not a number where there is none
@@ -125,7 +125,7 @@ def find(
     so_that : ``MEASURE = VALUE``, or several of them; or
     minimise : a measure; of several a front of Pareto
     subject_to : ``MEASURE < VALUE``, also with ``<=``, ``>``, ``>=`` or ``=``, or several of them
-    workers : that compute cycles; this process if not given
+    workers : processes that compute cycles; by default this process
     show : called with the numbers of cycles computed, and of those that failed
     how : ``maximise`` (a measure, or several); ``samples``, values or places that are tried first
         (17); ``search='global'``, differential evolution between all limits; ``evaluations``,
@@ -241,7 +241,7 @@ def _stretches(
 
 
 def _edge(trials: Trials, outside: float, inside: float, wanted: float) -> float:
-    """The last place on the way out that gives what is wanted, by bisection."""
+    """Last value on the way out that fulfils the goal, by bisection."""
     while abs(inside - outside) > _ROUNDING * max(abs(inside), _BESIDE):
         middle = 0.5 * (outside + inside)
         if _hits(trials, middle, wanted):

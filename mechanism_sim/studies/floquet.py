@@ -1,4 +1,4 @@
-"""The modes of a machine whose torque keeps it turning, about the motion that repeats itself.
+"""The modes of a machine in steady rotation by a torque, about its periodic motion.
 
 Over a turn of period T small changes of the motion grow by the Floquet multipliers m, eigenvalues
 of the linear map from one turn to the next. ``ln(m)/T`` are the roots: their imaginary parts are
@@ -146,7 +146,7 @@ def applies(machine: Machine) -> bool:
 
 
 def station(machine: Machine, turning: bool = False) -> Station:
-    """The modes of a machine about what it does by itself.
+    """The modes of a machine about its own periodic motion.
 
     That is its static equilibrium, a steady rotation where all turns together, or else the motion
     that it repeats in each turn of its main drive.
@@ -201,7 +201,7 @@ def repeated(machine: Machine) -> Station:
 
 
 def _settled(machine: Machine) -> tuple[State, float, float]:
-    """A state near the motion that repeats itself, how long a turn takes [s], and the speed."""
+    """State near the periodic motion, duration of a turn [s], and speed."""
     free, main = machine.equations.system.free, machine.plan.main
     duration, turned = machine.scene.duration or 1.0, 0.0
     while turned < _TURNS:
@@ -236,7 +236,7 @@ def _settled(machine: Machine) -> tuple[State, float, float]:
 
 
 def _repeated(machine: Machine, turns: FloquetMap, period: float) -> tuple[Array, float, Array]:
-    """The state and the period of the motion that repeats itself, by Newton's method.
+    """State and period of the periodic motion, by Newton's method.
 
     Returns
     -------

@@ -61,9 +61,9 @@ class Vibrating(NamedTuple):
 
     Attributes
     ----------
-    machine : its name
+    machine : name of the machine
     what : of it, behind "a resonance", where it is a part
-    advice : what to do about a resonance
+    advice : advice on a resonance
     """
 
     M: Array

@@ -1,4 +1,4 @@
-"""The vibration of a scene under what shakes it by itself: turning drives, loads over time.
+"""The vibration of a scene under its own excitation: rotating drives, loads over time.
 
 Linear about the static equilibrium, as in `mechanism_sim.studies.response`.
 """
@@ -51,12 +51,12 @@ _BISECTIONS = 50  # in which an edge is located to rounding
 
 @dataclass(frozen=True)
 class Harmonics:
-    """The steady vibration under what repeats itself: a turning drive, loads over time.
+    """The steady vibration under periodic excitation: a rotating drive, loads over time.
 
     Attributes
     ----------
     period : [s]
-    series : by quantity, its mean counted from the equilibrium at rest
+    series : series by quantity, the mean counted from the equilibrium at rest
     units : of the quantities
     """
 
@@ -144,7 +144,7 @@ def unbalance_response(
 
     Parameters
     ----------
-    quantities : as those of `harmonics`
+    quantities : see `harmonics`
     speeds : all positive, or all negative for a drive that turns clockwise
     """
     main = turning(machine, '--speeds')

@@ -116,9 +116,9 @@ class Result:
         where nobody says what the noise is
     likeness : share of the simulations of the last round that are as far from what they should be;
         if it is nearly 0, the scene or its chain is not that of the measurement
-    method, reason : which one, and why
-    window : how much of the signals was compared [s]
-    residuals : of each signal, by Gauss-Newton
+    method, reason : chosen method, and the reason
+    window : duration of the compared part of the signals [s]
+    residuals : residuals of each signal, by Gauss-Newton
     """
 
     estimates: tuple[IdentifiedParameter, ...]
@@ -297,7 +297,7 @@ class Identification:
     measurements : of one machine under one or several drives, or by several sensors
     parameters : to be found
     seed : of places and noise; the same seed gives the same numbers
-    workers : that simulate; this process if not given
+    workers : processes that simulate; by default this process
     show : called with the numbers of simulations finished and failed
     """
 

@@ -24,7 +24,7 @@ _RULING = ('mechanism_sim', 'heyoka', 'numpy')
 
 
 class StudyInterrupted(KeyboardInterrupt):
-    """SIGINT or SIGTERM ended a study; the text tells how to resume it."""
+    """End of a study by SIGINT or SIGTERM; the text contains how to resume it."""
 
 
 class Journal(FinishedRows):
@@ -35,7 +35,7 @@ class Journal(FinishedRows):
     table : file of the table that the study makes; the journal is beside it
     plan : fingerprint of what is to be computed
     restart : forget what is there
-    study : its name in messages
+    study : name of the study in messages
     size : number of its runs, where it is known before
     keys : of all its runs, if it goes on from a journal of some of them, whatever their plan
     """

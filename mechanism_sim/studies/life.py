@@ -115,7 +115,7 @@ class LifeStage:
 
     Attributes
     ----------
-    cycles : so far
+    cycles : number of cycles so far
     depths : (2, 180) worn off bushing and pin, by joint [m]
     clearance : (J,) largest of each bearing [m]
     error : (J,) of the clearance, by the steps and the places [m]
@@ -139,12 +139,12 @@ class Life:
 
     Attributes
     ----------
-    machine : as new
+    machine : machine as new
     cycles : of the life; nan if it does not end within those of the plan
     low, high : of an interval for it
     stages : from the new machine on, the last at the end
     units : of the figures of stages
-    runs : that were made
+    runs : number of runs
     note : why it could not be followed to the end, or why nothing wears
     """
 

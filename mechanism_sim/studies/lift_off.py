@@ -29,7 +29,7 @@ class LiftOff:
 
     Attributes
     ----------
-    joint : its name
+    joint : name of the joint
     least_force : over a turn at the speed of the scene [N], negative where it would have to pull
     least_force_at : angle of the drive there [rad]
     lift_off_speed : of the drive from which on contact is lost [rad/s]; None: at no speed that was
@@ -76,7 +76,7 @@ def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None
 
 
 class _Cycle:
-    """The motion of a machine without play over a turn of its drive, at any speed."""
+    """The motion of a machine without clearance over a turn of its drive, at any speed."""
 
     def __init__(self, machine: Machine) -> None:
         self.mechanism, self.period = machine.plan.ideal, machine.drive.period

@@ -24,7 +24,7 @@ from mechanism_sim.studies.periodic import PoincareMap
 _DIGITS = 16.0
 """Digits at the start of a run."""
 _ALIGNING = 10
-"""Turns until any directions have turned to those that grow most."""
+"""Number of turns until any directions have aligned with those of fastest growth."""
 _LOST = 64.0 * float(np.finfo(float).eps)
 """Share of the largest growth in a turn, or of 1, below which a direction is rounding."""
 _WINDOW = 64
@@ -138,7 +138,7 @@ class Horizon:
     digits : that steps have
     left : that hold at the end of the run, or where it is given up; of the range of its motion
     time : [s] from which on no digit holds; infinite if some hold to the end
-    limit : where derivatives end, if they do before
+    limit : limit of the derivatives, if they end before
     """
 
     digits: float

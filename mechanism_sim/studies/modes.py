@@ -146,7 +146,7 @@ class CriticalSpeed(NamedTuple):
 
     speed: float  #: [rad/s]
     whirl: float | None  #: of its mode
-    damping_ratio: float  #: of its mode; where it is large, there is no resonance to be seen
+    damping_ratio: float  #: damping ratio of its mode; a large one shows no resonance
 
 
 class Station(NamedTuple):
@@ -155,7 +155,7 @@ class Station(NamedTuple):
     position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
     speed: float  #: of the drive [rad/s, m/s]
     modes: list[NormalMode]
-    faded: int = 0  #: modes besides that die out in less than a turn, too fast to be told
+    faded: int = 0  #: number of further modes that decay within a turn, too fast to resolve
 
     @property
     def oscillating(self) -> list[NormalMode]:
@@ -441,7 +441,7 @@ def _steady(machine: Machine, found: Linearisation, start: Point) -> Point | Non
 
     Parameters
     ----------
-    start : where it is at rest
+    start : state at rest
     """
     plan = machine.plan
     if not read_drives(plan) or plan.main in plan.ideal.displacements:
@@ -503,7 +503,7 @@ def about(machine: Machine, turning: bool = False) -> Station:
 
 
 def _frame_modes(machine: Machine, name: str) -> list[NormalMode]:
-    """The modes of a frame, which the machine does not feel."""
+    """The modes of a frame, without effect on the machine."""
     frame = machine.frame(name)
     scale = np.array([machine.plan.ideal.size, machine.plan.ideal.size, 1.0])[: frame.freedom]
     names = [f'{name}.{part}' for part in PARTS[: frame.freedom]]

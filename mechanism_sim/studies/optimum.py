@@ -44,9 +44,9 @@ class Held(NamedTuple):
 
     Attributes
     ----------
-    text : as it is written
+    text : text as written
     value, limit : of its measure, in `unit`
-    holds, active : whether it holds, and whether it is at its limit
+    holds, active : whether the limit holds, and whether it is reached
     """
 
     text: str
@@ -70,7 +70,7 @@ class Optimum:
 
     Attributes
     ----------
-    values : by path
+    values : values by path
     measures, units, wanted : by name of the measure; wanted is None if it was to be least
     constraints : at these values
     reached : True if all constraints hold and all measures are as wanted, or the least that were

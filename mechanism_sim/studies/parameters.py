@@ -38,8 +38,8 @@ class Parameter:
     path : dotted, as in overrides
     low, high : limits within which it is looked for, in SI units
     choices : the values of one that takes no others, in their order; its limits are 0 and 1
-    unit, scale : in which its limits are written, and the size of 1 in SI units in it
-    si : its SI unit
+    unit, scale : unit of its limits as written, and value in it of 1 in SI units
+    si : SI unit
     """
 
     name: str
@@ -89,7 +89,7 @@ def parameters(
 
     Parameters
     ----------
-    sensor : whose ``noise`` is meant
+    sensor : sensor of the ``noise``
     joint : whose restitution, friction and radial clearance are meant; not needed if one is loose
     limits : low and high, as in a scene file, or a list of values, by name; other parameters than
         those with a short name have none of their own

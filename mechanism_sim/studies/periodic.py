@@ -1,4 +1,4 @@
-"""Does a machine repeat itself? The periodic response by shooting, and its Floquet multipliers.
+"""Periodic response of a machine by shooting, and its Floquet multipliers.
 
 [SB] 6.1 waits for the transients to die and calls what is left quasi-steady. Here the response is
 solved for: a fixed point of the map that takes the state at one crank angle to the state p
@@ -126,14 +126,14 @@ class PoincareMap:
         self.scale = np.concatenate([size, speed * size, states])
 
     def start(self, state: State) -> State:
-        """The state itself, brought into contact where it is meant to be."""
+        """Copy of the state, projected to contact at closed gaps."""
         restart(self._machine.plan, self._run, state)
         return self._run.state
 
     def map(
         self, state: State, revolutions: int, audited: bool = False
     ) -> tuple[State, int, float]:
-        """The state later, the impacts on the way, and the sum of their impulses [N s].
+        """State after a number of turns, number of impacts, and sum of their impulses [N s].
 
         Newton's method goes by way of states that nearly penetrate: those are not audited.
         """

@@ -96,10 +96,10 @@ class Run:
 
     Attributes
     ----------
-    values : what is swept, by dotted path, in SI units
-    given : the same as the file has it
+    values : swept values by dotted path, in SI units
+    given : swept values as in the file
     key : a fingerprint of all that its row follows from
-    measures : what is measured, as ``NAME = TEXT`` or ``TEXT``
+    measures : measures as ``NAME = TEXT`` or ``TEXT``
     refused : why the machine cannot be assembled or moved at these values; empty if it can
     """
 
@@ -136,7 +136,7 @@ class SweepPlan:
     own : figures of a row that depend on the scene: of its joints and drives, and measures
     measures : as ``NAME = TEXT``
     factors, design : of `vary`
-    limits : by measure
+    limits : limits by measure
     """
 
     name: str

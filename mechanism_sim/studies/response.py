@@ -38,7 +38,7 @@ class HarmonicSource:
 
     Attributes
     ----------
-    name : as it was asked for
+    name : requested name
     unit : of its amplitude
     excitation : a force or a moment, or
     base : a driven coordinate that moves about its place, or
@@ -58,7 +58,7 @@ class FrequencyResponse:
 
     Attributes
     ----------
-    source : what shakes
+    source : source of the excitation
     frequency : (N,) [Hz]
     amplitudes : (N,) by quantity; the angle is how far it leads the source
     units : of the quantities

@@ -90,12 +90,12 @@ class SweepTask:
 
 
 class _Figures:
-    """Figures of a row, of a run that comes in pieces.
+    """Figures of a row, from a run in pieces.
 
     Attributes
     ----------
     edges : ends of the intervals that are counted [s]
-    since : when the first of them begins of which figures are made [s]
+    since : start of the first interval that counts for figures [s]
     """
 
     def __init__(self, machine: Machine, task: SweepTask) -> None:
@@ -115,7 +115,7 @@ class _Figures:
         self._taken = Measurement(machine, task.measures, self.since) if task.measures else None
 
     def add(self, piece: Piece) -> None:
-        """Enter the piece that follows."""
+        """Enter the next piece."""
         motion, curve = piece.motion, piece.motion.curve
         if self._taken:
             self._taken.add(piece)

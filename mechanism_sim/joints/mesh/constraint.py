@@ -201,7 +201,7 @@ class MeshSpring:
         return found
 
     def _stiffness(self, frames: Frames, k0: Term, sign: float) -> tuple[Term, Term]:
-        """k and its derivative by the position of the first."""
+        """Stiffness k and its derivative by the position of the first."""
         e, p = self.elasticity, frames.parameters
         wave = self.closure.joint.waves[0]
         turned = wave * dense(self.closure.places(frames)[0].value)

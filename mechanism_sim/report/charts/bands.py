@@ -18,7 +18,7 @@ MODES: dict[int, str] = {
     Mode.STICKING: '#a8500f', Mode.SLIDING_FORWARD: '#f0c896',
     Mode.SLIDING_BACKWARD: '#cf7d33', Mode.RECOVERING: '#c3bfe0',
 }  # fmt: skip
-"""Colours of the modes of contact; flight is told apart in grey, too."""
+"""Colours of the modes of contact; flight is distinct in grey, too."""
 
 _SINGLE = 400  # spells of one gap that are drawn one by one
 _SHARES = 400  # bins of which the shares of modes are drawn if there are more

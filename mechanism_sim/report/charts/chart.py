@@ -154,13 +154,13 @@ _Scalable = TypeVar('_Scalable', float | None, Array | None)
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Axes with what is drawn on them.
+    """Axes with their curves.
 
     Attributes
     ----------
     form : ``equal`` where both axes have one scale; ``polar``, with a direction and a size
-    height : [in]
-    scale : panels of the same one have the same range of y
+    height : height [in]
+    scale : name of a common range of y
     struck : x of impacts, marked at the upper edge
     """
 
@@ -176,7 +176,7 @@ class Panel:
 
     @property
     def entries(self) -> list[str]:
-        """The legend: labels in order, and impacts; none for a single one that is said."""
+        """Entries of the legend: labels in order, and impacts; none for a single titled curve."""
         labels = dict.fromkeys(c.label for c in self.curves if c.label)
         found = [label for label in labels if label != self.title]
         found += ['impact'] * bool(len(self.struck))

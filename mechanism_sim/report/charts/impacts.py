@@ -103,7 +103,7 @@ def _stems(
 
 
 def rose_chart(rose: Rose, on_pin: bool, joint: str, number: int) -> Chart:
-    """[SB] 8.11: every impact a line towards the place struck, the six hardest marked."""
+    """[SB] 8.11: every impact as a line towards its contact point, the six hardest marked."""
     part, link = ('pin', rose.pin) if on_pin else ('bushing', rose.bushing)
     degrees = np.degrees(rose.on_pin if on_pin else rose.on_bushing)
     impulse = 1e3 * rose.normal_impulse

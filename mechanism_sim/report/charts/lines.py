@@ -224,7 +224,7 @@ def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
 
 
 def marks(over: Abscissa, t: Array) -> Array:
-    """Abscissas of the marks of impacts at times (N,) [s], only those that can be told apart."""
+    """Abscissas of the marks of impacts at times (N,) [s], only distinct ones."""
     x = over.at(t) if len(t) else NOTHING
     x = np.mod(x, over.span) if over.span else x
     return np.asarray(x[tallest(x, np.zeros(len(x)), _MARKS)])

@@ -1,4 +1,4 @@
-"""The charts of several runs together: each quantity by itself, and how it differs."""
+"""The charts of several runs together: each quantity, and its differences."""
 
 from __future__ import annotations
 

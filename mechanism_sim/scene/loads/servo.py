@@ -73,7 +73,7 @@ class ServoPart(ElementKeys):
 
         Parameters
         ----------
-        own : what stands before its own length or angle and rate
+        own : prefix of its own length or angle and rate
         """
         said, of = self._said, 'rad' if self._turns else 'm'
         target, pace = said(self.target, of), said(self.target_rate, f'{of}/s')

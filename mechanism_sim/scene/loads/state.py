@@ -63,7 +63,7 @@ class StatePart(ElementKeys):
     pressure and 1 in SI units of anything else."""
 
     def states(self, name: str) -> dict[str, str]:
-        """Itself with its unit."""
+        """Value with its unit."""
         return {name: self.start.unit}
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
