@@ -21,11 +21,11 @@ class ClientGoalHandle:
 
     def __init__(self, client: 'ActionClient', goal_id: Any, response: Any) -> None:
         self.goal_id = goal_id  #: ``unique_identifier_msgs/msg/UUID``
-        self.accepted = bool(response.accepted)  #: whether the server took it
-        self.stamp = response.stamp  #: when it was accepted
+        self.accepted = bool(response.accepted)  #: whether the server accepted the goal
+        self.stamp = response.stamp  #: time of acceptance
         self.status = int(
             Status.UNKNOWN
-        )  #: last status heard, a constant of ``action_msgs/msg/GoalStatus``
+        )  #: last received status, a constant of ``action_msgs/msg/GoalStatus``
         self._client = client
 
     def __repr__(self) -> str:

@@ -122,11 +122,11 @@ class CommandNode:
 
     Parameters
     ----------
-    patience : [s] from now to wait for what is asked for, in all
+    patience : total waiting time from now [s]
 
     Attributes
     ----------
-    bounded : whether that holds for answers, too, which may take their time
+    bounded : whether `patience` also limits the wait for answers, which may take long
     """
 
     bounded = False

@@ -28,8 +28,8 @@ class NodeGraph:
     Attributes
     ----------
     context : session and graph of the process
-    tasks : runs callbacks that are coroutines
-    warnings : logs what Zenoh's threads have to say
+    tasks : runner of callbacks that are coroutines
+    warnings : logger of warnings from Zenoh's threads
     """
 
     tasks: Tasks

@@ -58,7 +58,7 @@ class Context:
         self.inboxes: set[Closable] = set()
         self.local = Local()
         self.refusals = Refusals()
-        #: of the nodes: log warnings from Zenoh's threads
+        #: functions of the nodes that log warnings from Zenoh's threads
         self.warn_functions: list[Warn] = []
         self._kept: list[Any] = []
         self.waits = Waits(self._readers)
@@ -179,8 +179,8 @@ class RouterKeeper:
 
     Parameters
     ----------
-    session : of this process, which knows what routers there are
-    own : the router of this process, if it has one; an attribute, too
+    session : session of this process, with its known routers
+    own : router of this process, if it has one; an attribute, too
     """
 
     def __init__(self, session: zenoh.Session, own: zenoh.Session | None) -> None:

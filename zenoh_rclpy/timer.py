@@ -88,7 +88,7 @@ class Rate:
 
     Parameters
     ----------
-    beat : set by a timer of the node
+    beat : event set by a timer of the node
     """
 
     def __init__(self, timer: Timer, beat: Event) -> None:

@@ -21,7 +21,7 @@ class Waits:
 
     Parameters
     ----------
-    readers : the names of the nodes in other processes that read a topic
+    readers : function that returns the names of nodes in other processes that read a topic
     """
 
     def __init__(self, readers: Callable[[str], list[str]]) -> None:

@@ -1,4 +1,4 @@
-"""Equations of motion, contacts and switches with their exact derivatives, compiled when asked.
+"""Equations of motion, contacts and switches with exact derivatives, compiled when needed.
 
 heyoka differentiates the expressions that runs are made of. What changes in a run (flags, rows of
 switches, torque laws) are parameters here as there.

@@ -299,7 +299,7 @@ class Audit:
         return found
 
     def _check_open(self, motion: Motion) -> None:
-        """Sample every open gap, and again more densely where a parabola foresees a violation."""
+        """Sample every open gap, and more densely where a parabola predicts a violation."""
         flying = np.flatnonzero(~motion.closed.all(axis=1))
         low, doubtful, begin = 0.0, [], []
         for first in range(0, len(flying), _OPEN_BLOCK):
@@ -338,8 +338,8 @@ def work_in(
 
     Parameters
     ----------
-    largest, in_order : as for `mechanism_sim.numerics.quadrature.integrate`
-    look : is handed every account at the nodes of whole segments
+    largest, in_order : see `mechanism_sim.numerics.quadrature.integrate`
+    look : function called with every account at the nodes of whole segments
     """
 
     def powers(k: NDArray[np.intp], dt: Array | Nodes) -> Array:

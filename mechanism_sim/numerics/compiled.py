@@ -35,7 +35,7 @@ _LARGEST = 200_000
 """Number of nodes of expressions that are compared in a few milliseconds."""
 
 _LONG = 2_000_000
-"""Nodes of equations whose optimisation takes some 10 s; of 500,000 it takes 4 s, and pays."""
+"""Number of nodes of equations whose optimisation takes 10 s; at 500,000 it takes 4 s and pays."""
 
 OPTIMISATION = 3
 """LLVM's level at most. Without any, code of the last bits of others is made in a quarter of the
@@ -88,8 +88,8 @@ class _KeyedTerms:
 
     Attributes
     ----------
-    large : whether LLVM takes long to optimise them: four times as long as to compile them, for
-        1 to 2 us in a call
+    large : whether LLVM's optimisation takes long: four times the compilation, for a gain of 1 to
+        2 us in a call
     long : whether optimisation of equations takes so long that they are compiled compactly
     """
 

@@ -383,7 +383,7 @@ def _free_slips(problem: FrictionalProblem) -> tuple[Indices, int, bool]:
 
 @kernel
 def _leave_out_jammed(M: Array, q: Array, m: int) -> None:
-    """Take the contacts out of a problem, in place, that jam by themselves."""
+    """Remove contacts that jam by themselves from a problem, in place."""
     for i in range(m):
         if M[i, i] <= 0.0:
             q[i] = 1.0

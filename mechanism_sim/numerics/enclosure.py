@@ -427,7 +427,7 @@ class Enclosure:
         return compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
 
     def doubts(self, motion: MotionSeries, scales: Array) -> int:
-        """Level of doubt whether a piece of motion's series represents the functions.
+        """Level of sampling needed to verify the functions on a piece of motion's series.
 
         `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
         where `FEW` samples tell whether they are, `MUCH` where they must be enclosed.
@@ -441,7 +441,7 @@ class Enclosure:
         )
 
     def doubts_at(self, given: Array, parameters: Array) -> int:
-        """`doubts` of a piece by what moves there, see `about_middle`, and all that does not."""
+        """`doubts` of a piece by moving variables, see `about_middle`, and constant ones."""
         found = self.doubted(given, pars=parameters[: self.doubted.nparams])
         return int(doubt_of(found))
 
@@ -605,7 +605,7 @@ def about_middle(series: Array, given: Array) -> None:
 
 @kernel
 def doubt_of(counts: Array) -> int:
-    """Level of doubt by the numbers of functions beyond a series, and beyond few samples."""
+    """Level of sampling by the numbers of functions beyond a series, and beyond few samples."""
     return MUCH if counts[1] > 0.0 else LITTLE if counts[0] > 0.0 else NONE
 
 
@@ -706,8 +706,8 @@ def reach_of(
 def _off(own: Array, parts: Enclosed, span: Array) -> Array:
     """Deviations (K, N) of functions in parts from their samples.
 
-    It is how far they may go beyond all samples, or bend between them; or how much they change at
-    all, if that is half of what they change in the whole piece.
+    The largest of: excess over all samples, curvature between them, and the change in the part if
+    that is half of the change in the whole piece.
 
     Parameters
     ----------

@@ -83,8 +83,8 @@ class ExtremeSearch:
     groups : (C,) group of each function; rounding is relative to the largest of a group
     sizes : magnitudes of cancelled terms, by group
     positive : mask of functions that are never negative, such as magnitudes of forces
-    magnitudes : of which functions only the end that is farther from zero matters; the other is
-        not looked for
+    magnitudes : mask of functions of which only the extreme farther from zero is searched, as for
+        a magnitude
 
     Attributes
     ----------

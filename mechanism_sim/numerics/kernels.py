@@ -114,7 +114,7 @@ class BoundCall:
 
     Parameters
     ----------
-    known : what it is called with
+    known : arguments of the calls
     """
 
     def __init__(self, kernel: Kernel, *known: Any) -> None:

@@ -198,13 +198,13 @@ class ModalFilter:
         return np.concatenate([x.astype(complex).ravel().view(float) for x in parts])
 
     def advance(self, durations: Array, polynomials: Array, impulses: Array) -> ModalResponse:
-        """Go on through N pieces.
+        """Advance the state through N pieces.
 
         Parameters
         ----------
         durations : (N,) durations [s]
         polynomials : (N, inputs, d + 1) of the inputs, by powers of the fraction of the piece
-        impulses : (N, inputs) at the start of each piece, integrals of the input over it
+        impulses : (N, inputs) impulses of the inputs at the start of each piece
 
         Returns
         -------
@@ -255,7 +255,7 @@ def polynomials(values: Array) -> Array:
 
     Parameters
     ----------
-    values : (inputs, N K) of the inputs at the K = d + 1 `NODES` of each piece
+    values : (inputs, N K) values of the inputs at the K = d + 1 `NODES` of each piece
     """
     values = values.reshape(len(values), -1, len(NODES)).transpose(1, 0, 2)
     return fit_powers(values, 1.0)

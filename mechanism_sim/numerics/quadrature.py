@@ -188,15 +188,15 @@ POWERS = _powers()
 class Assumptions(NamedTuple):
     """Assumptions on functions and intervals that save evaluations, or require more."""
 
-    #: the intervals follow each other, so that what was before tells what is rounding
+    #: whether intervals are consecutive, so that earlier ones give the scale of rounding
     in_order: bool = True
-    #: the functions are of one kind, so that the largest of them tells it for all
+    #: whether functions are of one kind, so that the largest gives the scale for all
     alike: bool = False
-    #: functions vary as fast as the steps of the motion say, and nothing else: then coefficients
-    #: go on to fall as they do
+    #: whether functions vary on the scale of the motion's steps only, so that their coefficients
+    #: keep the known rate of decay
     foretold: bool = False
-    #: functions may have small corners within intervals, as the size of a force that presses
-    #: either way has: then other nodes must agree
+    #: whether functions may have small corners within intervals, as the magnitude of a force that
+    #: changes sign: then other nodes must agree
     corners: bool = False
     smooth: Rule = SMOOTH  #: rule of smooth functions: `SMOOTH` or `SECOND`
 

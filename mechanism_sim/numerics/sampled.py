@@ -1,4 +1,4 @@
-"""Motions given by samples: the spline through them, or near them, and what it says of peaks.
+"""Motions given by samples: interpolating or smoothing splines, and their peaks.
 
 The second derivative of samples is what they know least about: it depends on how the gaps between
 them are filled, and on the last digit of each. `acceleration_peaks` says by how much.

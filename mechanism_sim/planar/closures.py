@@ -72,7 +72,7 @@ class PrismaticClosure:
         return joint
 
     def values(self, frames: Frames) -> list[Jet]:
-        """Distance from the line [m]; sine of the angle by which it turned, times the size [m]."""
+        """Distance from the line [m]; sine of the relative rotation, times the size [m]."""
         foot, ((ux, uy), (vx, vy)) = self._foot(frames), self._directions(frames)
         if foot:
             away = foot.away

@@ -289,7 +289,7 @@ def _turned(c: Term, s: Term, x: Term, y: Term) -> tuple[Term, Term]:
 
 
 def rotate_quarter(v: Vector2) -> Vector2:
-    """The vector turned by +90 degrees: the derivative of R(theta) v."""
+    """The vector rotated by +90 degrees: the derivative of R(theta) v."""
     return -v[1], v[0]
 
 

@@ -28,7 +28,7 @@ _ROUNDING = TOLERANCES.rounding
 
 
 class _Closures:
-    """The expressions of closures, compiled when they are first asked for."""
+    """The expressions of closures, compiled when first needed."""
 
     def __init__(self, mechanism: Mechanism, relations: Sequence[Relation]) -> None:
         self._relations = relations

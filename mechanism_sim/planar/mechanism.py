@@ -730,7 +730,7 @@ def closing_joints(
 
 
 def bending_guides(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[str]:
-    """The guides and welds of links that bend, and turn by themselves there: of no tree."""
+    """Guides and welds at cross-sections of bending links, which cannot be in the tree."""
     bent = {b.name for b in bodies if b.extension and b.extension.bends}
     usable = [j for j in joints if isinstance(j, Prismatic | Weld)]
     return [j.name for j in usable if bent & {j.first, j.second}]

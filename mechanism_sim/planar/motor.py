@@ -113,7 +113,7 @@ class Characteristic(Protocol):
         """Torque [N m] at a speed [rad/s]; `key` begins the names of its parameters."""
 
     def on(self, mechanism: Mechanism) -> Characteristic:
-        """Itself in another tree of the mechanism."""
+        """Copy of the characteristic for another tree of the mechanism."""
 
 
 @dataclass(frozen=True)

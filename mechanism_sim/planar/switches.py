@@ -77,8 +77,8 @@ class Switch(NamedTuple):
 
         Parameters
         ----------
-        seen : rates of its function with the flag 0 and 1 while what else holds goes on holding;
-            the same while nothing holds, contacts included; and the part that acts
+        seen : rates of its function with the flag 0 and 1 while other switches hold; the same
+            without any holding, also by contacts; and the present part
         place : value of the function
         """
         below, above, *_, part = seen

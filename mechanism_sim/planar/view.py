@@ -121,7 +121,7 @@ class PairView(Protocol):
 
 
 SLOT = 0.75
-"""Half the width of a drawn slot, in units of the drawing's symbols."""
+"""Half width of a drawn slot, in units of the drawing's symbols."""
 
 
 def complex_of(points: Array) -> NDArray[np.complex128]:

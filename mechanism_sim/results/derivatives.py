@@ -374,7 +374,7 @@ class _Ideal(RunDerivative):
 
 
 def _plain(piece: Piece) -> Piece:
-    """A run, or a piece of one, as a piece."""
+    """A run, or a piece of one, as a `Piece`."""
     return Piece(piece.machine, piece.motion, piece.balance, piece.impacts, piece.modes)
 
 

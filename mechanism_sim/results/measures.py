@@ -142,7 +142,7 @@ class Measurement:
         return {**plain, 'work': 'J'}.get(f.function, unit)
 
     def add(self, piece: Piece, history: Motion | None = None) -> None:
-        """Enter the piece that follows.
+        """Enter the next piece.
 
         Parameters
         ----------
@@ -420,7 +420,7 @@ class EventSeries:
             if kind == 'sensors' and joint
         }
         self._columns: dict[tuple[str, str | None], dict[str, list[NDArray[Any]]]] = {}
-        """Of each kind and joint or sensor, by key: piece by piece, in the order of time."""
+        """Columns by kind and joint or sensor, filled piece by piece in the order of time."""
         for kind, joint, key in self._parts.values():
             always = ('t', '', OVERLOADS) if kind == 'sensors' else ('t',)
             columns = self._columns.setdefault((kind, joint), {k: [] for k in always})

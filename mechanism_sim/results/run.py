@@ -144,7 +144,7 @@ class Piece(Rich):
 
     @property
     def catalogue(self) -> Catalogue:
-        """The quantities that can be asked for by name."""
+        """The quantities by name."""
         return catalogue(self.machine)
 
     def view(self, t: Array | float) -> View:
@@ -382,7 +382,7 @@ class Runner:
         batch: Batch | None = None,
         held: Callable[[], object] | None = None,
     ) -> Iterator[Piece]:
-        """Go on to a time [s]; at least one piece follows, which may be empty.
+        """Run to a time [s]; yields at least one piece, which may be empty.
 
         Parameters
         ----------
@@ -519,7 +519,7 @@ def run(
     *,
     resume: Snapshot | None = None,
 ) -> Iterator[Piece]:
-    """A run up to a time [s], piece by piece; see `Runner` for one that is asked for in parts."""
+    """A run up to a time [s], piece by piece; see `Runner` for one in several parts."""
     return Runner(machine, resume=resume).to(until, observers)
 
 

@@ -71,9 +71,9 @@ class Swing:
     size : greatest less least value [rad or m]
     turns : whole turns by which an angle grows in the cycle; 0 if they are not whole
     gained : displacement in the cycle [rad or m]
-    period : after which the motion repeats itself [s], but for what it gained; None if it does
-        not, and then nothing is known of strokes
-    strokes, dwells : in a period, in the order of time
+    period : period of the motion apart from its displacement [s]; None if it does not repeat,
+        without strokes then
+    strokes, dwells : strokes and dwells in a period, in the order of time
     ripple : largest displacement within a standstill [rad or m], 0 for a true one
     """
 

@@ -120,8 +120,8 @@ class Response:
     impacts : number of impacts per turn
     note : reason if there is no response
     state : state at the end of a turn, with the crank where the scene begins
-    settled : false where it still converges: it may have a period that is not told, and is none
-        of those that coexist
+    settled : False if it still converges: its period may be unknown, and it does not count among
+        coexisting ones
     """
 
     value: float

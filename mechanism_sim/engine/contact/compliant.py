@@ -43,7 +43,7 @@ class CompliantLaw(ABC):
         """The dimensionless a; the hysteresis damping factor of the literature is ``a K/v0``."""
 
     def normal_force(self, depth: Quantity, rate: Quantity, approach: Quantity) -> Quantity:
-        """Force that presses the bodies apart [N].
+        """Normal force on the bodies, repulsive [N].
 
         Parameters
         ----------

@@ -68,7 +68,7 @@ class ContactImpulse(NamedTuple):
 
 
 class _Leg(NamedTuple):
-    """A straight piece of the path of impulses, per unit of its parameter."""
+    """A straight leg of the path of impulses, per unit of its parameter."""
 
     normal: float  # impulse
     tangential: float  # impulse

@@ -103,7 +103,7 @@ class Layout(NamedTuple):
 class ContactArrays(NamedTuple):
     """Arrays from which `problem_of` makes a contact problem: few to pass to a kernel."""
 
-    terms: Array  #: one row of all terms, as ``System.contact_function`` writes them
+    terms: Array  #: all terms in one row, as output of `PresentFunctions.contact_function`
     layout: Layout
     laws: Array  #: (2, m) coefficients of restitution and of friction
     closed: Mask  #: (m,)
@@ -292,7 +292,7 @@ def impact_of_all(
 
     Parameters
     ----------
-    now : its rates are changed in place
+    now : time and rates of the impact; rates are changed in place
     log : (n, 12) with room for m rows from `count` on
     touching : (m,) set: which contacts take part
     resting : (m,) set: which of them are at rest after it
@@ -541,7 +541,7 @@ def come_to_rest(
     Parameters
     ----------
     drives : (p,) rates of the drives [rad/s]
-    last : (1, 12) the impact of this instant in whose loss coming to rest is booked, or (0, 12)
+    last : (1, 12) impact of this instant, to whose loss that of the stop is added; or (0, 12)
     modes : (m,) changed in place, with ``c.closed``
     begins : (m,) set: which begin to slide, see `begin`
     drawn : (m,) set: see `induced_closures`
@@ -625,7 +625,7 @@ def induced_closures(c: ContactProblem, limits: Limits, known: Mask) -> tuple[Ma
 
     Parameters
     ----------
-    known : (m,) gaps that are not asked about
+    known : (m,) gaps to be left out
     """
     m = len(c.value)
     drawn, horizon = np.zeros(m, dtype=np.bool_), math.inf

@@ -137,9 +137,9 @@ def situation_of(run: EventArrays) -> Situation:
 def write_flags(
     modes: Indices, sticking: Mask, places: NDArray[np.int64], parameters: Array
 ) -> None:
-    """The flags closed, sticks, slips and presses of modes, in their places (4, m) if not -1.
+    """Write the flags closed, sticks, slips and presses of modes to indices (4, m) if not -1.
 
-    Those set in `sticking` (m,), or of none (0,), count as if they stuck.
+    Gaps in `sticking` (m,), or (0,) for none, count as sticking.
     """
     for i in range(len(modes)):
         mode = STICKS if len(sticking) and sticking[i] else modes[i]
@@ -173,7 +173,7 @@ def set_mode(run: EventArrays, gap: int, mode: int) -> None:
 
 @kernel
 def fell(run: EventArrays) -> int:
-    """A guard of a gap fell through zero."""
+    """Respond to a zero crossing of the guard of a gap."""
     guard, mode = run.counters[GUARD], run.gaps[MODE]
     run.gaps[BEFORE] = mode
     if run.marks[SHUT, guard] or _opens(run, guard):

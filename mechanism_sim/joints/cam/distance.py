@@ -53,10 +53,10 @@ class Distance:
     Attributes
     ----------
     name : name of the joint
-    beside : how far the follower's point lies from its line through the camshaft, along y [m];
-        it counts for faces that are tilted
-    exact : whether to the second order; for rollers only, and for laws whose acceleration does
-        not jump: D would, where the roller is off the middle
+    beside : offset of the follower's point from its line through the camshaft, along y [m], for
+        tilted faces
+    exact : whether D is of second order; only for rollers and laws without jumps of acceleration,
+        which would make D jump where the roller is off the middle
     """
 
     name: str

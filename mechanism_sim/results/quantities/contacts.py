@@ -116,7 +116,7 @@ def _effort(element: Elongation, frames: Frames) -> Term:
 
 
 class _ForceElements:
-    """Forces and lengths of springs, compiled when they are first asked for."""
+    """Forces and lengths of springs, compiled when first needed."""
 
     def __init__(self, machine: Machine, elements: Sequence[Elongation]) -> None:
         self._machine, self._elements = machine, elements
