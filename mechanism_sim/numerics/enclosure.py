@@ -495,7 +495,7 @@ class FunctionRanges:
     def __call__(
         self, motion: MotionSeries, begin: Array, width: float
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Values in the middles of parts, lower bounds in them, and masks of bounds at an end.
+        """Values in the middles of parts, lower bounds in them, and masks of monotonic parts.
 
         Each (g, N), of parts of a width from 0 to 1. The bound is below all values; it lies at
         an end where the expression rises or falls all the way.

@@ -140,7 +140,7 @@ def crossing(kinematics: Kinematics, branch: Branch) -> Array:
 def determinants(kinematics: Kinematics, q: Array) -> Array:
     """Determinants of the constraints (N, K) in K `SAMPLES` beside N positions, of q (n, N K).
 
-    Redundant rows are projected on the row space's basis where they are most independent.
+    Redundant rows are combined by the left singular vectors of their most independent sample.
     """
     A = kinematics.directions(q)
     A = A.reshape(-1, len(SAMPLES), *A.shape[1:])

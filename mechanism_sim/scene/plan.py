@@ -328,7 +328,7 @@ class ScenePlan(Names):
 def _read_places(
     plan: ScenePlan, drives: Mapping[str, DrivePart], tree: Mechanism
 ) -> tuple[Values, Values, list[str]]:
-    """Coordinates by `initial`, by `guess`, and names of those given there."""
+    """Coordinates given by `initial`, all with a value, and names of those with a guess."""
     initial, guess = plan.scene.initial.position, plan.scene.guess
     outright, placed = split(plan, 'initial.position', initial, tree)
     rough, near = split(plan, 'guess', guess, tree)

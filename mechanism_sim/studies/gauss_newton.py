@@ -2,8 +2,8 @@
 
 Where a run can be repeated, every sample counts: residuals are samples less those of a run at the
 same instants, their derivatives by the parameters are exact (`results/derivatives.py`), and damped
-Gauss-Newton steps within the ranges lead to a minimum. Three rules make it the global one, with
-valid confidence limits:
+Gauss-Newton steps within the ranges lead to a minimum. Three rules serve to reach the right one,
+with valid confidence limits:
 
 1. The first window is so short that residuals depend on parameters in one way over the whole
    range; it begins with the best of many values. Each window is twice as long as the one before,

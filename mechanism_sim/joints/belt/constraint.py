@@ -60,7 +60,7 @@ class Belt(Transmission):
     stiffness: float = 0.0  #: [N/m]; 0 for an ideal belt
     damping: float = 0.0  #: [N s/m]
     pretension: float = 0.0  #: [N]
-    friction: float | None = None  #: coefficient of a flat belt; None for a belt without slip
+    friction: float | None = None  #: coefficient as of a flat belt; None without slip
     begun: tuple[int, int, int] = (0, 0, 0)
     """Whole turns of first, second and carrier that it did not follow: it was put on after."""
 
