@@ -15,19 +15,19 @@ _EPSILON = sys.float_info.epsilon
 class RoundingTolerances(NamedTuple):
     """Errors of double precision, from a single operation up to what a solve leaves."""
 
-    #: of a number
+    #: share of a number
     epsilon: float = _EPSILON
-    #: of the sum of magnitudes, of some ten terms
+    #: share of the sum of magnitudes, of some ten terms
     sum: float = 8.0 * _EPSILON
-    #: of the largest term of a Fourier sum
+    #: share of the largest term of a Fourier sum
     series: float = 16.0 * _EPSILON
-    #: of the largest term of a loop closure: a chain of rotations
+    #: share of the largest term of a loop closure: a chain of rotations
     closure: float = 32.0 * _EPSILON
-    #: of the largest value of its kind: what differs by less is equal; likewise a pivot
+    #: share of the largest value of its kind: what differs by less is equal; likewise a pivot
     value: float = 1e-13
-    #: of the sum of magnitudes of ``A x + b`` with a solved x: less is zero
+    #: share of the sum of magnitudes of ``A x + b`` with a solved x: less is zero
     solved: float = 1e-12
-    #: of the largest acceleration, whose mass matrix was solved for and whose terms cancel
+    #: share of the largest acceleration, whose mass matrix was solved for and whose terms cancel
     acceleration: float = 1e-9
     #: divisor in the place of a size that may be zero
     least: float = 1e-300
@@ -40,15 +40,15 @@ class ComplementarityTolerances(NamedTuple):
     pivot: float = 1e-11
     #: ratios that differ by less are equal, and lexicographic order decides
     tie: float = 1e-13
-    #: of the sum of magnitudes in a row: a solution leaves no more over
+    #: share of the sum of magnitudes in a row: a solution leaves no more over
     exact: float = 1e-9
-    #: of the rates: friction that exceeds its cone, by a pivot's rounding, may change them so much
+    #: share of the rates: largest change by friction beyond its cone by a pivot's rounding
     cone: float = 1e-10
-    #: of the largest impulse: a smaller one is none
+    #: share of the largest impulse: a smaller one is none
     impulse: float = 1e-14
-    #: of the first pivot: the row depends on those before it
+    #: share of the first pivot: the row depends on those before it
     dependent: float = 1e-10
-    #: of the product of the diagonal: a smaller determinant is that of dependent rows
+    #: share of the product of the diagonal: a smaller determinant is that of dependent rows
     regular: float = 1e-12
     #: least reciprocal of a coefficient of friction while pivoting: the mild one first
     weakest: tuple[float, float] = (1e-3, 1e-5)
@@ -63,7 +63,7 @@ class ImpactTolerances(NamedTuple):
     independent: float = 1e-8
     #: the same of a slip: the closed gaps determine it, for less would be rounding of its friction
     determined: float = 1e-12
-    #: of the diagonal's geometric mean: by so little two coupling terms differ by rounding only
+    #: share of the diagonal's geometric mean: difference of equal coupling terms by rounding
     symmetric: float = 1e-13
     #: compliance of a slip over that of its normal: with less the links cannot change it
     prescribed: float = 1e-16
@@ -71,22 +71,22 @@ class ImpactTolerances(NamedTuple):
     rough: float = 1e4
     #: times its friction, what is about to jam jams
     firmer: float = 1.0 + 1e-4
-    #: of the time in which accelerations would make the slip: a step of no length
+    #: share of the time in which accelerations would make the slip: a step of no length
     instant: float = 1e-6
-    #: of the slip: an impact without collision that changes no rate by more frees nothing
+    #: share of the slip: an impact without collision that changes no rate by more frees nothing
     frees: float = 1e-9
-    #: of the largest normal impulse: so little pull is rounding of a null vector
+    #: share of the largest normal impulse: smaller tension is rounding of a null vector
     pull: float = 1e-6
-    #: of the largest change of a slip along that vector: a slower one does not stop
+    #: share of the largest change of a slip along that vector: a slower one does not stop
     stops: float = 1e-12
-    #: of the largest singular value: equations of a shock, and at the very jam, below it dependent
+    #: share of the largest singular value: rank of the equations of a shock, and at the very jam
     shock_rank: float = 1e-13
     jam_rank: float = 1e-14
-    #: of the rate before: a contact that parted by rounding in a shock is still at rest
+    #: share of the rate before: a contact that parted by rounding in a shock is still at rest
     parted: float = 1e-6
-    #: of the approach: a rebound that is not faster is none
+    #: share of the approach: a rebound that is not faster is none
     rebound: float = 1e-9
-    #: of the largest impulse: at so small a change, iteration with joint friction has converged;
+    #: share of the largest impulse: change at which iteration with joint friction has converged;
     #: where rounding goes on turning a slip over, the rough bound counts after `joint_rounds`
     joint: float = 1e-13
     joint_rough: float = 1e-9
@@ -96,22 +96,22 @@ class ImpactTolerances(NamedTuple):
 class JointImpulseTolerances(NamedTuple):
     """Projected Gauss-Seidel iteration for friction impulses in ideal joints."""
 
-    #: of the largest bound: a smaller change ends the iteration
+    #: share of the largest bound: a smaller change ends the iteration
     settled: float = 1e-15
     sweeps: int = 10_000
-    #: of the change before: a larger one is not settling, and the step to a bound is halved
+    #: share of the change before: a larger one is not settling, and the step to a bound is halved
     grows: float = 0.95
     least_step: float = 0.02
 
 
 class ChatterTolerances(NamedTuple):
-    """End of a sequence of bounces, see `contact.chatter.ChatterRule`."""
+    """Cut-off of Zeno chatter, see `contact.chatter.ChatterRule`."""
 
-    #: of rtol: displacement by bounces left out, of the size, is as small as errors of steps
+    #: share of rtol: displacement by rebounds left out, over the size, as small as steps' errors
     step_error: float = 0.01
-    #: of the size: a larger displacement is not asked for, unless rtol is less
+    #: share of the size: least displacement left out, unless rtol is less
     least: float = 1e-12
-    #: of a speed: where a bounce takes less, flights go on alike, until they rise no more than
+    #: of a speed: where a rebound loses less, flights go on alike, until they rise no more than
     #: so many times what can be told from rounding
     elastic: float = 0.01
     roundings: float = 500.0
@@ -125,11 +125,11 @@ class ContactTolerances(NamedTuple):
 
     #: roundings of the largest position: gaps smaller than so many count as closed
     touching: float = 4.0
-    #: of the size of the machine, at most: what is so near strikes at the same instant
+    #: share of the size of the machine, at most: gaps so near take part in the same impact
     tie: float = 1e-9
     #: spacings of the fastest speed: rate that an impact leaves by rounding
     bare: float = 1e3
-    #: of rtol and of the fastest speed, but of the latter at least the second: a step's
+    #: share of rtol and of the fastest speed, but of the latter at least the second: a step's
     #: error; what is slower is at rest
     still: float = 0.01
     still_least: float = 1e-12
@@ -139,17 +139,17 @@ class ContactTolerances(NamedTuple):
     same_instant: float = 1e3
     #: events at one instant: what then falls at rest does so by rounding
     again: int = 2
-    #: of the friction bound, by which a slip that other contacts hold stays within
+    #: share of the friction bound, by which a slip that other contacts hold stays within
     held_slip: float = 1e-9
     #: gaps at rest beside joint friction up to which all combinations of modes are tried
     enumerated: int = 4
     #: impacts without collision at one instant
     jams: int = 6
-    #: of the fastest speed: to no slower touch does the damping of a compliant contact refer
+    #: share of the fastest speed: to no slower touch does the damping of a compliant contact refer
     slowest_touch: float = 1e-6
     #: [m] depth at which a compliant contact begins: its force has no series at zero
     inside: float = 1e-13
-    #: of the speed that its load makes: what touches slower is loaded from rest
+    #: share of the speed that its load makes: what touches slower is loaded from rest
     set_down: float = 0.01
     #: [m/s] sliding speed below which the direction of an oil film's flow is undefined
     film_rest: float = 1e-12
@@ -157,7 +157,7 @@ class ContactTolerances(NamedTuple):
     energy_gain: float = 1e-15
     #: imaginary part of a root in [-1, 1] that is real but for rounding
     real_root: float = 1e-9
-    #: of the clearance: a pin so near to the centre has no direction
+    #: share of the clearance: a pin so near to the centre has no direction
     central: float = 1e-6
 
 
@@ -172,7 +172,7 @@ class GuardTolerances(NamedTuple):
     slip_scale: float = 1e-3
     #: [m] of the margin to jamming
     jam_scale: float = 1e-6
-    #: of what is integrated only to be watched
+    #: scale of states that are integrated to be watched only
     watch_scale: float = 1e-30
     #: times its friction, sticking gives way: beyond the rounding of forces
     hold: float = 1.0 + 1e-10
@@ -182,16 +182,16 @@ class GuardTolerances(NamedTuple):
     jammed_rough: float = 0.1
     #: that of friction in ideal joints
     joint_jammed: float = 1e-3
-    #: of a guard: a root may be near whatever its rate
+    #: value of a guard below which a root may be near at any rate
     near_root: float = 1e-12
 
 
 class JointFrictionTolerances(NamedTuple):
     """Set-valued forces: friction in ideal joints, loads that step against a motion."""
 
-    #: of the weight of all links on Earth: a smaller force in a joint makes no friction
+    #: share of the weight of all links on Earth: a smaller force in a joint makes no friction
     resolution: float = 1e-9
-    #: of the resolution: no bound is exactly zero
+    #: share of the resolution: no bound is exactly zero
     off_zero: float = 1e-3
     #: added to a coefficient, which may be zero for a while: a quotient needs a denominator
     coefficient: float = 1e-6
@@ -200,7 +200,7 @@ class JointFrictionTolerances(NamedTuple):
     #: Newton steps: an error x relative to the bounds leaves k x^2, k the coefficient times radius
     #: over the length of a link; below k = 0.3 the last one leaves a rounding
     newton: int = 5
-    #: of its bound: friction farther from its law is refused
+    #: share of its bound: friction farther from its law is refused
     residual: float = 1e-9
     #: determinant of the equations of inverse dynamics, 1 without friction, at which they lock
     locked: float = 1e-6
@@ -218,7 +218,7 @@ class SwitchTolerances(NamedTuple):
 
     #: how far past zero a switch turns over: as far the other way is the next time
     margin: float = 1e-12
-    #: of its length: a table that is not periodic allows for rounding at its ends
+    #: share of its length: a table that is not periodic allows for rounding at its ends
     table_end: float = 1e-9
     #: [rad] before a tooth where a pawl counts as on it
     tooth: float = 1e-12
@@ -226,7 +226,7 @@ class SwitchTolerances(NamedTuple):
     rest: float = 1e-10
     #: [1/s] rate of such a function: a force that changes it by less steps nowhere
     felt: float = 1e-9
-    #: of its jump alone: less is left to a switch where others hold what it would
+    #: share of its own jump: below, others hold a switch's rate
     own: float = 1e-6
     #: [s] between turns of a switch at one place, of which so many in a row are an error
     again: float = 1e-6
@@ -236,15 +236,15 @@ class SwitchTolerances(NamedTuple):
 class StepTolerances(NamedTuple):
     """Taylor steps and the search for events in them."""
 
-    #: of the fastest drive: rate whose relative error is rtol
+    #: share of the fastest drive: rate whose relative error is rtol
     rate: float = 0.1
-    #: of a step that overlooked an event: off the powers of two, at which root searches bisect
+    #: share of a step that missed an event: off the powers of two, at which root searches bisect
     shorter: float = 0.37
-    #: of the longest step: no step is halved further
+    #: share of the longest step: no step is halved further
     shortest: float = 1e-12
-    #: of the series of steps that an event ends soon
+    #: order of the series of steps that an event ends soon
     low_order: int = 7
-    #: of a step's error: last terms of rates in such steps
+    #: share of a step's error: last terms of rates in such steps
     low_error: float = 1e-3
     #: events until which such steps save less than they cost to compile
     short_from: int = 500
@@ -252,19 +252,19 @@ class StepTolerances(NamedTuple):
     stabilisation: float = 1e3
     #: times a step's error, by which its polynomials may be off the equations
     defect: float = 1e3
-    #: of a guard: below zero by more, and below its own series, it has fallen unseen
+    #: value of a guard: below zero by more, and below its own series, it has fallen unseen
     fallen: float = 1e-10
-    #: of a guard, times the share of a step: a smaller change makes no event
+    #: value of a guard over the share of a step: a smaller change makes no event
     guard: float = 1e-12
-    #: of the limit of the defect: a change of a rate that nothing needs to find
+    #: share of the limit of the defect: a change of a rate that nothing needs to find
     unfelt: float = 1e-4
-    #: of the size of the machine: distance at which the ends of a force element meet
+    #: share of the size of the machine: distance at which the ends of a force element meet
     meet: float = 1e-6
-    #: of a state, and as an absolute value: if a formula has no value there, it ends here
+    #: share of a state, and as an absolute value: if a formula has no value there, it ends here
     beside: float = 1e-9
     #: steps in a row that are shorter than the time rounds, after which a run is at its end
     stalled: int = 8
-    #: of its scale: size of a state of first order that grows without limit; squared, of its rate
+    #: multiple of its scale: size of a diverging state of first order; squared, of its rate
     endless: float = 1e6
     #: events at one instant, after which the run is said to make no progress
     simultaneous: int = 100
@@ -287,17 +287,17 @@ class FilmTolerances(NamedTuple):
     endless: float = 1e9
     #: rate times step: what decays slower does not limit an explicit step, whose limit is near 9
     rules: float = 1.0
-    #: of the power that a fast decay takes, a ruptured film takes half on one side
+    #: share of the power that a fast decay takes, a ruptured film takes half on one side
     share: float = 0.3
     #: [m/s or rad/s] change of a speed that shows the damping of a film, which is slower
     nudge: float = 1e-3
-    #: of the clearance: a thicker film is stiff by what it is made of, not because it is thin
+    #: share of the clearance: a thicker film is stiff by its oil, not by its thickness
     centred: float = 0.5
     #: [m] thickness at which there is no oil but some molecules
     molecules: float = 1e-9
-    #: of its growth: ``h^(-3/2)`` grows so evenly where a steady load squeezes a film
+    #: share of its growth: ``h^(-3/2)`` grows so evenly where a steady load squeezes a film
     even: float = 0.1
-    #: of the speed at which a film gets thinner: links of a machine that stands still are
+    #: multiple of the speed at which a film gets thinner: links of a machine at rest are
     #: hardly faster, by their levers
     standstill: float = 100.0
 
@@ -307,7 +307,7 @@ class SingularityTolerances(NamedTuple):
 
     #: steps ahead in which the tangent of the distance's root may foresee a singular position
     ahead: float = 3.0
-    #: of a regular step: where the step across begins before the position. Farther away its
+    #: share of a regular step: where the step across begins before the position. Farther away its
     #: polynomial is less exact; nearer, rounding grows with the inverse square of the way
     zone: float = 0.25
     #: length of the step across by the way to the position: errors grow as its powers
@@ -316,11 +316,11 @@ class SingularityTolerances(NamedTuple):
     tangent: float = 1.6
     #: part of a stride by which the next may be shorter without a cause
     slower: float = 0.9
-    #: of the distance at the start of a step: a smaller minimum is a zero
+    #: share of the distance at the start of a step: a smaller minimum is a zero
     touches: float = 1e-5
-    #: of the speed: largest error of a step across
+    #: share of the speed: largest error of a step across
     decided: float = 1e-6
-    #: of the largest distance so far, at which branches can still be told apart
+    #: share of the largest distance so far, at which branches can still be told apart
     narrow: float = 1e-9
     #: distance below which a motion starts at a singular position
     here: float = 1e-10
@@ -330,11 +330,11 @@ class SingularityTolerances(NamedTuple):
     named: float = 1e-6
     #: [rad, or lengths of the mechanism] before a singular start where its first step begins
     first: float = 0.05
-    #: of the start's state: so near the first step must lead through it; Newton ends earlier
+    #: share of the start's state: so near the first step must lead through it; Newton ends earlier
     start: float = 1e-9
     start_newton: float = 1e-14
     start_rounds: int = 30
-    #: of the step across: nearer to the position guards are not evaluated
+    #: share of the step across: nearer to the position guards are not evaluated
     blind: float = 0.1
     #: of the largest root of the distance: forces are known there; so far, of a segment, to either
     #: side they are sampled; imaginary part of a root that is real
@@ -351,20 +351,20 @@ class AuditTolerances(NamedTuple):
     #: of the largest normal force, [N] at least the second: pull that a step's error may leave
     pull: float = 1e-3
     pull_least: float = 1e-12
-    #: of the longest step so far: what pulls no longer does nothing. Rows of switches are told by
+    #: share of the longest step so far: shorter tension is negligible. Rows of switches follow from
     #: places, so that a step between two events of one instant may be seen with those before it
     pull_lasts: float = 1e-9
-    #: of the energy exchanged: more missing is no error of integration
+    #: share of the energy exchanged: more missing is no error of integration
     missing: float = 0.01
     #: roundings of an energy where it is evaluated
     evaluated: int = 64
-    #: of the kinetic energy: near singular positions a torque of zero is known no better
+    #: share of the kinetic energy: near singular positions a torque of zero is known no better
     conditioned: float = 1e-11
     #: [1/s] of rates, in a step of usual tolerance, which refers to 1 rad/s at least
     step_error: float = 1e-13
-    #: of the energy exchanged: works may be off by that without a word about it
+    #: share of the energy exchanged: works may be off by that without a word about it
     promised: float = 1e-9
-    #: of the rates: between two steps of no impact they differ by rounding only
+    #: share of the rates: between two steps of no impact they differ by rounding only
     jump: float = 1e-9
 
 
@@ -378,9 +378,9 @@ class QuadratureTolerances(NamedTuple):
     #: of the largest mean magnitude so far times the interval: smaller errors are rounding of
     #: larger terms, which no halving removes
     negligible: float = 1e-12
-    #: of an interval's error, that may be at one jump or corner in it
+    #: share of an interval's error, that may be at one jump or corner in it
     corner: float = 1.0 / 64.0
-    #: of the error aimed at: where parts were needed, no smaller estimate is believed
+    #: share of the error aimed at: where parts were needed, no smaller estimate is believed
     believed: float = 0.5
     #: times the coefficients left out, errors are estimated
     safety: float = 4.0
@@ -395,7 +395,7 @@ class QuadratureTolerances(NamedTuple):
     exp_infinite: float = 710.0
     #: change of an argument, or ratio of a divisor, over which few nodes find a function
     steady: float = 4.0
-    #: of the range of levels: a quantile is known so well
+    #: share of the range of levels: a quantile is known so well
     quantile: float = 1e-15
 
 
@@ -405,7 +405,7 @@ class ExtremeTolerances(NamedTuple):
     #: of the size seen at a few nodes: an extreme found later is not much less; what differs by
     #: less in intervals that are alike is the same there
     glanced: float = 1e-10
-    #: of the range in an interval: then its extreme is off by the square of that
+    #: share of the range in an interval: then its extreme is off by the square of that
     resolved: float = 1e-8
     #: units in the last place inside an end, where another row of a switch may hold at it
     inset: int = 64
@@ -418,9 +418,9 @@ class ExtremeTolerances(NamedTuple):
 class HarmonicTolerances(NamedTuple):
     """Fourier series, and poles of transfer functions."""
 
-    #: of the largest value: last terms of an expansion that is known
+    #: share of the largest value: last terms of an expansion that is known
     resolved: float = 1e-13
-    #: of the largest value times the period: an interval that adds no more is done
+    #: share of the largest value times the period: an interval that adds no more is done
     small: float = 1e-16
     #: an error of which so much is left in both halves, so many times in turn, is noise
     less: float = 0.5
@@ -440,16 +440,16 @@ class EnclosureTolerances(NamedTuple):
 
     #: degree of polynomials of a motion that its Taylor series foretells
     degree: float = 8.0
-    #: of the distance from a pole that an argument may go from the middle of a piece
+    #: share of the distance from a pole that an argument may go from the middle of a piece
     pole: float = 0.5
-    #: of the same: there a series converges so fast that its own last terms tell its error
+    #: share of the same: there a series converges so fast that its own last terms tell its error
     nearer: float = 0.5
-    #: of what a function may be in a part that holds its pole
+    #: bound of a function in a part that contains its pole
     limitless: float = 1e300
     #: halvings: less than rounding of the place itself; and parts unknown at the same time
     halvings: int = 48
     parts: int = 1024
-    #: of a fault: less is far from one
+    #: share of a fault: less is far from one
     sound: float = 0.01
     #: how far a function may go beyond its samples: of what it varies by, and of its size, which
     #: allows for overestimation; and of its variation, how much it may change in one part
@@ -461,13 +461,13 @@ class EnclosureTolerances(NamedTuple):
 class PeakTolerances(NamedTuple):
     """Duration of a peak of load."""
 
-    #: of the peak: as long as a load is above it, that is the peak
+    #: share of the peak: as long as a load is above it, that is the peak
     level: float = 0.5
     #: segments kept before a batch, for peaks that begin there
     kept: int = 512
     #: segments to either side: what lasts longer is no peak but the load
     most: int = 2048
-    #: of 16 parts each, in which its end is located
+    #: number of divisions into 16 parts, in which its end is located
     rounds: int = 8
     #: spacings of the time, by which a peak may lie outside its segment
     time: float = 256.0
@@ -491,9 +491,9 @@ class BranchTolerances(NamedTuple):
     halvings: int = 8
     #: times as far as it must be known: also behind a singular position at the end
     behind: float = 1.3
-    #: of the width: samples of less independence do not count
+    #: share of the width: samples of less independence do not count
     trusted: float = 1.0 / 15.0
-    #: of the largest singular value: less leaves a motion free
+    #: share of the largest singular value: less leaves a motion free
     loose: float = 1e-4
     #: starts that are tried for branches, so far [rad, or lengths] from the position, and the
     #: steepest rate of a link by that of the drive
@@ -502,11 +502,11 @@ class BranchTolerances(NamedTuple):
     steepest: float = 20.0
     #: tangents that differ by less are of one branch
     same: float = 1e-6
-    #: of the greatest independence: nearer samples of forces do not count
+    #: share of the greatest independence: nearer samples of forces do not count
     far: float = 0.1
-    #: of a function's size: a misfit that is smaller is rounding
+    #: share of a function's size: a misfit that is smaller is rounding
     misfit: float = 1e-9
-    #: of the largest of its kind: what is smaller is measured by that
+    #: share of the largest of its kind: what is smaller is measured by that
     beside: float = 1e-3
     #: of the width: a place not farther from a singular position is at it, by so many iterations
     at: float = 1e-9
@@ -516,7 +516,7 @@ class BranchTolerances(NamedTuple):
 class MechanismTolerances(NamedTuple):
     """Kinematics, loads and linear systems of a mechanism."""
 
-    #: of the largest motion or closure: what moves less along a direction does not move
+    #: share of the largest motion or closure: what moves less along a direction does not move
     no_mass: float = 1e-7
     #: virtual power per size, rate of the drive and size of the machine: below, it is none
     no_work: float = 1e-9
@@ -525,23 +525,23 @@ class MechanismTolerances(NamedTuple):
     #: spacings of the largest place: from smaller clearances normals are known to five digits at
     #: most, and rounding rules the length of steps
     least_clearance: float = 2e5
-    #: of its length: what an elastic link bends by is known so well, by 17 times the square
+    #: share of its length: what an elastic link bends by is known so well, by 17 times the square
     bends: float = 0.05
     bends_error: float = 0.04
-    #: of the largest stiffness: below, a coordinate is not held
+    #: share of the largest stiffness: below, a coordinate is not held
     unheld: float = 1e-11
-    #: of the largest force: along such a coordinate, less is rounding
+    #: share of the largest force: along such a coordinate, less is rounding
     force: float = 1e-9
-    #: of a load's largest size in a part: its interpolant may be off by that
+    #: share of a load's largest size in a part: its interpolant may be off by that
     load: float = 1e-8
-    #: of a usual part: shorter ones would never come past a pole
+    #: share of a usual part: shorter ones would never come past a pole
     shortest_part: float = 2.0**-30
     #: Newton iterations for a closed position, in some of which the rest must halve
     closing: int = 60
     patience: int = 8
     #: Newton iterations for an equilibrium
     equilibrium: int = 100
-    #: of a friction bound: its change is found, by so many Newton iterations
+    #: share of a friction bound: its change is found, by so many Newton iterations
     friction_settled: float = 1e-13
     friction_newton: int = 60
 

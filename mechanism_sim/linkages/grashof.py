@@ -19,7 +19,7 @@ from mechanism_sim.linkages.four_bar import FourBar
 #: the part of all lengths together below which a difference of lengths counts as zero
 TOLERANCE = 1e-12
 
-#: what a linkage of Grashof's is called when ground, crank, coupler or rocker is its shortest link
+#: names of Grashof linkages whose shortest link is ground, crank, coupler or rocker
 _GRASHOF_NAMES = ('double-crank', 'crank-rocker', 'double-rocker', 'rocker-crank')
 
 

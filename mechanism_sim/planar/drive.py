@@ -30,7 +30,7 @@ class DriveLaw:
     coefficients: tuple[float, ...]  #: [rad, rad/s, rad/s^2, ...]
     reference_time: float = 0.0  #: [s]
     valid_from: float = 0.0  #: [s]
-    straight: bool = False  #: of a displacement [m], which has no turns
+    straight: bool = False  #: whether it is a displacement [m], without turns
     turns: int = 0  #: whole turns, kept apart so that no digits are lost
 
     @property

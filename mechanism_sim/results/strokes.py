@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from mechanism_sim.arrays import Array
 from mechanism_sim.numerics.polynomials import TWO_PI, PiecewisePolynomial
 
-#: of the range of a coordinate: a way back that is shorter is rounding, not a reversal
+#: share of the range of a coordinate: a shorter way back is rounding, not a reversal
 _WAY = 1e-9
-#: of the greatest speed: a segment of the motion in which it is lower all along is a standstill
+#: share of the greatest speed: a segment with a lower speed throughout is a standstill
 _SPEED = 1e-9
-#: of the range: shorter ways to and fro are ripples of a standstill, as those of measured laws are
+#: share of the range: smaller reversals are ripples of a standstill, as of measured laws
 _RIPPLE = 1e-3
-#: of the period: shorter standstills are the instant of a reversal
+#: share of the period: shorter standstills are the instant of a reversal
 _BRIEF = 1e-7
-#: of the range, or of the greatest speed: by so much an end may differ from the start of a period
+#: share of the range or greatest speed: largest difference of end and start of a period
 _REPEATS = 1e-6
 #: at which the speed is looked at in a segment: a Taylor step is a fraction of the time in which
 #: the motion can turn round twice

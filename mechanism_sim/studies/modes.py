@@ -145,7 +145,7 @@ class CriticalSpeed(NamedTuple):
     """A speed of rotation that is the natural frequency of a mode that oscillates."""
 
     speed: float  #: [rad/s]
-    whirl: float | None  #: of its mode
+    whirl: float | None  #: whirl of its mode
     damping_ratio: float  #: damping ratio of its mode; a large one shows no resonance
 
 
@@ -153,7 +153,7 @@ class Station(NamedTuple):
     """The modes at one place of the drive and one speed."""
 
     position: dict[str, float]  #: of all coordinates, where they are linearised [rad, m]
-    speed: float  #: of the drive [rad/s, m/s]
+    speed: float  #: speed of the drive [rad/s, m/s]
     modes: list[NormalMode]
     faded: int = 0  #: number of further modes that decay within a turn, too fast to resolve
 

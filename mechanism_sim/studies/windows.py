@@ -69,7 +69,7 @@ class SampleWindow(NamedTuple):
 
     start: float
     samples: Array
-    overloads: int  #: how many of them were cut at the end of the range
+    overloads: int  #: number of samples clipped at full scale
 
 
 class Cutter:

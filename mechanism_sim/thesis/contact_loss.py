@@ -79,8 +79,8 @@ class Prediction:
 
     criterion: str
     angles: tuple[float, ...]  #: [rad] of the crank in [0, 2 pi) where contact would be lost
-    figure: float  #: what is compared with the threshold
-    unit: str  #: of both
+    figure: float  #: value compared with the threshold
+    unit: str  #: unit of both
     threshold: float
     predicts_loss: bool
 
