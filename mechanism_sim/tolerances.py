@@ -351,7 +351,7 @@ class AuditTolerances(NamedTuple):
     #: of the largest normal force, [N] at least the second: pull that a step's error may leave
     pull: float = 1e-3
     pull_least: float = 1e-12
-    #: share of the longest step so far: shorter tension is negligible. Rows of switches follow from
+    #: share of the longest step so far: shorter tension is negligible. Switch rows follow from
     #: places, so that a step between two events of one instant may be seen with those before it
     pull_lasts: float = 1e-9
     #: share of the energy exchanged: more missing is no error of integration
