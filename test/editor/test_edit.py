@@ -295,6 +295,8 @@ def test_a_part_is_joined_to_what_the_page_had_not_seen_yet():
 def test_tools_come_from_the_kinds_and_no_two_have_a_name_or_a_key_in_common():
     tools = [tool for tools in palette.GROUPS.values() for tool in tools]
     kinds = KINDS.keys() | LOADS.keys() | SENSORS.keys() | {*NO_KIND}
+    missing = kinds - {*OF_KINDS, *WITHOUT_TOOL}
+    assert not missing, 'give these a tool in editor/tools, or list them in WITHOUT_TOOL here'
     assert {*OF_KINDS, *WITHOUT_TOOL} == kinds
     for of_kind in OF_KINDS.values():
         assert of_kind
