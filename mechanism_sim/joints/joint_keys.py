@@ -65,7 +65,7 @@ class JointKeys(Part):
 
     @property
     def kind_keys(self) -> JointKeys:
-        """The same joint with the keys and methods of its kind alone."""
+        """This joint with the keys and methods of its kind alone."""
         return self.as_kind(KINDS[self.kind])
 
     @property

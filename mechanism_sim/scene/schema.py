@@ -325,7 +325,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
 
     @property
     def kind_keys(self) -> SensorKeys:
-        """The same sensor with the keys and methods of its kind alone."""
+        """This sensor with the keys and methods of its kind alone."""
         own: SensorKeys = self.as_kind(SENSORS[self.kind])
         return own
 
