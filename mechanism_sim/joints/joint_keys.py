@@ -65,7 +65,7 @@ class JointKeys(Part):
 
     @property
     def kind_keys(self) -> JointKeys:
-        """This joint with the keys and methods of its kind alone."""
+        """Keys and methods of its kind alone, with its values."""
         return self.as_kind(KINDS[self.kind])
 
     @property

@@ -209,7 +209,7 @@ class Part(BaseModel):
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     def as_kind(self, kind: type[Kind]) -> Kind:
-        """This part as one of a kind alone, of a class that extends all kinds.
+        """A copy as one of a kind alone, of a class that extends all kinds.
 
         There methods of one kind could be those of another, and `super` is the next kind.
         """

@@ -325,7 +325,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
 
     @property
     def kind_keys(self) -> SensorKeys:
-        """This sensor with the keys and methods of its kind alone."""
+        """Keys and methods of its kind alone, with its values."""
         own: SensorKeys = self.as_kind(SENSORS[self.kind])
         return own
 
