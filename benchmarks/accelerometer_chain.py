@@ -41,7 +41,7 @@ class SensorRun:
 
     @cached_property
     def motion(self) -> Motion:
-        """Of all links."""
+        """Motion of all links."""
         return simulate(self.machine, revolutions=self.revolutions).motion
 
     @property
@@ -52,16 +52,16 @@ class SensorRun:
 
     @property
     def times(self) -> Array:
-        """Of the samples [s]."""
+        """Times of the samples [s]."""
         rate = self.instrument.sample_rate
         return np.arange(np.ceil(self.motion.curve.end * rate)) / rate
 
     def source(self) -> SensorSource:
-        """What the sensor is mounted on."""
+        """Source of the sensor: the point on which it is mounted."""
         return self.machine.scene.sensors[SENSOR].source(self.machine)
 
     def acceleration(self, t: Array) -> Array:
-        """What an ideal sensor shows at times (N,) [s]: (N,) [m/s^2], without impacts."""
+        """Reading of an ideal sensor at times (N,) [s]: (N,) [m/s^2], without impacts."""
         return np.asarray(self.source().read(self.motion, *self.motion.curve.find(t))[0])
 
     @cached_property

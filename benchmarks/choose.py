@@ -1,4 +1,4 @@
-"""What can be benchmarked, and what a user's words mean."""
+"""Choice of benchmarks, methods and tolerances by a user's words."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ class LooseFourBar:
 
     @property
     def inertias(self) -> tuple[float, float]:
-        """Of the coupler about the crank pin and of the rocker about its pivot [kg m^2]."""
+        """Inertias of the coupler about the crank pin, of the rocker about its pivot [kg m^2]."""
         return (
             self.coupler_inertia + self.coupler_mass * self.coupler_cog**2,
             self.rocker_inertia + self.rocker_mass * self.rocker_cog**2,
@@ -144,7 +144,7 @@ class LooseFourBar:
 
 
 def scene_overrides(start: str, e: float) -> dict[str, Any]:
-    """What makes a run of the thesis scene of a start and a restitution."""
+    """Overrides of the thesis scene for a start and a restitution."""
     return {'start': start, 'joints.coupler_rocker.clearance.restitution': e}
 
 

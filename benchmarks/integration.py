@@ -45,7 +45,7 @@ def event_loop(
 
 
 def positions(end: float) -> Callable[[Motion, list[Impact]], Answer]:
-    """What takes the coordinates (n,) at the end [s] out of a motion."""
+    """Function that takes the coordinates (n,) at the end [s] out of a motion."""
     return lambda motion, _: np.asarray(motion.curve(np.array([end]))[0])
 
 

@@ -1,4 +1,4 @@
-"""What machines cost whose joints are loose: whole runs, by how many of them are.
+"""Cost of machines with loose joints: whole runs, by the number of these.
 
 Beside other simulators a run can only be so long as its end is well defined: after many impacts a
 difference in the last digit has grown to anything, and where one pin strikes while another rests
@@ -182,7 +182,7 @@ class Stretch:
     friction: bool = False
 
     def machine(self, rtol: float) -> Machine:
-        """To be run so accurately."""
+        """Machine with a relative tolerance."""
         more = {'start': 'centred', 'solver.rtol': rtol}
         return _machine(self.scene, self.loose, self.friction, more)
 
@@ -193,7 +193,7 @@ class Stretch:
 
     @cached_property
     def end(self) -> float:
-        """When the first contact stays closed [s]."""
+        """Time at which the first contact stays closed [s]."""
         end = self.tree.machine.drive.period / 256.0
         while True:
             modes = simulate(self.tree.machine, duration=end).modes
@@ -219,18 +219,18 @@ class Stretch:
         return solution
 
     def places(self, solution: Solution) -> Answer:
-        """Of all joints at the end of a run (2 joints, 2) [m]."""
+        """Positions of all joints at the end of a run (2 joints, 2) [m]."""
         q = solution.sample(self.end)
         names = self.tree.mechanism.coordinates
         return self.tree.places({c: float(q[f'position.{c}'][0]) for c in names})
 
     def error(self, answer: Answer) -> float:
-        """Of coordinates at the end (n,): how far off any joint is at most [m]."""
+        """Largest error of any joint's position, of coordinates at the end (n,) [m]."""
         q = dict(zip(self.tree.mechanism.coordinates, answer.tolist(), strict=True))
         return _farthest(self.tree.places(q) - self.places(self.reference))
 
     def costs(self, repeats: int, show: Callable[[str], None]) -> list[StretchCost]:
-        """Of this package, and of the peers that are installed."""
+        """Costs of this package, and of the peers that are installed."""
         name = f'{self.scene}, {self.loose} loose joints{", friction" * self.friction}'
         show(f'{name}: {OURS}')
         here = (

@@ -166,7 +166,7 @@ def _time_run(run: Run, once: bool = False) -> tuple[float, Outcome]:
 
 
 def machine() -> dict[str, object]:
-    """What the measuring is done on."""
+    """Machine on which the measurements are made."""
     versions: dict[str, str] = {}
     for name in LIBRARIES:
         try:

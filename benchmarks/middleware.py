@@ -1,4 +1,4 @@
-"""What nodes cost on every middleware found here: messages, round trips and whole runs.
+"""Cost of nodes on every middleware found here: messages, round trips and whole runs.
 
 Each measurement has real processes on loopback, with a router port and a domain of their own;
 `traffic` is what runs in them.
@@ -184,7 +184,7 @@ def round_trip(backend: str, count: int) -> Delay:
 
 
 def credit_round(backend: str, count: int) -> Delay:
-    """From a law of the drive to the motion that a linkage in another process makes of it."""
+    """Delay from a law of the drive to the motion that a linkage elsewhere makes of it."""
     linkage = ('mechanism_sim', 'node', 'linkage', '--scene', SCENE, '--partners', 'crank_drive')
     found, _ = _run_processes(
         backend, (TRAFFIC, 'credit', SCENE, count), (*linkage, '--duration', count * STEP)

@@ -1,4 +1,4 @@
-"""What nodes cost on each middleware, as text and as JSON."""
+"""Costs of nodes on each middleware, as text and as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a benchmark problem is: methods that answer one question, and how wrong each answer is."""
+"""Benchmark problems: methods that answer one question, and the error of each answer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Instance = TypeVar('Instance')
 
 
 class Outcome(NamedTuple):
-    """What a run came to.
+    """Outcome of a run.
 
     `cpu_time` [s] is that of the timed work if another process did it, as that process reports it.
     """
@@ -35,12 +35,12 @@ outcome and is not timed."""
 
 
 def nothing_missing() -> str | None:
-    """For methods that need no package but those of this one."""
+    """Check of methods that need no package but those of this one: nothing is missing."""
     return None
 
 
 def missing(package: str) -> str | None:
-    """Why a method that needs an optional package cannot run here; ``None`` if it can."""
+    """Reason why a method with an optional package cannot run here; ``None`` if it can."""
     return None if find_spec(package) else f'{package} is not installed'
 
 

@@ -100,7 +100,7 @@ class Rattling:
 
     @property
     def longest(self) -> float:
-        """How far to look ahead at least for an event [s]."""
+        """Least time to look ahead for an event [s]."""
         return 0.01 * self.period
 
     def stops(self) -> Answer:

@@ -104,7 +104,7 @@ def footer(machine: Mapping[str, Any]) -> str:
 
 
 class Pages:
-    """What a benchmark leaves: texts, JSON, and files in a folder if one is given.
+    """Output of a benchmark: texts, JSON, and files in a folder if one is given.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class Pages:
 
 
 def listing(listed: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """What there is to measure, for people."""
+    """List of all benchmarks as text."""
     lines = []
     for p in listed['problems']:
         lines.append(f'{p["name"]}: {p["title"]}')

@@ -1,4 +1,4 @@
-"""What this package costs against the size of the machine, of its output, and of the run."""
+"""Cost of this package over the size of the machine, of its output, and of the run."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ def _nodes(revolutions: int, *options: str) -> tuple[float, int]:
 
 
 def peak_memory(pid: int) -> int:
-    """What a running process has held at most [B]; its rusage would count ours before exec."""
+    """Peak memory of a running process [B]; its rusage would count ours before exec."""
     status = Path(f'/proc/{pid}/status').read_text(encoding='utf-8')
     sizes = [line.split()[1] for line in status.splitlines() if line.startswith('VmHWM')]
     return 1024 * int(sizes[0]) if sizes else 0

@@ -35,7 +35,7 @@ def lag(frequency: float) -> State:
 
 
 def lead(frequency: float) -> State:
-    """What a lag leaves over."""
+    """Complement of a lag: the input less its output."""
     A, B, C, _ = lag(frequency)
     return State(A, B, -C, 1.0)
 

@@ -223,12 +223,12 @@ class Tree:
         return found
 
     def answer(self, values: Mapping[str, tuple[float, ...]]) -> Answer:
-        """The same in the order of the mechanism (n,)."""
+        """Coordinates in the order of the mechanism (n,)."""
         q = self.coordinates(values)
         return np.array([q[c] for c in self.mechanism.coordinates])
 
     def places(self, q: Mapping[str, float]) -> Answer:
-        """Where all joints are, as points of both their links (2 joints, 2) [m]."""
+        """Positions of all joints, as points of both their links (2 joints, 2) [m]."""
         m = self.mechanism
         ends = [(j.first, j.on_first) for j in m.joints]
         ends += [(j.second, j.on_second) for j in m.joints]

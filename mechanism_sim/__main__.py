@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def _is_program(frame: FrameType | None) -> bool:
-    """False if somebody goes on after `main`: a profiler, a notebook, a program that calls it."""
+    """False if a caller goes on after `main`: a profiler, a notebook, another program."""
     while frame is not None and frame.f_code.co_name in _CALLERS:
         frame = frame.f_back
     return frame is None

@@ -15,7 +15,7 @@ SCENE_TABLE = 'scenes.tsv'
 
 
 def config_folder() -> Path:
-    """Where the scenes of the package are: beside the sources, or where pip or colcon put them."""
+    """Folder of the package's scenes: beside the sources, or installed by pip or colcon."""
     package = Path(__file__).parent
     shared = Path('share', 'mechanism_sim', 'config')
     for folder in [package.parent / 'config', *(root / shared for root in package.parents)]:

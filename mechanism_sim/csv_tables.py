@@ -154,7 +154,7 @@ class CsvTable:
 
 @cache
 def assume(what: str) -> None:
-    """Tell an assumption, once."""
+    """Report an assumption, once."""
     print_notice(what)
 
 
@@ -280,12 +280,12 @@ def _check_count(count: int, where: str, most: int) -> None:
 
 
 def _open(unit: str) -> str:
-    """Empty for ``rad or m``, of a joint that is not known: in SI units it is either."""
+    """Unit of a value; empty for ``rad or m``, of an unknown joint: in SI units it is either."""
     return '' if ' or ' in unit else unit
 
 
 def _names_and_units(headings: Sequence[str]) -> list[tuple[str, str]]:
-    """Of columns; a unit is empty where its heading has none.
+    """Names and units of columns; a unit is empty where the heading has none.
 
     As ``Time / ms``, which is that of ISO 80000 and DIN 1313, where none has brackets before.
     """
@@ -299,7 +299,7 @@ def _bracketed(heading: str) -> tuple[str, str]:
 
 
 def _slashed(heading: str) -> tuple[str, str] | None:
-    """None where what stands behind the slash is no unit."""
+    """Name and unit of a heading with a slash; None if the part behind it is no unit."""
     name, slash, unit = heading.partition(' / ')
     unit = unit.strip()
     if _within(unit):
@@ -369,7 +369,7 @@ def _rows(path: Path, data: bytes, where: str) -> tuple[str, list[tuple[int, lis
 
 
 def _framed(lines: Sequence[str], kept: list[int]) -> tuple[bool, list[int]]:
-    """True of a table between lines that say where it begins and ends, and the lines of it."""
+    """True of a table between lines that mark its ends, and the lines of it."""
     marks = [(n, found) for n in kept if (found := _FRAME.match(lines[n]))]
     begin = next((n for n, found in marks if 'BEGIN' in found[0].upper()), None)
     if begin is None:
@@ -390,7 +390,7 @@ def _are_spaced(lines: Sequence[str], mark: str, first: str) -> bool:
 
 
 def _headings_at(lines: Sequence[str]) -> int:
-    """Where headings stand below lines of a program or an instrument.
+    """Index of the line of headings below lines of a program or an instrument.
 
     Right above numbers, or above their units, in as many cells as these have. 0 if they are the
     first line, or if several might be them.

@@ -1,4 +1,4 @@
-"""YAML at the door: plain data of bounded size with text as keys, or one sentence.
+"""Reading of YAML on input: plain data of bounded size with text as keys, or one sentence.
 
 Files of scenes, sweeps and parts of them, overrides and what bags say of a scene are read here and
 nowhere else. What JSON can say comes through, and nothing else that YAML knows: no tags, no dates
@@ -38,7 +38,7 @@ _PLAIN = {f'{_TAG}{name}' for name in ('null', 'bool', 'int', 'float')}
 
 
 class DocumentError(ValueError):
-    """A text that is no document: the message says where and why, but not which one it is."""
+    """Error of a text that is no document: reason and place, but not the name of the text."""
 
 
 def read(path: Path, kind: str) -> Any:
@@ -139,7 +139,7 @@ def texts_of(
 
 
 def check(data: Any, where: tuple[str, ...] = ()) -> None:
-    """Refuse data with which nothing further in can deal, whatever it means.
+    """Refuse data of kinds or sizes that later stages cannot handle.
 
     Raises
     ------

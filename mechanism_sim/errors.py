@@ -113,7 +113,7 @@ def check_options(
     *others: Callable[..., Any] | str,
     words: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
-    """Refuse keywords that a public function hands on, and nobody takes.
+    """Refuse keywords of a public function that nothing accepts.
 
     Parameters
     ----------

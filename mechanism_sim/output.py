@@ -48,7 +48,7 @@ def errors_as_sentences(path: Path | str) -> Iterator[None]:
 
 @contextmanager
 def beside(path: Path | str, devices: bool = True) -> Iterator[Path]:
-    """Where to write what gets its name when it is complete; see `errors_as_sentences`.
+    """Temporary path of a file that gets its name when complete; see `errors_as_sentences`.
 
     The name keeps its ending. What is there keeps its mode, its owner and its links; a symbolic
     link stays one. The file that is written is a new one of a name that nobody knows before.

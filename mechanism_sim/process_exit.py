@@ -1,4 +1,4 @@
-"""How programs of this package end: at a signal by one sentence, and with who started them.
+"""End of this package's programs: one sentence at a signal, and with the parent process.
 
 SIGINT, SIGTERM and SIGHUP end a program with exit code 130 from its first line on: `begin` comes
 before all other imports. What it starts by `start` ends with it, even if it is killed.
@@ -29,7 +29,7 @@ _HANGUP = () if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else (signal.S
 SIGNALS = signal.SIGINT, signal.SIGTERM, *_HANGUP  # the last by a terminal that is closed
 
 PARENT = 'MECHANISM_SIM_PARENT'
-"""In the environment: id of the parent process, with which it ends and which speaks for it."""
+"""Environment variable: id of the parent process, with which it ends."""
 
 LOOK = 0.1  # [s] between looks at the parent
 _GRACE = 0.6  # [s] to end in good order without it
@@ -96,7 +96,7 @@ def owned(env: Mapping[str, str]) -> dict[str, str]:
 
 
 def one_thread() -> None:
-    """For libraries of linear algebra: one for each core would wait busily, and round otherwise.
+    """Limit libraries of linear algebra to one thread: more wait busily, and round otherwise.
 
     They read it when they are loaded; who has loaded them before keeps his own.
     """
@@ -157,7 +157,7 @@ def say_when_interrupted(words: Callable[[], str] | None) -> None:
 
 
 def report_signal(text: str = '') -> int:
-    """Say on standard error that a signal ended the program, once; gives the exit code."""
+    """Report on standard error that a signal ended the program, once; returns the exit code."""
     global _silent  # noqa: PLW0603
     if not _silent:
         _silent = True
@@ -190,13 +190,13 @@ def interrupt(number: int, frame: FrameType | None) -> None:
 
 
 def notice() -> None:
-    """Say that a signal was taken in, and that the end will come of it."""
+    """Report that a signal was received, and that the end will follow."""
     global _noticed  # noqa: PLW0603
     _noticed = time.monotonic()
 
 
 def allow(patience: float = PATIENCE) -> None:
-    """Give the main thread so long to take in a signal [s]: it has what should not be cut off."""
+    """Allow the main thread a time [s] to handle a signal: it has what should not be cut off."""
     global _patience  # noqa: PLW0603
     _patience = patience
 

@@ -12,7 +12,7 @@ from mechanism_sim.errors import InputError
 _BARE = re.compile(r'[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?', re.I)
 
 _MOST_VALUES = 100_000
-"""Of a range, or of two together: scenes of so many runs take gigabytes before the first."""
+"""Most values of one or two ranges: scenes of so many runs take gigabytes before the first."""
 
 
 class ValueRange(NamedTuple):

@@ -38,14 +38,14 @@ from mechanism_sim.units import QuantityValue, to_si
 _LARGER = 128  # as tables of scenes
 _TIMES = 't', 'time', 'times', 'timestamp', 'stamp', 'x-axis', 'zeit'
 _JITTER = 1e-3
-"""Of the interval between samples, by which evenly taken ones are off in a file."""
+"""Share of the sampling interval by which evenly taken samples are off in a file."""
 _COARSEST = 0.2
-"""Of that interval, to which times may be rounded: else one is not told from the next."""
+"""Share of that interval to which times may be rounded: else samples coincide."""
 _DIGITS = re.compile(r'[-+]?\d*(?:\.(\d*))?(?:[eE]([-+]?\d+))?')
 _LOOKS = 1000  # cells in which digits are counted
 GRAVITY = QuantityValue(9.80665, 'm/s^2')
 GRAVITIES = 'g', 'gn', 'g_0'
-"""Of accelerometers; 'g' is a gram otherwise."""
+"""Units of acceleration in g; 'g' is a gram otherwise."""
 _PURPOSE = 'this kind of signal'
 _QUANTITY = re.compile(r'([-+\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)')
 
@@ -71,12 +71,12 @@ class ChannelSamples:
 
     @property
     def rate(self) -> float | None:
-        """Of sampling [Hz], some of which may be missing; None if it is uneven."""
+        """Sampling rate [Hz], of which samples may be missing; None if it is uneven."""
         return self._sampling[0]
 
     @property
     def rate_error(self) -> float | None:
-        """How far the rate may be off [Hz], if times are rounded by more than their jitter."""
+        """Uncertainty of the rate [Hz], if times are rounded by more than their jitter."""
         return self._sampling[1]
 
     @cached_property
@@ -115,7 +115,7 @@ class ChannelSamples:
 
     @property
     def _intervals(self) -> Array:
-        """How many intervals of sampling lie between samples (N - 1,): 1 where none is missing."""
+        """Numbers of sampling intervals between samples (N - 1,): 1 where none is missing."""
         gaps = np.diff(self.times)
         if not len(gaps):
             return gaps
@@ -262,7 +262,7 @@ def _of_rate(text: str) -> float:
 
 
 def _times(table: CsvTable, time: str, unit: str) -> tuple[Array, float]:
-    """Of the samples, and their last digit [s]."""
+    """Times of the samples, and the size of their last digit [s]."""
     if _is_date(first := str(next(iter(table.column(time)), ''))):
         raise InputError(
             f"{table.where}: column '{time}' has dates, as '{first.strip()}': write seconds from "
@@ -397,4 +397,4 @@ READERS: dict[str, Callable[..., list[ChannelSamples]]] = {
     '.csv': _table, '.txt': _table, '.wav': _wav, '.uff': _uff, '.unv': _uff, '.tdms': _tdms,
     **dict.fromkeys(ENDINGS, _table),
 }  # fmt: skip
-"""By the ending of a file."""
+"""Readers by the ending of a file."""

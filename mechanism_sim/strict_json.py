@@ -84,7 +84,7 @@ def _finite(text: str) -> float:
 
 
 def _not_finite(data: Any, where: str = '') -> str | None:
-    """Where data hold a number that is not finite; None if nowhere."""
+    """Path and value of the first number in data that is not finite; None if all are finite."""
     if isinstance(data, float):
         return None if math.isfinite(data) else f'{where or "it"} is {data}'
     if isinstance(data, Mapping):

@@ -52,7 +52,7 @@ class Column(NamedTuple):
 
 
 class ColumnError(InputError, KeyError):
-    """There is no column of a name in a table."""
+    """Error of a column that a table does not have."""
 
     def __str__(self) -> str:
         return str(self.args[0])  # a `KeyError` would quote the sentence
@@ -89,7 +89,7 @@ class Table(dict[str, NDArray[Any]]):
         return cls(found, {c.name: c.unit for c in columns})
 
     def columns(self) -> list[Column]:
-        """Its columns, to be written."""
+        """Columns of the table as they are written."""
         return [Column(name, x, self.units.get(name, '')) for name, x in self.items()]
 
     def __repr__(self) -> str:

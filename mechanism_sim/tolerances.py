@@ -436,7 +436,7 @@ class HarmonicTolerances(NamedTuple):
 
 
 class EnclosureTolerances(NamedTuple):
-    """How far a piece of motion lets its samples tell all of a formula."""
+    """Tolerances of the check whether samples of a piece of motion resolve a formula."""
 
     #: degree of polynomials of a motion that its Taylor series foretells
     degree: float = 8.0

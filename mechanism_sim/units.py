@@ -128,7 +128,7 @@ _POWERS = {
     'Hz': (0, 0, -1), 'N': (1, 1, -2), 'Pa': (-1, 1, -2), 'J': (2, 1, -2), 'W': (2, 1, -3),
     'm/s^2': (1, 0, -2),
 }  # fmt: skip
-"""Of metre, kilogram and second."""
+"""Dimensions in metre, kilogram and second."""
 
 _ANGULAR, _HERTZ = ('rad', 'mrad', 'deg', 'rpm'), ('Hz', 'kHz')
 
@@ -138,7 +138,7 @@ _PER_MINUTE = re.compile(r'1?\s*/\s*min|min\s*(?:\^|\*\*)\s*-\s*1|min⁻¹', re.
 Taken by its dimension alone, ``1/min`` would be 1/60 rad/s.
 """
 _OVER_PER_MINUTE = re.compile(r'/\s*(?:\(\s*1\s*/\s*min\s*\)|\(?min\^-1\)?)')
-"""Of damping, as in ``N m/(1/min)``."""
+"""Units of damping per 1/min, as in ``N m/(1/min)``."""
 
 _SIGNS = str.maketrans('·⋅∙•−', '****-')
 _RAISED = str.maketrans('⁻⁰¹²³⁴⁵⁶⁷⁸⁹', '-0123456789')
@@ -164,11 +164,11 @@ _BY_WEIGHT = re.compile(r'(?<![A-Za-z])(lb|lbs|pounds?|oz|ounces?)(?![A-Za-z])')
 """Units of mass that are forces where a force is wanted, as in ft-lb and oz in."""
 _FORCES = {'l': 'lbf', 'p': 'lbf', 'o': 'ozf'}
 _GERMAN_DEGREE = re.compile(r'(?<![A-Za-z])Grad(?![A-Za-z])')
-"""It would be a thousand million radians."""
+"""German word for degrees, which as a unit would be a thousand million radians."""
 _KILOGRAM = re.compile(r'(?<![A-Za-z])kg(?![A-Za-z])')
 
 _OPERATION = re.compile(r'\*|/\d')
-"""As of ``0.5*bar_rate`` and ``7/41``, which no unit begins with."""
+"""Start of an operation, as in ``0.5*bar_rate`` and ``7/41``, with which no unit begins."""
 
 _GRADE = re.compile(r'\s*(ISO[\s-]*)?(VG|SAE)', re.IGNORECASE)
 
@@ -413,7 +413,7 @@ def digits_apart(values: Iterable[float], least: int = 4) -> int:
 
 
 def counted(count: int, noun: str, form: str = 'd') -> str:
-    """So many of something: 1 impact, 12 impacts."""
+    """Format a count with its noun: 1 impact, 12 impacts."""
     return f'{count:{form}} {noun}{"s" * (abs(count) != 1)}'
 
 

@@ -109,7 +109,7 @@ def _objections(kind: Any) -> tuple[Objection, ...]:
 
 @cache
 def _about_numbers(kind: Any) -> Objection:
-    """What gives the first field of a message of this type with an impossible number."""
+    """Finder of the first field of a message of this type with an impossible number."""
     name = type_name(kind)
     some, many = _numeric(name)
     rules = rules_of(name)

@@ -1,4 +1,4 @@
-"""Where message classes and nodes come from, ROS or Python alone: the one place that decides."""
+"""Choice of the origin of message classes and nodes: ROS, or Python alone."""
 
 import os
 from functools import cache

@@ -50,7 +50,7 @@ def to_plain(message: Any, longest: int | None = None, finite: bool = False) -> 
 
 
 def field(message: Any, path: str) -> Any:
-    """What stands at a dotted path of a message, as ``state.state`` or ``position.0``.
+    """Value at a dotted path of a message, as ``state.state`` or ``position.0``.
 
     Raises
     ------

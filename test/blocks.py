@@ -286,7 +286,7 @@ def _same_line(shown: str, printed: str, vary: bool) -> bool:
 
 
 def _close(shown: str, printed: str) -> bool:
-    """Whether two numbers differ by no more than one in the last digit shown of either."""
+    """True if two numbers differ by at most one in the last digit shown of either."""
     digits = [_last_digit(text) for text in (shown, printed)]
     return abs(float(shown) - float(printed)) <= 1.01 * max(digits)
 

@@ -66,7 +66,7 @@ class Tab:
 
 
 def _evidence(folder: Path, name: str) -> Path:
-    """Where a screenshot is kept."""
+    """Path of a screenshot."""
     folder = Path(os.environ.get(EVIDENCE) or folder)
     folder.mkdir(parents=True, exist_ok=True)
     return folder / f'{name}.png'
@@ -94,7 +94,7 @@ def open_page(tab: Tab, file: Path) -> None:
 
 
 def violations(page: Any) -> list[tuple[str, Any, str]]:
-    """What axe-core finds on a page that was opened without its policy, of which it is no part."""
+    """Violations that axe-core finds on a page opened without its policy."""
     axe = pytest.importorskip('axe_playwright_python', reason='pip install axe-playwright-python')
     page.evaluate(Path(axe.__file__).with_name('axe.min.js').read_text(encoding='utf-8'))
     found = page.evaluate('axe.run({ iframes: false, preload: false })')['violations']
@@ -163,7 +163,7 @@ class Firefox:
 
     @property
     def tab(self) -> Any:
-        """The same as tests have of a tab of Chromium, as far as `test_view.Acted` needs it."""
+        """Page with the interface of a tab of Chromium, as far as `test_view.Acted` needs it."""
         page = SimpleNamespace(
             goto=self.goto,
             evaluate=lambda text: self.evaluate(f'JSON.stringify({text})'),

@@ -97,5 +97,5 @@ def placed(machine: ms.Machine, link: str, q: Any, points: Any) -> Any:
 
 
 def compilations() -> int:
-    """How many expressions have been compiled in this process."""
+    """Number of expressions compiled in this process."""
     return sum(f.cache_info().misses for f in (compiled._function, compiled._integrator))

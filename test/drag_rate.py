@@ -1,4 +1,4 @@
-"""How fast a drag in the editor is: `python test/drag_rate.py [SCENE [JOINT]]`.
+"""Rate of frames in a drag in the editor: `python test/drag_rate.py [SCENE [JOINT]]`.
 
 A joint goes round a small circle for three seconds, by a move of the mouse every 8 ms. Frames are
 those that the page has drawn; CPU is that of the server's process and of the page's main thread.

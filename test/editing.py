@@ -20,7 +20,7 @@ from mechanism_sim.editor.session import Session
 
 
 class Page:
-    """What a page asks for, and what it is told."""
+    """Requests of a page, and the messages it receives."""
 
     def __init__(self, scene: str = '') -> None:
         self.heard: list[dict[str, Any]] = []
@@ -45,7 +45,7 @@ class Page:
         self.ask('set', path=path.split('.'), text=text)
 
     def at(self, key: str) -> tuple[float, float]:
-        """Where a handle is [m]."""
+        """Position of a handle [m]."""
         (handle,) = [h for h in self.state['handles'] if h['key'] == key]
         return handle['at'][0], handle['at'][1]
 
@@ -109,7 +109,7 @@ class Hand:
         self.until(lambda: self.data('number'))
 
     def data(self, name: str) -> str:
-        """What the page says of itself."""
+        """Value of the page's data attribute of a name."""
         return str(self.page.evaluate(f'document.documentElement.dataset.{name} ?? ""'))
 
     def until(self, condition: Callable[[], Any]) -> None:
@@ -126,7 +126,7 @@ class Hand:
         self.until(lambda: self.data('number') != before)
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """Where on the page a place [m] of the sheet is."""
+        """Position on the page of a place [m] of the sheet."""
         over = self.page.locator('#over')
         left, low, scale = map(float, over.get_attribute('data-view').split())
         box = over.bounding_box()

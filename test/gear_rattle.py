@@ -82,7 +82,7 @@ class ExactRattle:
         self.now = Flight(self.now.t + h, x, v, flow @ self.now.J)
 
     def _next(self, most: float) -> float | None:
-        """When it strikes next, within a time."""
+        """Time of the next impact, if within a time."""
         step = 0.002 / self.w
         h = 1e-9 / self.w  # away from the flank that it has just left
         while h < most:

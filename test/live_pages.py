@@ -23,7 +23,7 @@ ARRAYS = {'f8': np.float64, 'f4': np.float32, 'u1': np.uint8, 'i1': np.int8, 'i2
 
 
 def data(tab: Any, name: str) -> str:
-    """What the page says of itself."""
+    """Value of the page's data attribute of a name."""
     return str(tab.page.evaluate(f'document.documentElement.dataset.{name} ?? ""'))
 
 
@@ -77,7 +77,7 @@ class Acted:
         self.page.wait_for_timeout(100)
 
     def command(self) -> Command:
-        """What the page asks for next."""
+        """Next command that the page asks for."""
         found: list[Command] = []
         assert eventually(lambda: found.append(self.asked.take()) or found[-1])
         return found[-1]

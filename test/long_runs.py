@@ -64,7 +64,7 @@ def steady_speed(machine: Machine) -> Fraction | None:
 
 
 def repeats(machine: Machine) -> bool:
-    """Whether nothing it does depends on the time or on how often anything has turned."""
+    """True if the motion depends neither on the time nor on numbers of turns."""
     known = machine.nominal.inverse_dynamics.outside if machine.physics.has_forces else ()
     return not machine.level.dynamic and not known and steady_speed(machine) is not None
 
@@ -91,7 +91,7 @@ class Revolutions:
         self._period = TWO_PI / abs(speed)  # exact
 
     def time(self, revolution: int) -> float:
-        """When one begins [s]."""
+        """Time at which a revolution begins [s]."""
         return float(revolution * self._period)
 
     def add(self, piece: Piece) -> None:
@@ -172,7 +172,7 @@ class Revolutions:
         return {n: np.concatenate([x[n] for x in parts]) for n in names}
 
     def _sizes(self, columns: dict[str, Array]) -> dict[str, float]:
-        """What differences are measured by: the largest of a kind, if its own is but rounding."""
+        """Scales of differences: the largest of a kind, if a quantity's own is but rounding."""
         largest: dict[str, float] = {}
         for name, x in columns.items():
             kind, size = name.partition('.')[0], float(np.nanmax(np.abs(x), initial=0.0))
@@ -190,7 +190,7 @@ class Revolutions:
 
 
 def lengths(machine: Machine, revolutions: float) -> Iterator[tuple[str, float]]:
-    """How far a machine is to run, in words and [s]; then how far if that is too dear."""
+    """Lengths of a run in words and [s], the next one if the first is too costly."""
     if steady_speed(machine) is not None:
         try:
             validate(machine, machine.drive.time_of(1.0))

@@ -18,7 +18,7 @@ PATIENCE = TIMEOUT / 2.0  # [s] that a test may wait twice
 
 
 def eventually(condition: Callable[[], bool]) -> bool:
-    """Whether a condition comes true."""
+    """True if a condition comes true in time."""
     end = time.monotonic() + PATIENCE
     while not condition():
         if time.monotonic() > end:

@@ -34,7 +34,7 @@ middleware = 'zenoh'
 
 
 def ros_found() -> bool:
-    """Whether rclpy is here, and this package built for it."""
+    """True if rclpy is here, and this package built for it."""
     return all(find_spec(name) is not None for name in ('rclpy', 'mechanism_sim.msg'))
 
 
@@ -47,7 +47,7 @@ workers_apart = True
 
 
 def goes_apart(args: Sequence[str]) -> bool:
-    """Whether a command needs a process of its own: one with workers, too; one worker is none."""
+    """True if a command needs a process of its own: one with workers, too; one worker is none."""
     with_workers = '--fit' in args or args[:1] == ('sweep',)
     if with_workers:
         return workers_apart and ('--workers', '1') not in pairwise(args)

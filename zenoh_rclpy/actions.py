@@ -24,7 +24,7 @@ ANYONE = bytes(16)  # the goal id of a request to cancel that names none
 
 
 class Status(IntEnum):
-    """How a goal fares; the numbers are those of ``action_msgs/msg/GoalStatus``."""
+    """Status of a goal; the numbers are those of ``action_msgs/msg/GoalStatus``."""
 
     UNKNOWN = 0
     ACCEPTED = 1

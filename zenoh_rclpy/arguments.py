@@ -40,7 +40,7 @@ class Arguments:
     logs: dict[str, bool] = field(default_factory=lambda: dict.fromkeys(_LOGS, True))
 
     def after(self, others: 'Arguments') -> 'Arguments':
-        """These arguments, which have the last word, and others."""
+        """Combine these arguments with others; these have priority."""
         parameters = {node: dict(values) for node, values in others.parameters.items()}
         for node, values in self.parameters.items():
             parameters.setdefault(node, {}).update(values)

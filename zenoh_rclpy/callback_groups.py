@@ -41,7 +41,7 @@ class MutuallyExclusiveCallbackGroup(CallbackGroup):
         self._held: list[Waiter] = []
 
     def occupy(self) -> None:
-        """From now on nothing of the group runs."""
+        """Prevent callbacks of the group from running."""
         self.free = False
 
     def release(self) -> None:

@@ -64,7 +64,7 @@ class UsageError(ValueError):
 def missing(
     sentence: str, name: str, known: Iterable[str], kind: type[Exception] = UsageError
 ) -> Exception:
-    """There is no such thing; the nearest of those that are there."""
+    """Error of an unknown name; it names the nearest of those that are there."""
     (close,) = get_close_matches(name, list(known), 1, 0.5) or ('',)
     return kind(f"{sentence}; did you mean '{close}'?" if close else sentence)
 
@@ -82,7 +82,7 @@ def _check_type(topic: str, kind: str, ends: list[Any]) -> None:
 
 
 def refusal(answer: Any) -> str:
-    """Why a service did not do what it was asked for; empty if it did, or does not say."""
+    """Reason why a service refused a request; empty if it did not, or gives none."""
     result = getattr(answer, 'result', None)
     if result is not None and hasattr(result, 'error_message'):
         return str(result.error_message) or ('' if result.result == 1 else 'it failed')
@@ -179,7 +179,7 @@ class CommandNode:
         return sorted({n.partition(_ACTION_PARTS)[0] for n, _ in known if _ACTION_PARTS in n})
 
     def endpoints(self, topic: str) -> Endpoints:
-        """Who publishes on and subscribes to a topic.
+        """Publishers and subscriptions of a topic.
 
         Raises
         ------

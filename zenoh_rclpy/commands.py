@@ -275,7 +275,7 @@ def _watch(
 
 
 def _rate(times: list[float], _: list[int]) -> tuple[dict[str, float], str]:
-    """How often messages come: figures and a sentence."""
+    """Rate of messages: figures and a sentence."""
     gaps = [after - before for before, after in pairwise(times)]
     figures = {
         'rate': 1.0 / fmean(gaps), 'least': min(gaps), 'greatest': max(gaps),
@@ -288,7 +288,7 @@ def _rate(times: list[float], _: list[int]) -> tuple[dict[str, float], str]:
 
 
 def _bandwidth(times: list[float], sizes: list[int]) -> tuple[dict[str, float], str]:
-    """How many bytes come: figures and a sentence."""
+    """Rate of bytes: figures and a sentence."""
     figures = {
         'rate': sum(sizes[1:]) / (times[-1] - times[0]), 'least': float(min(sizes)),
         'greatest': float(max(sizes)), 'mean': fmean(sizes), 'messages': float(len(sizes)),

@@ -1,4 +1,4 @@
-"""How a process joins the network: the configuration of its session, and of a router of its own.
+"""Configuration of a process's session in the network, and of a router of its own.
 
 The values are those of ``rmw_zenoh_cpp`` (``DEFAULT_RMW_ZENOH_SESSION_CONFIG.json5``) but for what
 is said here. Everything listens on loopback only. The environment has the last word:
@@ -72,12 +72,12 @@ _ROUTER: dict[str, Any] = {
 
 
 def router_endpoint() -> str:
-    """Where the router is."""
+    """Endpoint of the router."""
     return os.environ.get('MECHANISM_SIM_ROUTER') or LOOPBACK
 
 
 def router_attempts() -> int | None:
-    """How often to look for a router before opening one; None: as the situation demands."""
+    """Number of attempts to find a router before opening one; None: as the situation demands."""
     text = os.environ.get('ZENOH_ROUTER_CHECK_ATTEMPTS', '')
     return _number('ZENOH_ROUTER_CHECK_ATTEMPTS', text) if text else None
 

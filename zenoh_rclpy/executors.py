@@ -151,7 +151,7 @@ class SingleThreadedExecutor:
 
 
 def _wait(left: dict[Timer, int], end: float | None) -> float | None:
-    """How long to sleep [s], with so many nanoseconds left to timers; None: for ever."""
+    """Time to sleep [s], with numbers of nanoseconds left to timers; None: for ever."""
     waits = [max(0, ns) / SECOND for timer, ns in left.items() if not timer.is_simulated]
     if end is not None:
         waits.append(max(0.0, end - time.monotonic()))

@@ -157,7 +157,7 @@ class Inbox:
             return item
 
     def attach(self, ready: Ready | None) -> None:
-        """From now on report to this ready queue, what waits included; None: to nobody."""
+        """Report to a ready queue from now on, also the waiting items; None: to none."""
         with self._lock:
             self._ready = ready
             if ready is not None:

@@ -1,4 +1,4 @@
-"""From publishers to subscriptions of the same process: by a call, not over the network.
+"""Delivery from publishers to subscriptions of the same process, by a call.
 
 A message is judged once, and decoded once for all who take messages: they share it, and do not
 change it. Who takes bytes gets those that go out.
@@ -43,7 +43,7 @@ class Local:
         self._receivers: defaultdict[str, list[Receiver]] = defaultdict(list)
 
     def of(self, key: str) -> list[Receiver]:
-        """Those of a key: a list that is kept up to date."""
+        """Subscriptions of a key: a list that is kept up to date."""
         return self._receivers[key]
 
 

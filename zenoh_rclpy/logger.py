@@ -12,7 +12,7 @@ from zenoh_rclpy.clock import Time
 
 
 class LoggingSeverity(IntEnum):
-    """How bad it is."""
+    """Severity of a log message."""
 
     DEBUG = 10
     INFO = 20

@@ -111,11 +111,11 @@ class NodeGraph:
         return self.context.graph.count(wire.SUBSCRIPTION, self.resolve_topic_name(topic))
 
     def get_publishers_info_by_topic(self, topic: str) -> list[TopicEndpointInfo]:
-        """Who publishes on a topic."""
+        """Publishers of a topic."""
         return self._infos(wire.PUBLISHER, topic)
 
     def get_subscriptions_info_by_topic(self, topic: str) -> list[TopicEndpointInfo]:
-        """Who subscribes to a topic."""
+        """Subscriptions of a topic."""
         return self._infos(wire.SUBSCRIPTION, topic)
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:

@@ -160,7 +160,7 @@ class Parameters:
         return ''
 
     def _refusal(self, parameter: Parameter) -> str:
-        """Why the parameter cannot be set; empty if it can."""
+        """Reason why the parameter cannot be set; empty if it can."""
         descriptor = self._declared[parameter.name].descriptor
         if descriptor.read_only:
             return f'{parameter.name} is read-only'

@@ -38,7 +38,7 @@ _ENUMS: dict[QoSPolicyKind, type[IntEnum]] = {
 
 
 class QoSOverridingOptions:
-    """Which policies may be overridden; ``callback`` judges the profile that results.
+    """Policies that may be overridden; ``callback`` judges the profile that results.
 
     ``entity_id`` tells several endpoints of one topic apart.
     """

@@ -33,7 +33,7 @@ def bouncer(pull: Callable[..., float]) -> Any:
 
     @njit(error_model='numpy')
     def root(a, fa, b, fb, y, F, z, wall, side):
-        """Where the distance from a wall is zero, between a and b, by the Illinois rule."""
+        """Zero of the distance from a wall, between a and b, by the Illinois rule."""
         last = 0
         x = b
         for _ in range(60):
@@ -90,7 +90,7 @@ def bouncer(pull: Callable[..., float]) -> Any:
 
     @njit(error_model='numpy')
     def release(t, stop, longest, wall, side, p):
-        """When contact with a wall ends, or `stop`."""
+        """Time at which contact with a wall ends, or `stop`."""
         a, fa = t, side * pull(t, wall, 0.0, p)
         while a < stop:
             b = min(a + longest, stop)
@@ -114,7 +114,7 @@ def bouncer(pull: Callable[..., float]) -> Any:
 
     @njit(error_model='numpy')
     def run(p, low, high, e, seated, stops, longest, size, rtol, times, speeds):
-        """From t = 0 to the last of `stops`; times and speeds of impacts are written.
+        """Run from t = 0 to the last of `stops`; writes times and speeds of impacts.
 
         Returns steps, impacts.
         """

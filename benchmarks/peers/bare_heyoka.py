@@ -112,7 +112,7 @@ class BareLoop:
         return np.array(self._state[:2])
 
     def _arc(self, first: float, end: float) -> tuple[hy.taylor_outcome, int]:
-        """From an event to the next, or to the end [s]: how it ended, and its steps.
+        """Integrate to the next event, or to the end [s]: the outcome, and its steps.
 
         The first step is not longer than `first` [s], which must not count as the end.
         """
@@ -141,7 +141,7 @@ class BareLoop:
         return outcome, steps
 
     def run(self) -> tuple[int, int]:
-        """From the start to the end; returns steps and impacts. The state is left behind."""
+        """Run from the start to the end; returns steps and impacts. The state is left behind."""
         f, ta, state = self._f, self._ta, self._state
         e, I3, I4, end = f.restitution, self._I3, self._I4, f.duration
         ta.time = 0.0

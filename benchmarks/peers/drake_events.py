@@ -27,7 +27,7 @@ START_OF_FLIGHT = 1e-15  #: [m] by which a witness function starts on its positi
 
 
 class Motion(NamedTuple):
-    """What the equations need at an instant; the gap is (c^2 - r^2)/(2 c), smooth at r = 0."""
+    """Terms of the equations at an instant; the gap is (c^2 - r^2)/(2 c), smooth at r = 0."""
 
     flight: tuple[float, float]  #: accelerations without contact [rad/s^2]
     row: tuple[float, float]  #: of the gap, by coupler and rocker angle [m]

@@ -96,7 +96,7 @@ class Rod:
 
 
 def matter(modulus: float, area: float, moment: float, density: float) -> dict[str, float]:
-    """Of a cable."""
+    """Material properties of a cable."""
     return {
         'massPerLength': density * area,
         'bendingStiffness': modulus * moment,
@@ -169,7 +169,7 @@ def prepare_spinning_beam(end: float, cables: int, steps: float) -> Run:
 
 
 def method(prepare: Callable[[int, float], Run], cables: int, steps: Sequence[float]) -> Method:
-    """Of a problem, with a number of cables."""
+    """Method for a problem, with a number of cables."""
     return Method(
         f'Exudyn ({cables} cables)',
         tuple(steps),

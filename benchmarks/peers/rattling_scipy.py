@@ -21,7 +21,7 @@ NODES = np.linspace(0.0, 1.0, 9)[1:]
 
 
 class Landing(NamedTuple):
-    """How an arc of flight ended: at a wall (1: the lower, -1: the upper), or at a stop (0)."""
+    """End of an arc of flight: at a wall (1: the lower, -1: the upper), or at a stop (0)."""
 
     t: float
     y: Answer
@@ -35,7 +35,7 @@ Fly = Callable[..., Landing]
 
 
 def release(r: Rattling, t: float, stop: float, side: int) -> float:
-    """When contact with a wall ends, or `stop` [s]."""
+    """Time at which contact with a wall ends, or `stop` [s]."""
     wall = r.walls[(1 - side) // 2]
 
     def pull(t: float) -> float:

@@ -91,7 +91,7 @@ void drift(unsigned n, double *q, double t, unsigned m, double *y, unsigned nz, 
 
 
 def output(command: list[str], text: str = '', folder: str | None = None) -> str:
-    """What a command makes of a text, in a folder.
+    """Output of a command for a text, in a folder.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def interpreter() -> str | None:
 
 
 def missing() -> str | None:
-    """Why Siconos cannot run here; ``None`` if it can."""
+    """Reason why Siconos cannot run here; ``None`` if it can."""
     if interpreter() is None:
         return 'no python3 can import siconos; MECHANISM_SIM_SICONOS_PYTHON may name one'
     if shutil.which('cc') is None:

@@ -1,1 +1,1 @@
-"""From bags to numbers: what a recorded run did, and whether all of it was recorded."""
+"""Analysis of recorded runs, and checks whether they were recorded completely."""

@@ -143,7 +143,7 @@ class MessageAccountsCollector:
         self.end: float | None = None  #: [s] time up to which the furthest node came
 
     def add(self, message: Any) -> None:
-        """Enter what a node says."""
+        """Enter the report of a node."""
         self.end = max(float(message.time), self.end if self.end is not None else -float('inf'))
         last = self._last.get(message.node)
         if last is None or not last.finished:
@@ -276,12 +276,12 @@ class Signal:
 
     @property
     def unit(self) -> str:
-        """Of the samples."""
+        """Unit of the samples."""
         return QUANTITIES[self.quantity]
 
     @property
     def times(self) -> list[Array]:
-        """When the samples of each run were due [s]."""
+        """Due times of the samples of each run [s]."""
         pairs = zip(self.starts, self.runs, strict=True)
         return [start + np.arange(len(run)) / self.rate for start, run in pairs]
 
@@ -392,7 +392,7 @@ class SignalCollectors(dict[str, SignalCollector]):
         self.setdefault(message.sensor, SignalCollector()).add(message)
 
     def signals(self) -> dict[str, Signal]:
-        """Those that have samples, in alphabetical order."""
+        """Signals that have samples, in alphabetical order of their names."""
         return {name: s for name, c in sorted(self.items()) if (s := c.signal())}
 
 

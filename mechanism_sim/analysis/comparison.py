@@ -80,7 +80,7 @@ def _figures(record: Record) -> dict[Key, float]:
 
 
 def _impacts(record: Record) -> dict[Key, float]:
-    """Of all joints together, and of each that is struck."""
+    """Figures of the impacts of all joints together, and of each joint with impacts."""
     found: dict[Key, float] = {}
     turns = math.nan
     if not record.slides:
@@ -188,7 +188,7 @@ def to_json(found: Sequence[Difference]) -> list[dict[str, object]]:
 
 
 def render(found: Sequence[Difference], names: Sequence[str]) -> str:
-    """For people: a row for each figure."""
+    """Format the differences as a text table with a row for each figure."""
     rows = [['', '', 'unit', *names, *(['change', 'ratio'] if len(names) == 2 else [])]]
     rows += [[d.subject, d.name, *texts(d)] for d in found]
     return '\n'.join(text_table.lines(rows, left=3, indent=''))

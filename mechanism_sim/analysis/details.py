@@ -36,7 +36,7 @@ from mechanism_sim.signal_files import ChannelSamples
 from mechanism_sim.strict_json import plain
 
 ORDERS = 40
-"""Of the drive that are drawn."""
+"""Number of orders of the drive that are drawn."""
 _FEWEST = 16  # samples of a spectrum
 
 
@@ -139,7 +139,7 @@ class Details:
     deviations: dict[str, Beside] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """As dictionaries, lists and numbers, in SI units."""
+        """Results as dictionaries, lists and numbers, in SI units."""
         return {
             'drive': self.drive,
             'drive_rate': self.drive_rate,
@@ -172,7 +172,7 @@ def _average(turns: TurnSegments, unit: str) -> dict[str, Any]:
 
 
 def everything(record: Record, wanted: Wanted) -> Wanted:
-    """All that can be drawn of a run, in the way that is wanted: of each sensor and bearing."""
+    """Request for all analyses of a run: of each sensor and bearing."""
     sensors = [x for x in record.sampled_sensors if len(record.signal(x).longest) >= _FEWEST]
     joints = record.loose_joints
     turning = sensors if record.has_turns else ()
@@ -256,7 +256,7 @@ class _Samples:
 
     @classmethod
     def of(cls, name: str, runs: Sequence[Array], rate: float, unit: str) -> _Samples:
-        """Enough for a spectrum; InputError if they are too few."""
+        """Samples of a signal, which suffice for a spectrum; InputError if they are too few."""
         found = cls(name, runs, rate, unit)
         if len(found.longest) < _FEWEST:
             raise InputError(
@@ -269,7 +269,7 @@ class _Samples:
     def of_channel(
         cls, name: str, channels: Mapping[str, ChannelSamples], start: float = -np.inf
     ) -> _Samples:
-        """Those of a channel from a time [s] on."""
+        """Samples of an evenly sampled channel from a time [s] on."""
         check_known(name, channels, f"the file has no channel '{name}'", 'it has:')
         channel = channels[name].since(start)
         if channel.rate is None:
@@ -313,7 +313,7 @@ def _repetitions(record: Record, name: str, skip: int) -> TurnSegments:
 def _envelope(
     signal: _Samples, band: tuple[float, float] | None, turn: float = math.inf
 ) -> SignalSpectrum:
-    """Of a signal in a band [Hz], or in that of its shocks; `turn` as for `shock_band`."""
+    """Envelope spectrum of a signal in a band [Hz], by default that of its shocks."""
     if band and not 0.0 <= band[0] < band[1] <= 0.5 * signal.rate:
         raise InputError(
             f'the band {band[0]:g} Hz to {band[1]:g} Hz does not lie between 0 and half the '

@@ -1,4 +1,4 @@
-"""How far a machine is from its ideal, and how two such deviations compare: alpha of [SB] 8.1.
+"""Deviation of a machine from its ideal, and the ratio of two deviations: alpha of [SB] 8.1.
 
 [SB] calls alpha the factor between what the simulated and what the measured response have beyond
 the response of the mechanism without clearance. It took the root of the mean square over some
@@ -79,7 +79,7 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Alpha:
-    """How many times as large one deviation is as another.
+    """Ratio of two deviations from the ideal machine.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def ideal_record(record: Record, since: float | None = None) -> Record:
 
 
 def _later(run: Solution, skipped: float, often: int) -> Motion:
-    """The motion of a machine that repeats itself, so many repetitions later, which last [s]."""
+    """Motion of a repeating machine, shifted by a number of repetitions, which last [s]."""
     curve, slides = run.motion.curve, run.physics.displacements
     first, last = curve(np.array([0.0, skipped / often]))
     angles = ~np.isin(run.physics.coordinates, [*slides])
@@ -165,7 +165,7 @@ def deviation(
 
 
 def alpha(one: Deviation, other: Deviation, highest: int | None = None) -> Alpha:
-    """How many times as large the first deviation is as the second.
+    """Ratio of the first deviation to the second.
 
     The spectra are those of Welch's method with Hann windows of four turns, or as many as both
     runs have, in bands of one order each.

@@ -33,7 +33,7 @@ from mechanism_sim.units import counted
 _ROTATIONS = 'rad', 'rad/s'
 """Units that files have otherwise as often, in deg and rpm."""
 _EVEN = 0.01
-"""Of an interval between samples: so late they may be in all, to count as the sensor's own."""
+"""Share of a sampling interval by which samples may be late in all to count as the sensor's."""
 _FAR, _LONG = 1000.0, 10.0
 """A record that begins so many times later than it or the scene's run [s] is long, and than this
 [s], counts from elsewhere, as from 1970: a run from 0 on would not come to its end."""

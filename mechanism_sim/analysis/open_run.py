@@ -362,7 +362,7 @@ class Asked:
         end: float | None,
         also: Sequence[Series],
     ) -> dict[str, Series]:
-        """These quantities of the motion, at times that draw all of them."""
+        """Quantities of the motion by name, sampled at times close enough to draw all of them."""
         if not (names := [*names]):
             return {}
         record = self.record

@@ -83,7 +83,7 @@ class PartSummary:
 
 @dataclass(frozen=True)
 class EnergySummary:
-    """Where the energy went: kinetic + potential - initial - drive work + dissipated = residual.
+    """Energy balance: kinetic + potential - initial - drive work + dissipated = residual.
 
     All in [J]; the residual would be 0 without errors of integration.
     """

@@ -81,7 +81,7 @@ _BLOCK = 8192  # instants at once
 
 @dataclass(frozen=True, eq=False)
 class Revolutions(Rich):
-    """A run, and where its main drive is when.
+    """A run, and the angle of its main drive over time.
 
     Turns are counted from angle zero on, in the direction in which the drive ends up.
 
@@ -95,12 +95,12 @@ class Revolutions(Rich):
 
     @property
     def start(self) -> float:
-        """Of the motion [s]."""
+        """Start of the motion [s]."""
         return float(self.piece.motion.curve.start[0])
 
     @property
     def end(self) -> float:
-        """Of the motion [s]."""
+        """End of the motion [s]."""
         return self.piece.motion.curve.end
 
     @property
@@ -179,7 +179,7 @@ class Revolutions(Rich):
         return float((last - first) / (self.end - self.start))
 
     def begin(self, skip: int) -> float:
-        """When so many whole turns of the main drive are over [s]; the start of the run for 0."""
+        """Time at which `skip` whole turns of the main drive are complete [s]; the start for 0."""
         if not skip:
             return self.start
         return float(self.times_at(np.array([self.whole_turns(skip)[0]]))[0])
@@ -191,7 +191,7 @@ class Revolutions(Rich):
         return marks, self.turned(marks)
 
     def times_at(self, turns: Array) -> Array:
-        """When the main drive has made `turns` (N,), as `turned` counts them [s]."""
+        """Times at which the main drive has made `turns` (N,), counted as by `turned` [s]."""
         marks, passed = self._marks
         if np.any(np.diff(passed) < 0.0):
             raise InputError(f'{self.machine.name}: {self.machine.plan.main} turns back')
@@ -393,7 +393,7 @@ class Record(Revolutions):
 
     @property
     def sensors(self) -> list[str]:
-        """Those that were recorded, and those of the scene."""
+        """Names of the recorded sensors and of those of the scene, sorted."""
         return sorted({*self.signals, *self.machine.scene.sensors})
 
     @property
@@ -411,7 +411,7 @@ class Record(Revolutions):
 
     @property
     def loose_joints(self) -> list[str]:
-        """Those with a pin loose in a bushing; of one out of line both ends, ``JOINT_front``.
+        """Joints with a pin loose in a bushing; ``JOINT_front`` and the like for ends out of line.
 
         On an oil film it never touches: not these.
         """
@@ -420,7 +420,7 @@ class Record(Revolutions):
 
 
 def loose_bearing(record: Record, joint: str) -> str:
-    """The joint, once sure that it has a pin loose in a bushing."""
+    """Check that a joint has a pin loose in a bushing, and return it."""
     known, machine = record.loose_joints, record.machine
     wrong = f"'{joint}' is not a joint with a pin loose in a bushing"
     check_known(joint, known, wrong, f'such joints of {machine.name}:')

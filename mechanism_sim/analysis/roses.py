@@ -1,4 +1,4 @@
-"""Where a pin strikes its bushing, and wears it: by direction on both, and turn by turn.
+"""Impacts and wear of pins and bushings by direction on both parts, and per turn.
 
 After [SB] 8.1, figures 8.11 (impulse directions on the bearing components, each as seen by an
 observer who moves with its link) and 8.12 (dominant impacts of a cycle), and [SB] 7.3 for the sum
@@ -207,7 +207,7 @@ class WearMap:
 
     @property
     def middles(self) -> Array:
-        """Of the sectors (n,) [rad]."""
+        """Middles of the sectors (n,) [rad]."""
         return np.asarray(0.5 * (self.edges[1:] + self.edges[:-1]))
 
 

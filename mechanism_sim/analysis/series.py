@@ -86,12 +86,12 @@ class Series:
 
     @classmethod
     def of_quantity(cls, q: Quantity, t: Array, values: Array, ideal: bool = False) -> Series:
-        """Of a quantity of the catalogue."""
+        """Series of a quantity of the catalogue."""
         return cls(q.name, q.unit, t, values, ideal=ideal, words=q.title, of=q.of)
 
     @property
     def line(self) -> str:
-        """Its name, with that of its run where there are several."""
+        """Label of the line: the name of the quantity, after that of its run if it has one."""
         return f'{self.run}: {self.name}' if self.run else self.name
 
     @property
@@ -222,12 +222,12 @@ class _Collector:
 
 
 def _type(message: Any) -> str:
-    """Of a message; empty where it has none, as JSON."""
+    """Type name of a message; empty for a message without a type, as JSON."""
     return '' if isinstance(message, dict) else type_name(type(message))
 
 
 def _field_units(kind: str, fields: Sequence[str]) -> tuple[str, ...]:
-    """As `units_of`; none of a type that is not known here."""
+    """Units of message fields as by `units_of`; empty for an unknown type."""
     try:
         return units_of(kind, fields)
     except MessageError:
@@ -349,7 +349,7 @@ class MissingFieldError(InputError):
 
 
 class Value(NamedTuple):
-    """A number in a message, and which of several it is: the names and numbers on its way."""
+    """A number in a message, with the names and indices of its path."""
 
     value: float
     which: tuple[str, ...]
@@ -384,7 +384,7 @@ class Filter:
 
 @dataclass(frozen=True)
 class MessagePath:
-    """Where numbers are in the messages of a topic.
+    """Path to numbers in the messages of a topic.
 
     Attributes
     ----------
@@ -397,7 +397,7 @@ class MessagePath:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """The fields on the way."""
+        """Fields along the path."""
         return tuple(step.name for step in self.steps if isinstance(step, Field))
 
     def values(self, message: Any) -> list[Value]:

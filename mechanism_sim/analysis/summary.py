@@ -1,4 +1,4 @@
-"""Everything that a bag tells about a run, in one pass over it."""
+"""Summary of a run from its bag, in one pass."""
 
 from __future__ import annotations
 
@@ -227,7 +227,7 @@ class MotionSummary:
 
 
 class Crank:
-    """Where the crank is at given times, as far as its motion is recorded.
+    """Motion of the crank at given times, as far as it is recorded.
 
     Of all the motion only the crank's is kept: a long run has millions of segments.
 
@@ -269,7 +269,7 @@ class Crank:
 
     @cached_property
     def curve(self) -> PiecewisePolynomial | None:
-        """Of the crank, once all pieces are entered; None if no motion is recorded."""
+        """Motion of the crank, once all pieces are entered; None if no motion is recorded."""
         return PiecewisePolynomial.joined(self._parts) if self._parts else None
 
     def turned(self, t: Array) -> Array:

@@ -43,7 +43,7 @@ def main(args: Sequence[str] | None = None) -> None:
 
 
 def _command(parser: Overview, given: Sequence[str]) -> int:
-    """Read a command line and do what it says; the exit code."""
+    """Read a command line and carry it out; returns the exit code."""
     options = _read(parser, given)
     if folders := getattr(options, 'tables_from', None):  # for the processes it starts, too
         if lost := next((x for x in folders if not os.path.isdir(x)), None):

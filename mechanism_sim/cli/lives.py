@@ -1,4 +1,4 @@
-"""How machines change over many cycles."""
+"""Command for the change of a machine over many cycles."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def set_option(parser: Options) -> None:
 
 
 def look_options(sub: argparse.ArgumentParser, labels: str) -> None:
-    """Add what a drawing shows besides the machine: paths, and names as `labels` unless told."""
+    """Add the options for what a drawing shows besides the machine: paths and names."""
     several(sub, '--path', 'LINK.POINT', 'draw the path of this point; several times')
     shown = 'all', 'links', 'none'
     sub.add_argument('--labels', choices=shown, default=labels, help='names that are drawn')
@@ -115,7 +115,7 @@ def tables_option(sub: argparse.ArgumentParser) -> None:
 
 
 def length_options(sub: argparse.ArgumentParser, usual: str = '') -> None:
-    """Add the options for the length of a run; `usual` says what it is without them."""
+    """Add the options for the length of a run; `usual` describes the default."""
     time_option(sub, '--duration', 'length of the run')
     turns = 'length of the run in turns of the drive'
     option(sub, '--revolutions', 'N', f'{turns}; {usual}' if usual else turns, float)
@@ -135,7 +135,7 @@ def turns_of(options: argparse.Namespace, machine: Machine, usual: float) -> flo
 
 
 def skip_option(sub: Options, more: str = '') -> None:
-    """Add the option for what is left out at the beginning; `more` says more of it."""
+    """Add the option for the part left out at the beginning; `more` extends its help."""
     text = 'whole turns of the drive to leave out at the beginning'
     option(sub, '--skip', 'N', f'{text}; {more}' if more else text)
 
@@ -174,7 +174,7 @@ def workers_options(sub: Options, usual: str = 'one for each core') -> None:
 
 
 def read_workers(options: argparse.Namespace, usual: int | None = None) -> Workers:
-    """Who makes the runs of a study on a command line."""
+    """Read from the command line which workers carry out the runs of a study."""
     from mechanism_sim.studies.runs import Workers  # noqa: PLC0415
 
     count = usual if options.workers is None and not options.dask else options.workers
@@ -242,7 +242,7 @@ def read_machine(options: argparse.Namespace, remarks: bool = True) -> Machine:
 
 
 def say_turns(options: argparse.Namespace, machine: Machine, of_cycle: bool = False) -> None:
-    """Say on standard error how many turns are computed if nobody says, where it is not plain one.
+    """Print the number of turns on standard error if it is a default other than one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How a program ends: its exit code, and one sentence where something went wrong."""
+"""Exit code of a program, with one sentence on standard error for a failure."""
 
 from __future__ import annotations
 

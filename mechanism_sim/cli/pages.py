@@ -98,7 +98,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _page(options: argparse.Namespace, default: str) -> Path:
-    """The page to be written; who wants a picture is told which command makes one."""
+    """Path of the page to be written; for a picture an error names its command."""
     file = options.output or f'{default}.html'
     if Path(file).suffix in ('.pdf', '.png', '.svg'):
         other = 'plot SCENE NAME -o' if is_bag(options.scene) else 'cycle SCENE --plots'

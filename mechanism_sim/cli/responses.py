@@ -1,4 +1,4 @@
-"""How a machine behaves over its parameters."""
+"""Commands for the behaviour of a machine over its parameters."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ def _derivatives(
 
 
 def _horizon(options: argparse.Namespace, machine: Machine) -> Iterator[Telling]:
-    """How long digits of a run hold, if that is asked for."""
+    """Yield the prediction horizon of a run, if it is asked for."""
     if options.horizon:
         from mechanism_sim.report import studies  # noqa: PLC0415
         from mechanism_sim.studies.lyapunov import check_horizon, horizon  # noqa: PLC0415
@@ -262,7 +262,7 @@ def _node(options: argparse.Namespace) -> int:
 
 
 def _samples(options: argparse.Namespace) -> AbstractContextManager[SampleWriter | None]:
-    """Where `--output` goes; nothing if it is not asked for."""
+    """Writer of samples for `--output`; a context of None without that option."""
     if not options.output:
         return nullcontext()
     from mechanism_sim import tables  # noqa: PLC0415

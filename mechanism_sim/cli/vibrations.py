@@ -52,7 +52,7 @@ def add(command: Command) -> None:
 
 
 def _picture(options: argparse.Namespace) -> Path | None:
-    """Where a picture goes, checked before anything is computed."""
+    """Path of the picture, checked before anything is computed; None if none is asked for."""
     from mechanism_sim.report.figures import check_picture  # noqa: PLC0415
 
     return check_picture('--output', options.output) if options.output else None

@@ -52,7 +52,7 @@ CHATTER = (
     'the rest of a chatter is left out; derivatives beyond are those of a contact that stays '
     'closed from this impact on'
 )
-"""Of a limit where a chatter is ended."""
+"""Text of a limit where a chatter is ended."""
 
 
 _SEATED = (
@@ -233,7 +233,7 @@ class _Events(NamedTuple):
     sides: tuple[Side, ...]  #: before and after all of them
 
     def at(self, segments: Sequence[int]) -> list[Side]:
-        """Both sides of some of them."""
+        """Sides before and after the events at the ends of some segments."""
         return [side.some([self.number[j] for j in segments]) for side in self.sides]
 
 
@@ -251,7 +251,7 @@ def _moves(rows: Array) -> NDArray[np.bool_]:
 
 
 def _law_at(table: LawTable, t: Array) -> NDArray[np.intp]:
-    """Which of consecutive laws hold at times (N,), at the start of one that one."""
+    """Indices of the consecutive laws in force at times (N,); at a boundary the later law."""
     slack = 4.0 * np.spacing(np.abs(t).max(initial=1e-300))
     found = np.searchsorted(table.start, t + slack, side='right') - 1
     return np.asarray(np.maximum(found, 0), dtype=np.intp)
@@ -266,7 +266,7 @@ def _derivative(powers: Array, x: Any, order: int) -> Array:
 
 
 def _product(A: Array, x: Array) -> Array:
-    """Of N arrays (..., n) with N matrices (n, P)."""
+    """Product of N arrays (..., n) with N matrices (n, P)."""
     wide = np.reshape(A, (len(A), math.prod(A.shape[1:-1]), A.shape[-1]))
     return np.asarray(wide @ x).reshape(*A.shape[:-1], x.shape[-1])
 
@@ -278,7 +278,7 @@ def _within(bounds: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
 
 
 def _after(turns: Array, before: Array) -> Array:
-    """Maps (N, W, W + P) across one thing after another."""
+    """Maps (N, W, W + P) across one element after another."""
     W = turns.shape[1]
     found = np.asarray(turns[..., :W] @ before)
     found[..., W:] += turns[..., W:]
@@ -305,7 +305,7 @@ def _composed(blows: _Blows, ends: Array) -> Array:
 
 
 class _Walk:
-    """A way along one motion."""
+    """Propagation of variations along one motion."""
 
     def __init__(
         self, flows: Flows, motion: Motion, impacts: Sequence[Impact], start: Array | None
@@ -349,7 +349,7 @@ class _Walk:
         return np.append(np.minimum.accumulate(own[::-1])[::-1], m - 1)[1:]
 
     def flow(self) -> Flow:
-        """Walk, and say what was found."""
+        """Propagate the variations along the motion, and collect the derivatives."""
         curve, m, width = self._motion.curve, len(self._motion), self._of.width * COUNT
         most = int(min(max(_MEMORY / width**2, 1.0), _MOST))
         for first in range(0, m, most):
@@ -406,6 +406,8 @@ class _Walk:
         # from the start of each segment to that of the next, approaches being parts of the state
         turns = self._across(steps)
         self._refine(turns, k)
+        # single impacts are linear maps, too: they join the maps of their segments, so that only
+        # other events interrupt the products of maps
         count, w, W = len(k), f + of.width, turns.shape[1]
         events = self._events(first, last)
         blows = self._blows(first, events)
@@ -414,6 +416,7 @@ class _Walk:
         states, alive, done = np.empty((count + 1, W, P)), True, count
         states[0, :w], states[0, w:] = self._state, self._approach
         jumps = events.number.keys() - {*blows.segment.tolist()}
+        # maps are multiplied in groups first: states at few boundaries need one product each
         bounds = np.array(sorted({*range(0, count, _GROUP), *(j + 1 for j in jumps), count}))
         grouped = _grouped(turns, bounds)
         for start, end, turn in zip(bounds[:-1], bounds[1:], grouped, strict=True):
@@ -426,6 +429,7 @@ class _Walk:
                     now[:w] = np.nan
                     break
                 now[:w], now[w:] = self._state, self._approach
+        # then the states inside of all groups, at once for equal places in them
         for inner in _within(bounds[bounds <= done]):
             turn = turns[inner - 1]
             states[inner] = turn[..., :W] @ states[inner - 1] + turn[..., W:]
@@ -641,7 +645,7 @@ class _Walk:
         return Variation(q, v, a_p, wide, parameters, approach)
 
     def _passed(self, ends: tuple[int, int], before: Side, after: Side, x: Variation) -> Saltation:
-        """Across an event without impact between two segments."""
+        """Saltation across an event without impact between two segments."""
         of, motion, curve = self._of, self._motion, self._motion.curve
         sizes, m = of.equations.sizes, len(of.system.gaps)
         old, new = motion.modes[[*ends]].tolist()

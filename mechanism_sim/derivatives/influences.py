@@ -162,7 +162,7 @@ class _Parts:
 
 
 def _names(system: System) -> list[str]:
-    """Of the parameters of a run; observers add others."""
+    """Names of the parameters of a run; observers add others."""
     return [*system.equations.parameters.names][: len(system.parameters.values)]
 
 
@@ -173,7 +173,7 @@ def _terms(system: System) -> list[object]:
 
 
 def _numbers(law: Law, at: Law) -> list[float]:
-    """Of a law, about the time at which the law `at` takes over."""
+    """Coefficients of a law about the time at which the law `at` takes over."""
     if not isinstance(law, DriveLaw):
         return [*law.coefficients]
     turns, (angle, *rates) = law.about(Fraction(at.valid_from))

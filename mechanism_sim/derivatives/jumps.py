@@ -151,7 +151,7 @@ class Jumps:
         return Selected.none(self._eq.sizes, count)
 
     def _differential(self, x: Variation) -> Array:
-        """Of what terms depend on (z, P)."""
+        """Differentials (z, P) of the variables on which terms depend."""
         none = np.zeros((*x.q.shape[:-2], 1, x.q.shape[-1]))
         return np.concatenate([x.q, x.v, x.a_p, x.states, none, x.parameters], axis=-2)
 
@@ -167,7 +167,7 @@ class Jumps:
     def passed(
         self, before: Side, after: Side, x: Variation, guards: Selected, law: Array | None
     ) -> Saltation:
-        """Across an event that leaves the state as it is.
+        """Saltation across an event that leaves the state as it is.
 
         Parameters
         ----------
@@ -236,7 +236,7 @@ class Jumps:
     # --- starts -------------------------------------------------------------------------------
 
     def begin(self, side: Side, others: Iterable[tuple[tuple[int, ...], tuple[int, ...]]]) -> None:
-        """Refuse other starts by their modes and rows, if they make another beginning of this."""
+        """Refuse a key that would change the contacts or rows with which the motion begins."""
         size = max(np.abs(side.rates).max(initial=0.0), np.abs(side.at.v).max() ** 2)
         for modes, rows in others:
             if (~self._closed(side) & (np.array(modes, dtype=int) > Mode.FREE_FLIGHT)).any():
@@ -250,7 +250,7 @@ class Jumps:
                 raise NoDerivativeError('a load begins with another part at the start')
 
     def seated(self, side: Side, x: Variation, key: int) -> Array:
-        """Rates (f,) of free coordinates by a key, after blows that keep closed contacts closed.
+        """Rates (f,) of free coordinates by a key, after plastic impacts of closed contacts.
 
         A small rate out of a contact that is pressed ends in a chatter about as short as it is
         small, whatever the restitution below 1: its impulse is that of a plastic impact.
@@ -265,7 +265,7 @@ class Jumps:
         return np.asarray(moved[n:][self._free, key])
 
     def _at_rest(self, now: Side, z: Array, flags: Side) -> tuple[Side, Array, Array]:
-        """The machine after impulses that keep at rest what is closed or sticks by `flags`.
+        """Machine after impulses that keep at rest what is closed or sticks by `flags`.
 
         Gaps that differ are closed by plastic blows before: their order does not matter, for in
         any order they act along the same lines until all of them are closed.
@@ -307,7 +307,7 @@ class Jumps:
     def struck(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
-        """Across impacts at one instant."""
+        """Saltation across impacts at one instant."""
         z, flow = self._differential(x)[None], self._flow(before)
         groups = _groups(impacts)
         if len(groups) == 1 < len(impacts) and self._independent(before, impacts):
@@ -349,7 +349,7 @@ class Jumps:
     def blows(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact], width: int
     ) -> tuple[NDArray[np.bool_], Saltation]:
-        """Across E impacts, each of one contact alone or beside such as stay closed.
+        """Saltation across E impacts, each of one contact alone or beside others that stay closed.
 
         Nearly all impacts are such ones: they are looked at together. The C columns of their
         variations are any state of some `width` before, then P keys. The shift of the instant is
@@ -373,6 +373,7 @@ class Jumps:
         z, flow = self._differential(x), self._flow(before)
         wide = np.concatenate([z[..., :width], flow[..., None], z[..., width:]], axis=2)
         kinds = np.concatenate([struck[None], ended[None], part, closed])
+        # impacts with the same contacts, closed or struck, have terms of one form: all at once
         for kind in np.unique(kinds[:, alone], axis=1).T:
             which = np.flatnonzero(alone & (kinds == kind[:, None]).all(axis=0))
             joint, asked = [self._names[kind[0]]], self._none(2)
@@ -398,7 +399,7 @@ class Jumps:
         return alone, Saltation(state, shift, [log], x.approach)
 
     def _independent(self, now: Side, impacts: Sequence[Impact]) -> bool:
-        """True if open gaps are struck that do not feel each other."""
+        """True if the impacts are in open gaps without mutual influence."""
         struck = [self._names.index(i.joint) for i in impacts]
         if self._closed(now).any():
             return False
@@ -413,7 +414,7 @@ class Jumps:
     def _apart(
         self, before: Side, after: Side, x: Variation, impacts: Sequence[Impact]
     ) -> Saltation:
-        """Across impacts at one instant that do not feel each other, each at its own."""
+        """Saltation across simultaneous impacts without mutual influence, each at its own time."""
         n, f, free = len(self._system.coordinates), len(self._free), np.array(self._free)
         z, flow = self._differential(x), self._flow(before)
         state = np.concatenate([x.q[free], x.v[free], x.states])
@@ -444,7 +445,7 @@ class Jumps:
         alone: bool = False,
         ended: Sequence[str] = (),
     ) -> tuple[Side, Array, Array, list[Array]]:
-        """One blow of E events with the same contacts.
+        """Saltation across one simultaneous impact of E events with the same contacts.
 
         Parameters
         ----------
@@ -464,6 +465,8 @@ class Jumps:
         own = touching + ([m + i for i in touching] if self._rows > m else [])
         terms = self._terms_of(now, self._unit_terms(tuple(touching), tuple(own)))
         closed = self._closed(now)
+        # each open gap closes at its own shifted instant: the impact stays one only if all shifts
+        # agree, else the order of the impacts changes with the key
         if dt is None:
             speeds = terms.values[0, 2 * t : 3 * t]
             near = speeds < -_ALIKE * np.abs(speeds).max()  # one may take all of a blow
@@ -477,6 +480,7 @@ class Jumps:
             if np.abs(shifts - dt[:, None]).max() > _ALIKE * max(np.abs(shifts).max(), 1e-300):
                 known = zip([touching[k] for k in first], shifts[0], strict=True)
                 raise _OrderError(dict(known))
+            # variations to the shifted instant of the impact, along the flow before it
             z = z + flow[:, :, None] * dt[:, None]
         values, moved, n, f = terms.values, terms.moved(z), len(own), len(self._free)
         # of unit impulses: rates of rows and coordinates, impulses of drives
@@ -487,6 +491,7 @@ class Jumps:
         _, angle, drate, dA, dW, dD = (moved[:, part] for part in parts)
         A, W, D = A.reshape(E, n, n), W.reshape(E, n, f), D.reshape(E, n, p)
         dA, dW, dD = dA.reshape(E, n, n, C), dW.reshape(E, n, f, C), dD.reshape(E, n, p, C)
+        # restitution acts in approaching open gaps only, and not in the last impact of a chatter
         over = [self._names.index(i) for i in ended]
         applies = np.array([not closed[i] and i not in over for i in touching])
         applies = applies & (rate[:, :t] < 0.0)
@@ -516,6 +521,8 @@ class Jumps:
                 raise NoDerivativeError('the slip of an ideal joint just ends in the impact')
             (x, dx), (share, dshare), lost_ = found
             x, dx, lost = x[None], dx[None], lost_[None]
+            # friction in joints grows in proportion to the contact impulses: its effects are added
+            # to the terms of unit contact impulses, so that the steps below need not know of it
             of_joints = [(friction.compliance[:n].T, slopes.compliance[:n].swapaxes(0, 1)),
                          (friction.response, slopes.response),
                          (friction.drive_response, slopes.drive_response)]  # fmt: skip
@@ -532,6 +539,7 @@ class Jumps:
             A, dA = A.swapaxes(1, 2), dA.swapaxes(1, 2)
         else:
             x, dx = impulses(A, dA)
+        # the reset ``v+ = v- + W^T x`` and its differential, by the product rule
         after = rate + np.einsum('eij,ej->ei', A, x)
         dafter = drate + np.einsum('eijc,ej->eic', dA, x) + A @ dx
         v, later, c = now.at.v.copy(), z.copy(), len(self._system.coordinates)
@@ -585,7 +593,7 @@ class Jumps:
         return found[0], found[1]
 
     def _unit_terms(self, touching: tuple[int, ...], own: tuple[int, ...]) -> Selected:
-        """Terms that a blow asks for: gaps, angles, rates, and those of unit impulses."""
+        """Terms that an impact needs: gaps, angles, rates, and those of unit impulses."""
         if own in self._asked:
             return self._asked[own]
         t, n, f, p = len(touching), len(own), len(self._free), len(self._system.prescribed)
@@ -609,7 +617,7 @@ class Jumps:
         return np.asarray(side.at.parameters[self._system.parameters.closed, 0] > 0.0)
 
     def _touching(self, now: Side, struck: list[int]) -> list[int]:
-        """Gaps that take part: those of the blow, closed ones, and what is at zero."""
+        """Gaps that take part: those of the impact, closed ones, and those at zero."""
         if len(self._names) == 1:
             return struck
         part = self._part(now.some([0]), self._closed(now)[:, None], np.array(struck[:1]))
@@ -619,7 +627,7 @@ class Jumps:
     def _part(
         self, now: Side, closed: NDArray[np.bool_], struck: NDArray[np.intp]
     ) -> NDArray[np.bool_]:
-        """Gaps (m, E) that take part in E events: struck (E,), closed, or at zero."""
+        """Mask (m, E) of the gaps in E events: in impact (E,), closed, or at zero."""
         part = closed.copy()
         if len(part) > 1:
             asked = self._none(len(self._names))
@@ -630,7 +638,7 @@ class Jumps:
         return part
 
     def _instants(self, gaps: _Terms, opening: Array, z: Array, flow: Array, now: Side) -> Array:
-        """Shifts (E, N, C) of the instants at which the open gaps of blows close.
+        """Shifts (E, N, C) of the instants at which the open gaps of impacts close.
 
         Parameters
         ----------
@@ -654,7 +662,7 @@ class Jumps:
         restitution: tuple[Array, Array],
         friction: tuple[Array, Array],
     ) -> tuple[Array, Array]:
-        """Impulses (E, n) of the rows of blows, and their differentials (E, n, C).
+        """Impulses (E, n) of the rows of impacts, and their differentials (E, n, C).
 
         Derivatives of rates are by the first, those of coefficients by the last of the columns
         that rates have; more columns of the compliance are of nothing else.
@@ -679,7 +687,7 @@ class Jumps:
 
 
 def _meets(now: Side, before: Side, after: Side) -> NDArray[np.bool_]:
-    """Which of E events are accounted for by their impacts, after which the machine is now."""
+    """Mask (E,) of the events after whose impacts the rates are those of the machine now."""
     speed = np.abs(np.concatenate([before.at.v, after.at.v])).max(axis=0)
     return np.asarray(np.abs(now.at.v - after.at.v).max(axis=0) <= _ALIKE * speed)
 
@@ -705,12 +713,12 @@ def _of_one_blow(laws: NDArray[np.int64], *known: Array) -> tuple[Array, Array]:
 
 
 def _solved(A: Array, b: Array) -> Array:
-    """Of rows that may depend on each other."""
+    """Least-squares solution of rows that may depend on each other."""
     return np.asarray(np.linalg.lstsq(A, b, rcond=1e-12)[0], dtype=float)
 
 
 def _groups(impacts: Sequence[Impact]) -> list[list[Impact]]:
-    """Impacts of one instant in their order: those of one blow together."""
+    """Group the impacts of one instant in their order by simultaneous impacts."""
     groups: list[list[Impact]] = []
     for impact in impacts:
         if groups and all(impact.joint != other.joint for other in groups[-1]):

@@ -49,7 +49,7 @@ class Slopes(NamedTuple):
 
 
 class Selected(NamedTuple):
-    """Which terms of contacts are asked for in N columns; each is a sum weighted by these."""
+    """Weights that select terms of contacts in N columns; each column is a weighted sum."""
 
     gap: Array  #: (m, N) values of the gaps
     row: Array  #: (r, N) rates of the rows
@@ -62,7 +62,7 @@ class Selected(NamedTuple):
 
     @classmethod
     def none(cls, sizes: Sequence[int], count: int) -> Selected:
-        """Nothing yet, in so many columns."""
+        """Zero weights in `count` columns."""
         return cls(*(np.zeros((size, count)) for size in sizes))
 
 
@@ -206,7 +206,7 @@ class LinearEquations:
 
     @property
     def sizes(self) -> list[int]:
-        """Of the parts of `Selected`."""
+        """Sizes of the parts of `Selected`."""
         s, rows = self.system, len(self._dynamics.contacts.rows)
         m = len(s.gaps)
         return [m, rows, rows, rows, len(s.free), len(s.prescribed), m, len(s.switches)]

@@ -25,7 +25,7 @@ from mechanism_sim.scene.files import check_scene, content_of
 
 OFFSETS = (1.0, -1.0, 2.0, 0.0)  # the last is that of the machine itself
 WEIGHTS = (1.0, -1.0 / 3.0, -1.0 / 6.0, -0.5)
-"""Of the values at multiples of a step, over the step: the derivative but for its third power."""
+"""Weights of values at multiples of a step: the derivative to third order, times the step."""
 
 _STEP = 2e-4  # of the value: the third power and the rounding over it are alike
 _SMALLER = 3.0

@@ -59,7 +59,7 @@ class Background:
         self._busy = False
 
     def submit(self, job: Job) -> None:
-        """Let this be run instead of whatever is running."""
+        """Run a document in place of the present job."""
         if self._process is None or not self._process.is_alive():
             try:
                 self._start()
@@ -124,7 +124,7 @@ def _give(link: Connection, jobs: SimpleQueue[Job | None]) -> None:
 
 
 class _NotWanted(Exception):  # noqa: N818 - no error: the job is dropped
-    """There is a newer job."""
+    """Signal that a newer job makes this one superfluous."""
 
 
 def _serve(link: Connection) -> None:
@@ -157,7 +157,7 @@ def _serve(link: Connection) -> None:
 
 
 def _problem(job: Job, link: Connection) -> str:
-    """Do a job; why it cannot be done, whatever it raises, or nothing."""
+    """Do a job; returns the reason why it cannot be done, or nothing."""
     try:
         _work(job, link)
     except (_NotWanted, EOFError, BrokenPipeError):
@@ -240,7 +240,7 @@ def _shown(machine: Any, solution: Any) -> dict[str, Any]:
 
 
 Figure = tuple[str, str, float | None, str, float | None]
-"""Of what, of which part, value (None: without limit), unit, instant [s] if there is one."""
+"""Quantity, part, value (None: without limit), unit, and instant [s] if there is one."""
 
 
 def _figures(machine: Any, solution: Any) -> list[Figure]:

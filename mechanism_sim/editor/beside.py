@@ -14,7 +14,7 @@ from mechanism_sim.scene.schema import Scene
 
 
 class BesideDocument:
-    """Where links lie that nothing holds, their colours, and the quantity that is charted.
+    """State beside a document: poses of unconstrained links, colours, the charted quantity.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class BesideDocument:
         self._colours: dict[str, int] = {}
 
     def colours(self, scene: Scene) -> Mapping[str, int]:
-        """Numbers of the colours of links: each keeps its own, whatever becomes of others."""
+        """Numbers of the colours of links: each link keeps its own when others change."""
         links = [link for link in scene.links if link != GROUND]
         for link in links:
             taken = {self._colours[x] for x in links if x in self._colours}

@@ -92,7 +92,7 @@ class Document:
 
     @property
     def steps(self) -> tuple[int, int]:
-        """How often one can undo, and redo."""
+        """Numbers of steps that can be undone and redone."""
         return len(self._before), len(self._after)
 
     def content(self) -> dict[str, Any]:

@@ -15,7 +15,7 @@ _BUDGET = 0.012
 _SOME = 4
 
 _LENGTH = 0.3
-"""Of the arrow of the largest force, of the machine's size."""
+"""Length of the arrow of the largest force, as share of the machine's size."""
 
 
 class ForceArrows:
@@ -26,7 +26,7 @@ class ForceArrows:
         self._frames, self._each = 0, 1  # of drags; of so many one has forces
 
     def of_turn(self, turn: Turn | None, symbol: float) -> dict[str, Any] | None:
-        """Those of all instants, in a scale of their own; None if there are no forces.
+        """Force arrows of all instants of a turn, in a new common scale; None without forces.
 
         Parameters
         ----------
@@ -44,7 +44,7 @@ class ForceArrows:
         return self._to_json(known) if self._scale else None
 
     def of_drag(self, turn: Turn | None, begun: float) -> dict[str, Any]:
-        """For a frame that was begun at `begun` [s]; if slow, for one frame of some."""
+        """Force arrows for a frame begun at `begun` [s]; if slow, for some frames only."""
         self._frames += 1
         if not self._scale or self._frames % self._each:
             return {} if self._scale and turn else {'forces': None}
@@ -56,7 +56,7 @@ class ForceArrows:
         return {'forces': self._to_json(known) if known else None}
 
     def _to_json(self, known: IdealForces) -> dict[str, Any]:
-        """Of N, and of metres a thousandth of a symbol, nobody sees less."""
+        """Arrows for JSON, rounded beyond what is visible."""
         return {
             'joints': known.joints,
             'force_scale': self._scale,

@@ -25,7 +25,7 @@ from mechanism_sim.planar.points import GROUND, Vector2
 from mechanism_sim.scene.schema import Scene
 
 _ON_AXIS = 0.02
-"""Of the frame's length: a joint so near its axis stays on it."""
+"""Share of the frame's length: a joint so near its axis stays on it."""
 
 
 class Moved(NamedTuple):
@@ -148,7 +148,7 @@ def fitting(scene: Scene, poses: Poses, grid: Grid) -> list[Edit]:
 def starts(
     scene: Scene, found: Mapping[str, float], straight: Collection[str], grid: Grid
 ) -> list[Edit]:
-    """Where drives begin, if that is not where their links are found to lie [rad, m]."""
+    """Edits that set the starts of drives where their links are found elsewhere [rad, m]."""
     edits = []
     for c, (path, drive) in drives_of(scene).items():
         if c not in found:

@@ -1,4 +1,4 @@
-"""Where links lie while a machine is drawn: whether or not it can be assembled yet."""
+"""Poses of links while a machine is drawn, whether or not it can be assembled yet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the machine of a document moves without play: quick enough to follow a hand.
+"""Motion of a document's machine without clearance, fast enough to follow a hand.
 
 Loops are closed from where they were in the picture before, all instants of a turn at once.
 """
@@ -26,7 +26,7 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.sensing.joint_view import JointView
 
 INSTANTS = 73
-"""Of a turn, or of a run, both ends included."""
+"""Number of instants of a turn, or of a run, both ends included."""
 
 _STEPS = 12
 """Towards a place, of a machine that is pulled."""
@@ -181,7 +181,7 @@ class Turn:
         return v if order == 1 else self._kinematics.accelerations(q, v, second)
 
     def forces(self, count: int = INSTANTS) -> IdealForces | None:
-        """Of the ideal joints at the first instants; None where they do not follow from motion.
+        """Forces of the ideal joints at the first instants; None if motion leaves them open.
 
         Inverse dynamics under the prescribed drives: rates and accelerations of all coordinates
         follow from those of the drives, forces from both.
@@ -265,7 +265,7 @@ class Turn:
         return np.array(columns).T
 
     def _step(self, first: Array, ways: Array) -> Array:
-        """How far (n,) the first step goes, by rates at the start: teeth fit at many angles."""
+        """First step (n,) from the rates at the start: teeth fit at many angles."""
         step = self._kinematics.rates(first[:, None], ways[:, 1:2] - ways[:, :1])[:, 0]
         return step if np.isfinite(step).all() else np.zeros(len(first))
 

@@ -110,7 +110,7 @@ _DRAWS: dict[str, Draw] = {tool.name: tool.draw for tools in GROUPS.values() for
 
 
 def to_json() -> list[dict[str, Any]]:
-    """For the page."""
+    """Palette for the page: groups of tools by name."""
     return [
         {'name': name, 'tools': [tool.to_json() for tool in tools]}
         for name, tools in GROUPS.items()

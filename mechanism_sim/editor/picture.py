@@ -63,7 +63,7 @@ class DocumentPicture(NamedTuple):
         return link if link and far[link] < near else ''
 
     def _far(self, link: str, at: Vector2) -> float:
-        """How far a place is from a link [m]: from the lines between its points."""
+        """Distance of a point from a link [m]: from the lines between the link's points."""
         points = [*points_of(self.scene.links[link]).values()]
         place = self.poses[link].within(at)
         pairs = combinations_with_replacement(points, 2)
@@ -130,7 +130,7 @@ class DocumentPicture(NamedTuple):
 
 
 def _distance(at: Vector2, start: Vector2, end: Vector2) -> float:
-    """From a place to a straight line between two others [m]."""
+    """Distance of a point from a straight line between two others [m]."""
     way, to = np.subtract(end, start), np.subtract(at, start)
     part = np.clip(way @ to / (way @ way or 1.0), 0.0, 1.0)
     return float(np.hypot(*(to - part * way)))

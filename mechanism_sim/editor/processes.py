@@ -1,4 +1,4 @@
-"""The processes of an editor: how they are named, and when they give way to others."""
+"""Processes of an editor: their names, and their priority below other processes."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _GIVEN_BACK = 'unsaved changes have been restored; undo returns to the file as s
 
 
 def place(document: Document) -> Path:
-    """Where what is not saved of a document is kept: ``.NAME.yaml.unsaved`` beside its file."""
+    """Path of the recovery file of a document: ``.NAME.yaml.unsaved`` beside its file."""
     file = document.file or Path('machine.yaml')
     name = file.name
     if len(os.fsencode(name)) > _LONGEST:

@@ -30,7 +30,7 @@ def rounded(value: float, step: float, unit: str, si: str = 'm') -> str:
 
 
 def place(at: Vector2, step: float, unit: str) -> list[str]:
-    """Both of a point [m]."""
+    """Texts of both coordinates of a point [m]."""
     return [rounded(x, step, unit) for x in at]
 
 

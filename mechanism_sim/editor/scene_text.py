@@ -16,7 +16,7 @@ from mechanism_sim.documents import flow
 from mechanism_sim.errors import InputError
 
 WIDTH = 99
-"""Of lines that are written here."""
+"""Width of lines that are written here."""
 
 Path = Sequence[str]
 """Keys, and numbers of entries of lists as text, from the whole to a value."""
@@ -131,7 +131,7 @@ def _chain(root: Any, path: Path) -> tuple[list[Any], Any]:
 
 
 def _end(text: str, node: Any) -> int:
-    """Where the text of a node ends; of block collections and block texts before what follows."""
+    """Index at which the text of a node ends; for blocks before the text that follows."""
     if isinstance(node, yaml.CollectionNode) and not node.flow_style and node.value:
         last = node.value[-1]
         if not isinstance(last, tuple):

@@ -1,4 +1,4 @@
-"""The editor until somebody ends it: its page, its document, and who draws and runs it.
+"""Serving of the editor until it is ended: its page, its document and its worker.
 
 This process holds the document and speaks with pages; it computes nothing that takes long.
 """
@@ -136,7 +136,7 @@ class Desk:
         return True
 
     def say(self, text: str) -> None:
-        """Tell all pages a sentence, from any thread."""
+        """Send a sentence to all pages, from any thread."""
         self._came.put(('said', text))
         self._ring()
 
@@ -221,7 +221,7 @@ class Desk:
 
     @property
     def _drags(self) -> bool:
-        """True if somebody goes on to drag: that would begin anew with another process."""
+        """True if a drag continues: another process would have to begin it anew."""
         return (
             bool(self._todo)
             and self._todo[0][0] == 'page'
@@ -229,7 +229,7 @@ class Desk:
         )
 
     def _keep_meanwhile(self) -> None:
-        """Keep what is not saved, in a thread; say so if the last time it was not possible."""
+        """Save unsaved changes in a thread; report a failure of the last time."""
         if self._keeping:
             if not self._keeping.done():
                 return
@@ -263,7 +263,7 @@ class Desk:
             self._send(_busy(self._busy))
 
     def _opened(self, document: Document) -> None:
-        """Another document was opened by a page."""
+        """Begin with another document that a page has opened."""
         if self._keeping:
             wait_for([self._keeping])  # it is of the document before
         text, self._notice = self._recovery.give_back(document)

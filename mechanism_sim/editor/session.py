@@ -90,7 +90,7 @@ class Session:
     # --- what is asked for ------------------------------------------------------------------
 
     def handle(self, message: Mapping[str, Any]) -> None:
-        """Do what a page asks for, and show what came of it; or say why it cannot be."""
+        """Do what a page requests, and show the result, or the reason of a refusal."""
         acts: dict[str, Callable[[Mapping[str, Any]], None]] = {
             'drag': self._drag, 'drop': self._drop, 'pull': self._pull, 'draw': self._draw,
             'set': self._set, 'remove': self._remove, 'rename': self._rename,
@@ -299,7 +299,7 @@ class Session:
         self._beside.lain[self.document.text] = picture.poses
 
     def _pull(self, message: Mapping[str, Any]) -> None:
-        """Move the machine along its way, so that a handle comes nearest to a place."""
+        """Move the machine along its motion, so that a handle comes nearest to a place."""
         turn = self._picture.turn
         if turn is None or not turn.q.size:
             raise InputError('this is not a complete machine yet: it cannot be turned by hand')

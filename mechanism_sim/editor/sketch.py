@@ -34,7 +34,7 @@ class Edit(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """Where the frame of a link is in the world."""
+    """Pose of the frame of a link in the world."""
 
     x: float  #: [m]
     y: float  #: [m]
@@ -100,11 +100,11 @@ class Handle:
 
     @property
     def path(self) -> list[str]:
-        """Where the scene says it, or its link."""
+        """Keys of the joint in the scene, or of the link of a point without a joint."""
         return ['joints', self.key] if self.joint else ['links', self.members[0][0]]
 
     def to_json(self) -> dict[str, Any]:
-        """For the page."""
+        """Handle for the page."""
         return {
             'key': self.key,
             'members': ['.'.join(x) for x in self.members],
@@ -116,7 +116,7 @@ class Handle:
 
 
 class Grid(NamedTuple):
-    """How fine things are placed: a step [m] and the unit in which lengths are written."""
+    """Grid of the drawing: its step [m], and the unit in which lengths are written."""
 
     step: float
     unit: str
@@ -128,7 +128,7 @@ class Grid(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Where a gesture begins or ends: in the world, and on what."""
+    """Start or end of a gesture: its position in the world, and the part under it."""
 
     at: Vector2
     handle: Handle | None = None
@@ -196,7 +196,7 @@ class Sketch:
         return spot.handle.at if spot.handle else self.grid.snapped(spot.at)
 
     def ends(self, start: Spot, end: Spot, what: str) -> tuple[Vector2, Vector2, float]:
-        """Where a gesture begins and ends, and how far apart that is [m]."""
+        """Start and end of a gesture, and the distance between them [m]."""
         a, b = self.where(start), self.where(end)
         if math.dist(a, b) < self.grid.step:
             raise InputError(f'a {what} is drawn from one point to another: press, and drag')
@@ -220,7 +220,7 @@ class Sketch:
         return values
 
     def masses(self) -> list[Edit]:
-        """Those of all links that have none, for forces need them."""
+        """Edits that give masses to all links that have none, as forces need them."""
         return [
             Edit(('links', link, key), value)
             for link, given in self.scene.links.items()
@@ -315,11 +315,11 @@ class Sketch:
         return Shaft(link, at, base.partition('.')[0], link, base, made)
 
     def pivot(self, link: str) -> Shaft | None:
-        """Where a link turns on the ground, if it does."""
+        """Pivot of a link on the ground; None if it has none."""
         return next((x for x in self._pivots(self.scene.joints, link) if x.on == GROUND), None)
 
     def _pivots(self, joints: Iterable[str], link: str = '') -> list[Shaft]:
-        """Where links turn on others by some joints, those on the ground first."""
+        """Pivots of links on others by some joints, those on the ground first."""
         found = []
         for name in joints:
             joint = self.scene.joints[name]

@@ -16,7 +16,7 @@ Draw = Callable[[Sketch, Spot, Spot], list[Edit]]
 part cannot be there: what it needs."""
 
 _Refit = Callable[[Sketch, str, Any], list[Edit]]
-"""From a sketch whose links were moved, a joint's name and its keys to edits that make it fit."""
+"""Function from a sketch whose links were moved, a joint's name and keys to refitting edits."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tool:
     gesture: Literal['band', 'click', 'now'] = 'click'
 
     def to_json(self) -> dict[str, str]:
-        """For the page."""
+        """Tool for the page."""
         return {x: getattr(self, x) for x in ('name', 'key', 'icon', 'hint', 'gesture')}
 
 

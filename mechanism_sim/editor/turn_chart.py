@@ -14,7 +14,7 @@ _ORDERS = {
     'angle': ('°', 0), 'angular velocity': ('rad/s', 1), 'angular acceleration': ('rad/s²', 2),
     'displacement': ('mm', 0), 'velocity': ('m/s', 1), 'acceleration': ('m/s²', 2),
 }  # fmt: skip
-"""Of coordinates: unit, and which derivative it is."""
+"""Units of quantities of coordinates, and their orders of derivative."""
 
 
 def names(turn: Turn | None) -> list[str]:

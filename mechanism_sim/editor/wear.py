@@ -10,7 +10,7 @@ LEAST, MOST = 1e-6, 1e-2
 """[m] of a radial clearance."""
 
 GRID = Grid(1e-3, 'mm')
-"""Of masses that a loose machine needs and nobody has given."""
+"""Grid of the masses that are added to a loose machine without masses."""
 
 
 def joints(scene: Scene) -> dict[str, float | None]:

@@ -1,4 +1,4 @@
-"""The session of an editor in a process of its own: whatever becomes of it, the document stays.
+"""Session of an editor in a process of its own, whose failure leaves the document intact.
 
 To draw a machine is to compile its closures, in milliseconds for most, and in minutes for a chain
 of hundreds of links. The process that serves pages holds the document and waits for none of it.
@@ -43,7 +43,7 @@ Send = Callable[[str, int, str], None]
 
 
 class Worker:
-    """Does what pages ask for, one thing after the other.
+    """Worker that carries out the requests of pages one after the other.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class Worker:
 
     @property
     def busy(self) -> float:
-        """How long it is at work [s]; 0 if it waits."""
+        """Time for which the present task has been running [s]; 0 while the worker is idle."""
         return 0.0 if self._since is None else max(time.monotonic() - self._since, 1e-9)
 
     @property
@@ -111,7 +111,7 @@ class Worker:
             self._again('', retry=True)
 
     def take(self) -> None:
-        """Take in what it has to say."""
+        """Receive what the worker has to report."""
         try:
             while self._link and self._link.poll():
                 self._hear(*self._link.recv())
@@ -217,7 +217,7 @@ class Worker:
 
 
 def _work(link: Connection) -> None:
-    """Do what is asked for until nobody asks."""
+    """Carry out requests until the connection ends."""
     from mechanism_sim.editor.session import Session  # noqa: PLC0415 - here it is loaded
     from mechanism_sim.numerics.compiled import forget  # noqa: PLC0415
 

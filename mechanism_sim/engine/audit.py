@@ -319,7 +319,7 @@ class Audit:
 
 
 def recovers(motion: Motion, segments: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """In which segments a contact without force recovers: losses are powers of its depth there."""
+    """Mask of segments in which a contact without force recovers: losses are powers of depth."""
     return np.asarray((motion.modes[segments] == Mode.RECOVERING).any(axis=1))
 
 

@@ -20,11 +20,11 @@ from mechanism_sim.tolerances import TOLERANCES
 _MECHANISM = TOLERANCES.mechanism
 _SECTIONS = 33
 _PLACES = Nodes((0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0))
-"""Of a step, at which it is looked at."""
+"""Places of a step at which bending is checked."""
 
 
 class BendWatch:
-    """Looks how far elastic links bend, in a few places of every step.
+    """Check of the bending of elastic links, at a few places of every step.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class BendWatch:
         return np.asarray(np.abs(shapes.T @ q[own]).max(axis=0) / length)
 
     def _beyond(self, link: str, q: Array) -> str:
-        """How far a link bends, and where most, at coordinates (n,)."""
+        """Describe the largest bending of a link and its position at coordinates (n,)."""
         length, own, shapes = self._beams[link]
         place = length * np.argmax(np.abs(shapes.T @ q[own])) / (_SECTIONS - 1)
         share = 100.0 * float(self._share(link, q))

@@ -43,7 +43,7 @@ class Base:
         return float(self.time - Fraction(self.high))
 
     def at(self, tau: float) -> float:
-        """Time [s] at local time tau, correctly rounded: the same by whatever base it is told."""
+        """Time [s] at local time tau, correctly rounded: independent of the base."""
         return fsum((self.high, self.low, tau))
 
     def local(self, t: float) -> float:

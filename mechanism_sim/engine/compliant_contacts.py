@@ -28,7 +28,7 @@ _WEIGHTS = np.array([0.0 if k % 2 else 1.0 / (1.0 - k * k) for k in range(_COUNT
 
 
 class OngoingTouch(NamedTuple):
-    """A touch that lasts still, as far as it is known; without one, `begin` is infinite."""
+    """A touch still in progress, as far as it is known; without one, `begin` is infinite."""
 
     begin: float = math.inf  #: [s]; negative infinite if it is that of the start
     approach: float = 0.0  #: [m/s]

@@ -1,4 +1,4 @@
-"""Events of compliant contacts: they touch, stop to press, recover, and part."""
+"""Events of compliant contacts: contact, loss of force, recovery, separation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _CONTACTS = TOLERANCES.contacts
 
 
 def initialise_rates(state: ContactState) -> None:
-    """Damp contacts that the start presses as their load asks for.
+    """Initialise the damping of contacts that the start presses, from their load.
 
     Those that part faster than they press recover.
     """

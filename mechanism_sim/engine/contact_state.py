@@ -126,7 +126,7 @@ class ContactState:
 
     @property
     def horizon(self) -> float:
-        """Longest next step [s]: a root much nearer to its start than to its end gets lost."""
+        """Longest next step [s]: beyond it a root close to its start would be lost."""
         return self._reals[respond.HORIZON]
 
     @horizon.setter
@@ -134,9 +134,9 @@ class ContactState:
         self._reals[respond.HORIZON] = longest
 
     def begin_event(self, t: float, earlier: int = 0) -> None:
-        """Tell the arrays when an event happens [s], after how many others at this very instant.
+        """Set the time of an event [s] in the arrays, and the number of those before it there.
 
-        And how fast the drives are then.
+        The rates of the drives at that time are set, too.
         """
         self._reals[respond.TIME] = t
         self.stages.counters[respond.ROUNDS] = 0
@@ -157,7 +157,7 @@ class ContactState:
 
     @property
     def resting(self) -> Mask:
-        """Those of them that are at rest."""
+        """Mask (m,) of the following contacts that are at rest."""
         return cast(Mask, self.run.marks[respond.RESTING])
 
     @property
@@ -205,11 +205,11 @@ class ContactState:
         self.set_modes((*self.modes[:gap], int(mode), *self.modes[gap + 1 :]))
 
     def adopt_modes(self) -> None:
-        """Make the modes in the array, of which the equations know, those that hold."""
+        """Adopt the modes in the array, with which the equations are already evaluated."""
         self.modes = tuple(self.mode_array.tolist())
 
     def write_flags(self, modes: Indices) -> None:
-        """Tell the equations some modes."""
+        """Set the runtime parameters of the equations to some modes."""
         places = self.run.gaps[respond.CLOSED : respond.PRESS + 1]
         respond.write_flags(modes, self.problem.closed[:0], places, self.present.parameters)
 
@@ -235,7 +235,7 @@ class ContactState:
         return self.modes[gap] > Mode.FREE_FLIGHT
 
     def slip(self, gap: int) -> int:
-        """Which way a contact with friction slides, 0 if not at all."""
+        """Direction of slip of a contact with friction, 1 or -1; 0 if it does not slip."""
         return int(slip_of(self.problem, gap, self.limits.still))
 
     def mode_of_closed(self, gap: int) -> Mode:

@@ -77,7 +77,7 @@ class Contacts:
     # --- the start ----------------------------------------------------------------------------
 
     def start(self, closed: Sequence[bool]) -> None:
-        """Begin a run: some gaps are closed by decree, those that touch are resolved."""
+        """Begin a run: contacts that start closed are set, those that touch are resolved."""
         state, slipping = self.state, self._system.set_valued.slipping
         if self._system.switches:
             self.switching.find_rows()
@@ -111,7 +111,7 @@ class Contacts:
             state.changes.enter(self.present.time, gap, mode, Mode.UNKNOWN)
 
     def _initialise_joint_friction(self) -> None:
-        """Note what presses on ideal joints that rub, and what holds there."""
+        """Initialise friction in ideal joints: sides, directions, and holding."""
         self.switching.update_sides()
         for k in range(len(self._system.parameters.towards) // 2):
             self.switching.update_pin_direction(k)
@@ -119,7 +119,7 @@ class Contacts:
         self._respond_to_missed()
 
     def settle(self) -> None:
-        """Resolve the gaps that touch without an event having said so."""
+        """Resolve the gaps that touch without an event."""
         state = self.state
         if not state.modes:
             return
@@ -157,7 +157,7 @@ class Contacts:
             self._respond(self._system.guards[guard], guard)
 
     def _respond(self, guard: Guard, index: int) -> None:
-        """Resolve an event while switches that hold act with the parts they have now."""
+        """Resolve an event while holding switches act with their present parts."""
         if self._resolves_all:
             self._go_on(FELL if index < len(self.state.modes) else SLIPS, index)
             return
@@ -189,13 +189,13 @@ class Contacts:
         self._book(self.switching.release())
 
     def _book(self, stopped: ImpulseWork) -> None:
-        """Enter what it takes to stop again what an impact has moved, in that impact."""
+        """Add the work that stops again what an impact has moved to that impact."""
         log = self.state.impacts
         if log.count and log.rows[log.count - 1, T] == self.present.time:
             log.rows[log.count - 1, [DRIVE, WORK, LOSS]] += stopped
 
     def _resolve(self, guard: Guard, index: int) -> None:
-        """Tell apart by its guard what happened."""
+        """Dispatch an event by its guard."""
         if guard == Guard(-1, 0):
             raise jammed_joints(self.present)
         if guard.pin is not None:
@@ -233,7 +233,7 @@ class Contacts:
                     state.adopt_modes()
 
     def _beside_joints(self, stage: int, guard: int) -> int:
-        """`EventStages.go_on` where ideal joints rub by the forces of the contacts."""
+        """Stages of an event, as `EventStages.go_on`, where joint friction depends on contacts."""
         state, log, switching = self.state, self.state.impacts, self.switching
         state.stages.see(stage)
         if stage == STRIKES:
@@ -251,7 +251,7 @@ class Contacts:
         return state.stages.go_on(stage, guard)
 
     def _turn_over(self, switch: int) -> None:
-        """A switch passes to its next row: contacts may be off zero from now on."""
+        """Move a switch to its next row: contacts may be off zero from now on."""
         self.switching.turn_over(switch)
         if self._system.relations and not self.present.singular_joints():
             self.present.project()  # another closure may hold from now on
@@ -285,7 +285,7 @@ class Contacts:
         state.record_modes(before)
 
     def missed_event(self, seen_now: int | None = None) -> int | None:
-        """A guard which is past zero already: the integrator would never see it fall.
+        """Guard below zero already, whose fall the integrator cannot detect.
 
         That happens where a step ends within its error of an event. Beside the guard that is
         `seen_now`, others count only beyond what falls at the same instant.

@@ -1,4 +1,4 @@
-"""Contacts of machines whose ideal joints rub: their friction follows from the contacts' forces.
+"""Contacts with friction in ideal joints, which follows from the contact forces.
 
 What friction in ideal joints makes of the contact problem depends on the modes and impulses that
 come of it. They are iterated together; where that goes to and fro, all modes are tried.
@@ -50,6 +50,8 @@ def add_joint_friction(state: ContactState, gap: int) -> float:
     friction = joint_friction_problem(present.evaluate(function), sizes, *layout[1:4])
     rows, T, lost = np.empty((m, len(state.impacts.rows[0]))), np.zeros(len(sizes)), 0.0
     before = np.zeros(layout.rows)
+    # fixed-point iteration: contact impulses make friction in joints, which changes the contact
+    # problem; the impacts are tried on copies of the rates, only the problem is kept
     for _ in range(_IMPACTS.joint_rounds):
         now = present.instant()
         done = impact_now(
@@ -82,7 +84,7 @@ def add_joint_friction(state: ContactState, gap: int) -> float:
 def iterate_friction_modes(
     state: ContactState, switching: Switching, resting: Mask, touching: Mask, slips: Indices
 ) -> bool:
-    """Let friction in ideal joints be that of the modes that come of it, if there are any."""
+    """Set friction in ideal joints to that of the modes it causes, if there are any."""
     modes, closed = state.mode_array.copy(), state.problem.closed.copy()
     begins, drawn = np.zeros((2, len(modes)), dtype=np.bool_)
     arrays, contacts = state.arrays._replace(closed=closed), Resting(resting, touching, slips)
@@ -104,7 +106,7 @@ def iterate_friction_modes(
 
 
 def set_trial_modes(state: ContactState, switching: Switching, modes: Indices) -> None:
-    """Let friction in ideal joints, and the contact problem, be those of some modes."""
+    """Set friction in ideal joints, and the contact problem, to those of some modes."""
     state.write_flags(modes)
     switching.update_sides()
     state.refresh()
@@ -129,7 +131,7 @@ def _possible_modes(state: ContactState, resting: Mask, slips: Indices) -> Itera
 
 
 def _is_consistent(state: ContactState, modes: Indices, resting: Mask) -> bool:
-    """True if gaps at rest go on in the trial modes under the friction of these modes."""
+    """True if gaps at rest stay in the trial modes under the friction of these modes."""
     m, c, system = len(modes), state.problem, state.present.system
     seen = state.present.evaluate(system.functions.watch)
     if any(seen[k] <= 0.0 for k, guard in enumerate(system.guards) if guard == Guard(-1, 0)):

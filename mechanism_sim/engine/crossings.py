@@ -22,14 +22,14 @@ _SINGULAR = TOLERANCES.singular
 
 Segments = NDArray[np.intp]
 Distance = Callable[[Segments, Array], Array]
-"""Of the closures from depending on each other (K S,) at times (K, S) [s] in segments (K,)."""
+"""Measure of the closures' independence (K S,) at times (K, S) [s] in segments (K,)."""
 
 _NODES = 33
 _DEGREE = 9
 
 
 class Crossings:
-    """Which of some segments lead across a singular position, and when.
+    """Segments that cross a singular position, and the times of the crossings.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Crossings:
         self._duration = curve.duration
 
     def near(self, segments: Segments, dt: Array) -> NDArray[np.bool_]:
-        """Which of the instants `dt` (N,) [s] in segments (N,) are so near that forces suffer."""
+        """Mask of the instants `dt` (N,) [s] whose forces a near singular position spoils."""
         close = np.zeros(len(dt), dtype=bool)
         for segment, touch in zip(self.segments, self.touch, strict=True):
             width = _SINGULAR.away * 0.5 * self._duration[segment]

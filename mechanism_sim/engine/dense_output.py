@@ -1,4 +1,4 @@
-"""Where the integrator's steps are kept until they are handed on as motion."""
+"""Dense output: the integrator's steps, stored until they are returned as motion."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Motion:
 
     @property
     def closed(self) -> NDArray[np.bool_]:
-        """Which gaps carry force (m, gaps)."""
+        """Mask of the gaps that carry force, (m, gaps)."""
         return self.modes > Mode.FREE_FLIGHT
 
     def modes_at(self, segments: NDArray[np.intp], dt: Array | Nodes) -> NDArray[np.uint8]:
@@ -191,7 +191,7 @@ def _repeated(rows: NDArray[Any], dt: Array | Nodes) -> NDArray[Any]:
 
 
 def instants(dt: Array | Nodes) -> int:
-    """How many instants in each segment are asked for."""
+    """Number of instants requested in each segment."""
     return len(dt.fractions) if isinstance(dt, Nodes) else math.prod(dt.shape[1:])
 
 
@@ -274,7 +274,7 @@ class DenseOutput:
         return block, [flat[i : i + row] for i in range(0, block.size, row)]
 
     def enter(self, tau: float, h: float) -> None:
-        """Enter the step that is in its slot."""
+        """Enter the step in the current slot."""
         self.taus.append(tau)
         self.lengths.append(h)
         self.provide()
@@ -313,7 +313,7 @@ class DenseOutput:
         return motion
 
     def peek(self, tau: float, h: float) -> Motion:
-        """The beginning of the step in its slot as motion, up to `h` [s] after its start.
+        """Beginning of the step in the current slot as motion, up to `h` [s] after its start.
 
         Nothing is entered. To be called after `drain`.
         """
@@ -335,6 +335,8 @@ class DenseOutput:
         orders = np.arange(1.0, order + 1.0)
         for first, block in zip(range(0, count, BLOCK), self._blocks, strict=False):
             raw, into = block[: count - first], coefficients[first : first + BLOCK]
+            # the series of the rate, integrated term by term: it has a degree more than that of
+            # the coordinate, and its derivative is the integrated rate exactly
             for i, name in enumerate(system.free):
                 c = system.coordinates.index(name)
                 into[:, c, 0] = raw[:, i, 0]

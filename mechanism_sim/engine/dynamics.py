@@ -72,7 +72,7 @@ class Solved(NamedTuple):
 
 
 class ModeFlags(NamedTuple):
-    """Runtime parameters that say which contacts carry force, and how."""
+    """Runtime parameters for the modes: which contacts carry force, and how."""
 
     closed: list[hy.expression]  #: (m,)
     sticks: dict[int, hy.expression]  #: by index of the gaps with friction
@@ -208,6 +208,7 @@ class Dynamics:
             alpha,
             mass,
         )
+        # the integrator steps the stabilised equations; forces are those of the exact ones
         self.exact = self._solve(stabilised=False)
         self.stabilised = self._solve(stabilised=True)
         self.free_acceleration = self.reduced.second_derivatives(self.reduced.exact.a)
@@ -246,7 +247,7 @@ class Dynamics:
         return ContactRows(normal, tangent, rows, laws, friction, mu, engaged, active, softness)
 
     def _softness(self, i: int) -> Term:
-        """Of the tangent of a gap, while others of its joint stick."""
+        """Compliance of the tangent of a gap, while others of its joint stick."""
         own, gaps = getattr(self.gaps[i], 'softness', 0.0), enumerate(self.gaps)
         others = [k for k, gap in gaps if k != i and gap.joint == self.gaps[i].joint]
         stuck = add(*(self.flags.sticks.get(k) for k in others))
@@ -254,7 +255,7 @@ class Dynamics:
 
     @property
     def distances(self) -> list[Term]:
-        """How far each loop closure is from depending on those before it, see `Reduction`."""
+        """Measures of each loop closure's independence of those before, see `Reduction`."""
         return self.reduced.distances(self.relations)
 
     @property
@@ -304,7 +305,7 @@ class Dynamics:
         return K
 
     def _yielding(self, r: int, c: int) -> Term:
-        """Compliance of two rows; what is not kept gives way as if it had no mass.
+        """Compliance of two rows; that of inactive rows is made huge instead of masked.
 
         Its force is zero but for some 1e-40 then, with far fewer operations than a mask has.
         """
@@ -316,7 +317,7 @@ class Dynamics:
         return add(entry, _YIELDS * (1.0 - self.contacts.active[r]))
 
     def _dragged(self, rows: Sequence[int], c: int) -> Vector:
-        """Rates that friction of a sliding contact takes off the kept rows, by its force."""
+        """Accelerations of the kept rows by friction of a sliding contact, per normal force."""
         share = [
             mul(self.contacts.mu[c], self.reduced.contacts.compliance[r][len(self.gaps) + c])
             for r in rows
@@ -353,6 +354,7 @@ class Dynamics:
             for i, x in enumerate(self._dragged(normal, c)):
                 S[i][c] = add(S[i][c], neg(x), dot(scaled[i], dragged))
             each[c] = [add(x, neg(y)) for x, y in zip(each[c], dragged, strict=True)]
+        # what sticking leaves of the normal equations; their forces then give those of sticking
         left = [add(x, neg(dot(row, free))) for x, row in zip(right, scaled, strict=True)]
         N, det = cramer(S, left)
         margin = reduce(truediv, map(dense, factorise(smooth)[1]), dense(det))
@@ -442,7 +444,7 @@ class Dynamics:
         return symbol, neg(mul(s, jet.rate)) / stretch, stretch
 
     def relief(self, i: int) -> hy.expression:
-        """Of a closed compliant contact, what has the sign of its force [m/s]."""
+        """Term with the sign of the force of a closed compliant contact [m/s]."""
         law = self.contacts.laws[i]
         if law is None:
             raise ValueError('a compliant contact has a law')

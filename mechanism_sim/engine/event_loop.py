@@ -200,6 +200,7 @@ class EventLoop:
                     continue
                 step = self._steps.locate(tau, h)
             end = step.tau + step.h
+            # a step beyond `until` stays pending, uncut: where callers look changes no run
             if end > min(limit, self._laws.next_change):
                 self._pending = step
                 if self._change_law(min(limit, end)):
@@ -212,6 +213,7 @@ class EventLoop:
                     return
             self._pending = None
             tau = self._enter(step)
+            # local times near zero keep all their digits, as do angles without their whole turns
             if end > self._laws.next_base:
                 ta.time = end
                 self._laws.rebase()
@@ -254,7 +256,7 @@ class EventLoop:
             self._mark()
 
     def preview(self, until: float) -> Motion | None:
-        """How the solution goes on up to `until` [s], of what `advance` to there held back.
+        """Solution up to `until` [s], from the step that `advance` to there has held back.
 
         It is the beginning of the next step, on the same polynomials: whatever law comes from
         `until` on cannot change it. None if the solution has come so far. To be called after
@@ -286,7 +288,7 @@ class EventLoop:
         self._go_on()
 
     def _go_on(self) -> None:
-        """Let the integrator go on from a state that it did not come to by itself."""
+        """Continue the integrator from a state that it did not reach by itself."""
         if self._system.guards:
             self._ta.reset_cooldowns()
         self._laws.turn(self._ta.time)

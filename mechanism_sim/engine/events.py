@@ -33,7 +33,7 @@ class Mode(IntEnum):
 
 
 class StopReason(Enum):
-    """Why a run ended; the text is for the user."""
+    """Reason for the end of a run, with its text for the user."""
 
     COMPLETE = 'the requested duration was reached'
     GAP_VIOLATED = 'a gap was violated between events: the result cannot be trusted'

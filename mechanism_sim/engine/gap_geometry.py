@@ -44,7 +44,7 @@ class GapGeometry:
         )
 
     def closure_distance(self, q: Array) -> Array:
-        """How far the closures are from depending on each other (N,) at coordinates q (n, N)."""
+        """Measure (N,) of the closures' independence at coordinates q (n, N); 0 if singular."""
         found: Array = self._closure_distance(q)[0][0]
         return found
 
@@ -61,7 +61,7 @@ class GapGeometry:
         return SwitchedFunction(frames, groups, known)
 
     def rates(self, q: Array, v: Array) -> Array:
-        """How fast the gaps open (m, N) [m/s] at coordinates and rates (n, N).
+        """Opening rates of the gaps (m, N) [m/s] at coordinates and rates (n, N).
 
         From the centre of its bushing a pin comes nearer in every direction, as fast as it moves:
         there the normal Q/c turns with Q'/c, and the measure of the gap is c/2.

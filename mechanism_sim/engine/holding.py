@@ -69,6 +69,8 @@ def acting(
         A = substitute(every, none)
         B = [substitute(every, none | {x: most[x]}) for x in unknowns]
         slopes = [[b[k] - A[k] for b in B] for k in range(len(every))]
+    # bounds with more than one component are roots of squares: a fixed number of Newton steps,
+    # each a linear solution about the last, keeps all of it one expression without branches
     found: list[hy.expression] = [hy.expression(0.0)] * n
     jam: Term = None
     curved = any(p.side is None for b in bounds for p in b)
@@ -76,11 +78,13 @@ def acting(
         rows, at = [], n
         for k, (s, T) in enumerate(zip(switches, forces, strict=True)):
             z: Term = s.holds
+            # a switch that holds keeps its function's rate at zero, else its flag is unchanged
             if T is None:
                 row = [z * x for x in slopes[k]]
                 row[k] = row[k] - (1.0 - z)
                 rows.append([*row, -z * A[k] - (1.0 - z) * s.flag])
                 continue
+            # friction holds likewise; sliding, ``T = way * bound`` with the tangent of the bound
             own = slice(at, at + sum(len(p.components) for p in bounds[k]))
             at = own.stop
             way: Term = (1.0 - z) * (1.0 - 2.0 * s.flag)
@@ -89,6 +93,7 @@ def acting(
             row[k] = row[k] + (1.0 - z)
             rows.append([*row, off - z * A[k]])
         found, pivots = _eliminated(rows)
+        # a pivot of sliding friction that vanishes: the force has no bound, the joint jams
         if frictional:
             jam = hy.prod(
                 [

@@ -1,4 +1,4 @@
-"""The integrators of a run: steps by the cheapest equations that serve.
+"""Integrators of a run: steps by the cheapest sufficient equations.
 
 Contacts slide most of the time. Equations in which they may stick hold always, but have twice as
 many contact forces. And while contacts chatter, events follow each other within microseconds: a
@@ -57,7 +57,7 @@ class Integrators:
                     self._other(sticks, order)
 
     def expect(self, events: int) -> None:
-        """Let steps be of a low order from so many `events` on that this pays."""
+        """Choose steps of low order if so many `events` are expected that they pay."""
         self.short = self._chatters and events >= _STEPS.short_from
 
     def step(self, longest: float) -> float:

@@ -33,7 +33,7 @@ _JOINT_FRICTION = TOLERANCES.joint_friction
 
 
 class Instants(NamedTuple):
-    """Where a machine is at N instants."""
+    """States of a machine at N instants."""
 
     q: Array  #: (n, N) of all coordinates
     v: Array  #: (n, N)
@@ -156,7 +156,7 @@ class Observer:
         return dict(zip(terms, groups, strict=True)) | {'residual': acts.residual}
 
     def _compiled(self, names: Sequence[str]) -> SwitchedFunction:
-        """These terms as a function of what `_inputs` makes."""
+        """Compile the named terms as a function of the inputs that `_inputs` makes."""
         eq, d = self.system.equations, self.system.dynamics
         replace: dict[hy.expression, hy.expression] = {}
         flags = (
@@ -264,7 +264,7 @@ class Observer:
 
     @property
     def steep(self) -> bool:
-        """True if loads or contacts may vary within a step in a way that no series foretells."""
+        """True if loads or contacts may vary too steeply within a step for a Taylor series."""
         return self.system.compliant or self.system.steep is not None
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How long a load is above half of its peak, and what impulse it carries meanwhile.
+"""Durations of load peaks above half of their height, and their impulses.
 
 A peak of some microseconds and one of a second are not the same to a bearing: the duration tells
 them apart, and the impulse is what a mass feels of it.
@@ -99,7 +99,7 @@ class PeakOutlines:
                 self._kept -= len(self._batches.popleft())
 
     def shapes(self, peaks: Sequence[tuple[float, float]]) -> list[PeakShape | None]:
-        """Of the peaks, as far as they are known."""
+        """Shapes of the peaks, as far as they are known."""
         self._look(peaks, anyway=True)
         return [
             known[1] if known and known[0] == time else None
@@ -155,7 +155,7 @@ class _Side(NamedTuple):
 def _side(
     magnitude: Magnitude, curve: PiecewisePolynomial, k: int, into: float, level: float, way: int
 ) -> _Side:
-    """Where a load falls below a level, before (-1) or after (1) an instant in a segment."""
+    """Position at which a load falls below a level, before (-1) or after (1) an instant."""
     last = 0 if way < 0 else len(curve) - 1
     limit = max(last, k - _PEAKS.most) if way < 0 else min(last, k + _PEAKS.most)
     first = k

@@ -26,7 +26,7 @@ from mechanism_sim.tolerances import TOLERANCES
 
 _MEET = TOLERANCES.steps.meet
 _LOOKS = Nodes((0.0, 0.25, 0.5, 0.75, 1.0))
-"""Where in a step the ends of a spring are seen on either side of each other."""
+"""Places in a step at which the ends of a spring are compared for a passage."""
 
 
 class Physics(Protocol):
@@ -73,7 +73,7 @@ class Physics(Protocol):
 
     @property
     def size(self) -> float:
-        """Of the mechanism [m]: positions round as parts of it."""
+        """Size of the mechanism [m], to which the rounding of positions is relative."""
 
     @property
     def lifting_energy(self) -> float:
@@ -90,10 +90,10 @@ class Physics(Protocol):
     def moved(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> tuple[Array, Array]:
-        """Coordinates without whole turns and rates (n, N), as observed, whatever the forces."""
+        """Coordinates without whole turns and rates (n, N), as observed, independent of forces."""
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """The gaps (m, N) [m] then, infinite where closed; nothing is assumed of forces."""
+        """Gaps (m, N) [m] independent of forces, infinite where closed."""
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
         """Terms of the energy balance; powers and forces count only where `has_forces`.
@@ -123,7 +123,7 @@ class Physics(Protocol):
 
     @property
     def steep(self) -> bool:
-        """True if powers may vary within a segment in a way that no series foretells."""
+        """True if powers may vary too steeply within a segment for a Taylor series."""
 
     @property
     def corners(self) -> bool:
@@ -132,10 +132,10 @@ class Physics(Protocol):
     def switch_parts(
         self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes
     ) -> dict[str, Array]:
-        """Part (N,) of each load that depends on rates, by the name of its switch."""
+        """Part (N,) of each load that depends on rates, by its switch."""
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Instants at which forces grow beyond all bounds; there they are NaN."""
+        """Instants of unbounded forces, at which they are NaN."""
 
 
 def is_force_open(undetermined: Mapping[str, frozenset[str]], joint: str) -> bool:
@@ -165,7 +165,7 @@ class DynamicPhysics:
         undetermined: Mapping[str, frozenset[str]] = MappingProxyType({}),
         main: str | None = None,
     ) -> None:
-        """`main` is the coordinate whose place is told of instants; or else the first driven."""
+        """Physics of a system; `main` is the coordinate whose position observations have."""
         self.observer, self.undetermined = observer, undetermined
         self.system = system = observer.system
         self.coordinates = system.coordinates
@@ -211,7 +211,7 @@ class DynamicPhysics:
         return seen._replace(drive_power=power)
 
     def _crossings(self, motion: Motion, segments: NDArray[np.intp]) -> Crossings | None:
-        """Which of the segments lead across singular positions."""
+        """Crossings of singular positions in the segments; None without loop closures."""
         system = self.system
         if not system.relations:
             return None
@@ -254,7 +254,7 @@ class DynamicPhysics:
                     raise ends_meet(e.name, float(curve.start[k]) + since)
 
     def _check_rope(self, gap: WrappedGap, curve: PiecewisePolynomial, q: Array, v: Array) -> None:
-        """Refuse a stretch that becomes shorter than nothing, and a pulley that turns no rope.
+        """Refuse a stretch of negative length, and a pulley that turns no rope.
 
         The root of a square makes of a length that falls below zero one that rises again.
         """
@@ -289,7 +289,7 @@ class DynamicPhysics:
 
     @property
     def corners(self) -> bool:
-        """No: steps end where what presses changes its side."""
+        """False: steps end at the changes of sign of normal forces in joints with friction."""
         return False
 
     @property
@@ -351,7 +351,7 @@ class DynamicPhysics:
         return found
 
     def _sides(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """Signs (k, N) of what presses on the lines that rub."""
+        """Signs (k, N) of the normal forces of joints with friction."""
         count = len(self.system.parameters.sides)
         if not count:
             return np.zeros((0, len(segments) * instants(dt)))
@@ -379,7 +379,7 @@ class DynamicPhysics:
         return dict(zip([names[k] for k in self.system.set_valued.holding], parts, strict=True))
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        """Instants of unbounded forces: those at singular positions."""
         crossings = self._crossings(motion, np.arange(len(motion)))
         if not crossings or not crossings.segments.size:
             return []
@@ -396,7 +396,7 @@ class DynamicPhysics:
 
 
 def _ahead(dt: float, curve: PiecewisePolynomial, k: int, line: Directed, way: Array) -> float:
-    """How far the second end of a line is ahead of the first, along a way of before [m^2]."""
+    """Lead of the second end of a line over the first, times an earlier vector [m^2]."""
     q = curve.local(np.array([k]), np.array([dt])).T
     return float(way @ line.between(q)[:, 0])
 
@@ -410,7 +410,7 @@ def _limited(seen: Observation) -> tuple[Array, ...]:
 
 
 def _stacked(seen: Observation) -> Array:
-    """These fields in rows (M, N)."""
+    """Stack the fields of an observation that have limits in rows (M, N)."""
     return np.concatenate([x.reshape(-1, x.shape[-1]) for x in _limited(seen)])
 
 
@@ -431,7 +431,7 @@ def rows(
     dt: Array | Nodes,
     states: PiecewisePolynomial | None = None,
 ) -> Array | None:
-    """Values (k, N) of the switches: of the whole segment that an instant is said to belong to.
+    """Values (k, N) of the switches, constant over the whole segment of an instant.
 
     Where an instant lies on an edge, its place could not tell; the instants are those of
     ``curve.at(segments, dt)``, `coordinates` its columns. None without switches.

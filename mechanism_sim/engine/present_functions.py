@@ -40,7 +40,7 @@ class PresentFunctions:
         self._dynamics, self._forces = run.dynamics, run.set_valued
 
     def _compiled(self, terms: Sequence[Term]) -> hy.cfunc_dbl:
-        """Of states that may be a rounding beyond the depth zero of a contact."""
+        """Compile terms for states that may be a rounding beyond a contact's depth zero."""
         return self._run.compile_now(self._run.unpulled(terms))
 
     @cached_property
@@ -64,7 +64,7 @@ class PresentFunctions:
 
     @cached_property
     def accelerations(self) -> hy.cfunc_dbl:
-        """Of the free coordinates, as the integrator has them, then rates of states.
+        """Accelerations of the free coordinates, as the integrator has them, and rates of states.
 
         Of the same vector as `watch`.
         """
@@ -136,7 +136,7 @@ class PresentFunctions:
 
     @cached_property
     def pressing(self) -> hy.cfunc_dbl:
-        """Forces on lines that rub [N], as `sides` has them; of `watch`'s vector."""
+        """Normal forces of joints with friction [N], as `sides` has them; of `watch`'s vector."""
         return self._compiled(self._forces.acting(self._dynamics.exact).pressed)
 
     @cached_property
@@ -183,6 +183,6 @@ class PresentFunctions:
 
     @cached_property
     def pin_forces(self) -> hy.cfunc_dbl:
-        """Components of the forces in pins that rub, one after the other; as `watch`."""
+        """Components of the forces in pins with friction, one after the other; as `watch`."""
         carried = self._forces.acting(self._dynamics.stabilised).carried
         return self._compiled([c for pair in carried for c in pair])

@@ -93,13 +93,16 @@ class Reduction:
         self.J: Matrix = [self._free_row(jet) for jet in rows]
         self._G: Matrix = [self._free_row(jet) for jet in eq.relation_jets]
         J = [*self.J, *map(self._free_row, slips)]
+        # one factorisation of the mass matrix serves the loads, all contact rows and all closures
         solved = solve_symmetric(self._mass(), [rhs, *J, *self._G])
         self._unconstrained, W = solved[0], solved[1 : 1 + len(J)]
         self._W_G = solved[1 + len(J) :]
         self._S = [[dot(row, w) for w in self._W_G] for row in self._G]
+        # closure forces that cancel what a unit impulse does to the closures: ``S lambda = -G w``
         kept: Matrix = [[] for _ in W]
         if self._G:
             kept = solve_symmetric(self._S, [[neg(dot(row, w)) for row in self._G] for w in W])
+        # responses that keep the closures; their products with the rows are the compliance
         response = [self.shifted(w, kept[k]) for k, w in enumerate(W)]
         self.exact = self.free_motion(stabilised=False)
         drives = [
@@ -154,7 +157,7 @@ class Reduction:
         ]
 
     def distances(self, relations: Sequence[Relation]) -> list[Term]:
-        """How far each loop closure is from depending on those before it, 0 to 1.
+        """Measures of the independence of each loop closure of those before it, 0 to 1.
 
         The pivot of a row of ``G M^-1 G^T`` over the sum of the diagonal of its joint's rows. It
         vanishes quadratically where G is not of full rank: at a singular position.

@@ -54,7 +54,7 @@ class RuntimeParameters:
 
 
 def lay_out(dynamics: Dynamics, pins: int) -> RuntimeParameters:
-    """Reserve the parameters that change in a run, `pins` of which rub, and find all.
+    """Reserve the parameters that change in a run, for `pins` with friction, and find all.
 
     All that is looked at in a run must have its own before: the last says which guard fired.
     """

@@ -58,7 +58,7 @@ class SetValuedForces:
 
     @cached_property
     def holding_rows(self) -> tuple[list[int], list[int]]:
-        """Of each switch that may hold, where its flag and its holding are among all symbols."""
+        """Indices of the flag and of the holding part, for each switch that may hold."""
         ends = np.cumsum([len(s.symbols) for s in self.switches]).tolist()
         return [ends[k] - 2 for k in self.holding], [ends[k] - 1 for k in self.holding]
 
@@ -67,7 +67,7 @@ class SetValuedForces:
         return [self._rate(s.inside, a) for s in self.holding.values()]
 
     def parts(self, solved: Solved) -> dict[hy.expression, hy.expression]:
-        """By the flag of each switch of rates its part, by the T of each friction its value."""
+        """Parts of the switches of rates by their flags, and values of friction by its T."""
         found = self.acting(solved)
         flags = [s.flag for s in self.holding.values()]
         return dict(zip(flags, found.parts, strict=True)) | found.values
@@ -87,7 +87,7 @@ class SetValuedForces:
 
     @property
     def least(self) -> Term:
-        """Half of the least force that rubs [N]: so far beyond zero a side turns over."""
+        """Half of the least normal force [N]: so far beyond zero a side changes."""
         return 0.5 * next(
             x.resolution for b in self._bounds[id(self._dynamics.stabilised)].values() for x in b
         )

@@ -32,7 +32,7 @@ _SOON = _PLACES[1] * 2.0 ** np.arange(-20.0, 0.0)
 
 
 def time_of_touch(distance: Array, within: float) -> float | None:
-    """When a polynomial (p,) of time, positive at 0, touches zero in (0, within] [s]; or None."""
+    """Time at which a polynomial (p,), positive at 0, touches zero in (0, within] [s]; or None."""
     distance = distance.copy()
     truncate(distance[None], within, distance[:1])
     slope = polynomial.polyder(distance)
@@ -82,7 +82,7 @@ class Crossing(NamedTuple):
 
 
 class SingularPositions:
-    """Watches for singular positions ahead of an integrator, and leads it beyond them.
+    """Detection of singular positions ahead of an integrator, and their crossing.
 
     Parameters
     ----------
@@ -300,7 +300,7 @@ class SingularPositions:
         return high, self._contacts.missed_event()
 
     def undecided(self) -> RunError:
-        """At the present state two ways go on."""
+        """Error of a singular position with two continuations at the present state."""
         joints = self._present.singular_joints()
         named = [j for j in self._system.mechanism.joints if j.name in joints]
         links = sorted({link for j in named for link in (j.first, j.second)})

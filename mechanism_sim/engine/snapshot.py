@@ -113,7 +113,7 @@ class Snapshot:
 
 
 def _checksum(data: dict[str, Any]) -> str:
-    """Checksum that a change of any digit changes: the engine believes what a snapshot says."""
+    """Checksum over all digits, since the engine uses a snapshot unchecked."""
     return hashlib.sha256(strict_json.dumps(data).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""How far a step satisfies the equations of motion, where formulas may be steep.
+"""Defect control: how well a step satisfies the equations of motion if formulas are steep.
 
 The length of a Taylor step follows from its last coefficients. They say nothing of a formula that
 turns steep farther on: ``tanh(v/0.01)`` is constant to rounding a few cm/s away from rest, a pulse
@@ -40,7 +40,7 @@ _STEPS = TOLERANCES.steps
 
 
 class StepMotion(NamedTuple):
-    """Sources of what loads see of a step, and places for it, the last two."""
+    """Sources of the variables of loads over a step, and workspace for them, the last two."""
 
     states: Indices  #: (v,) rows of the step's series, -1 of what is none
     sizes: Array  #: (v,) of their units
@@ -105,7 +105,7 @@ def doubts(
     address: int, jets: Array, parameters: Array, c: StepMotion, time: float, tau: float, h: float,
     doubted: Array,
 ) -> int:  # fmt: skip
-    """`Enclosure.doubts` about a step, by the machine code of ``Enclosure.doubted``.
+    """`Enclosure.doubts` of a step, by the machine code of ``Enclosure.doubted``.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ class StepCheck:
 
     @property
     def address(self) -> int:
-        """Of the machine code of ``Enclosure.doubted``, 0 if it cannot be had."""
+        """Address of the machine code of ``Enclosure.doubted``, 0 if it is not available."""
         if self._code is None:
             function = self._steep.enclosure.doubted
             self._code = foreign_code(function.llvm_states[0].object_code, 'cfunc') or False
@@ -179,7 +179,7 @@ class StepCheck:
         return int(self._addresses[0])
 
     def reach(self, time: float, tau: float, h: float) -> Reach:
-        """How far the last step is one of the equations' motion, as a share of it.
+        """Share of the last step over which its series satisfies the equations of motion.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ class StepCheck:
         return powers, self._power[:, None] * powers / places
 
     def _defect(self, series: Array, tau: float, h: float, places: Array) -> Array:
-        """How far at places (N,) of a step the equations are off its series, of what is allowed.
+        """Defect of a step's series at places (N,), relative to the allowed defect.
 
         Without limit where a guard has fallen unseen.
         """
@@ -241,7 +241,7 @@ class StepCheck:
 
 
 def _motion_of(system: System, steep: SteepLoads, count: int) -> StepMotion:
-    """Where all that loads depend on is found; `count` are the coefficients of a series.
+    """Positions of the variables of loads in the state; `count` coefficients a series.
 
     It has no fewer than any law.
     """

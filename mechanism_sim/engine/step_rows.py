@@ -185,7 +185,7 @@ class StepRows:
         self._taus, self._lengths = floats(np.zeros(_STEPS.row)), floats(np.zeros(_STEPS.row))
 
     def take(self, tau: float, limit: float, most: int, stride: float, base: float = 0.0) -> float:
-        """Take steps from `tau`, at most so many, that end not later than `limit`; where it is.
+        """Take up to `most` steps from `tau` that end not later than `limit`; returns their end.
 
         Parameters
         ----------

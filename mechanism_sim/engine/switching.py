@@ -17,7 +17,7 @@ _SWITCHES = TOLERANCES.switches
 
 
 class Switching:
-    """The rows of the switches at the present state, and the signs of forces that rub.
+    """Rows of the switches at the present state, and signs of normal forces with friction.
 
     A row is the part of its range in which a switch is: a load's side, a table's interval.
 
@@ -52,7 +52,7 @@ class Switching:
 
     @property
     def sides(self) -> tuple[float, ...]:
-        """Signs of what presses on lines that rub."""
+        """Signs of the normal forces of joints with friction."""
         return tuple(self._pars[i] for i in self._index.sides)
 
     @sides.setter
@@ -60,7 +60,7 @@ class Switching:
         self._now.set(self._index.sides, signs)
 
     def set_rows(self, rows: tuple[int, ...]) -> None:
-        """Set the rows of the switches, and which contacts rub by them."""
+        """Set the rows of the switches, and with them which contacts have friction."""
         self._now.rows = rows
         switches = self._system.switches
         for s, index, row in zip(switches, self._index.switches, rows, strict=True):
@@ -122,7 +122,7 @@ class Switching:
         self._let_go()
 
     def places(self, ahead: float = 0.0) -> list[float]:
-        """Where the switches are."""
+        """Values of the switches' arguments, `ahead` [s] after the present."""
         seen = self._now.evaluate(self._functions.watch, ahead)
         places: list[float] = seen[len(seen) - len(self.rows) :].tolist()
         return places
@@ -184,7 +184,7 @@ class Switching:
 
     @property
     def rubbing(self) -> tuple[float, ...]:
-        """Signs of what presses on lines that rub, where forces of pins point, signs of slips."""
+        """Signs of normal forces, directions of pin forces, signs of slips, of joint friction."""
         return tuple(self._pars[i] for i in self._rubbing_index)
 
     @rubbing.setter
@@ -197,7 +197,7 @@ class Switching:
         return (*known.parameters.sides, *known.parameters.towards, *known.parameters.slips)
 
     def hold_or_slide(self, slipping: Sequence[int]) -> None:
-        """Let friction that is at rest hold, or act against where it goes: before it moves."""
+        """Set friction at rest to holding, or to act against the impending motion."""
         places = self.places()
         for k in slipping:
             row, rates = self.rows[k], self._rates_of(k)
@@ -209,7 +209,7 @@ class Switching:
                 self.update_sides()
 
     def update_sides(self) -> None:
-        """Let the signs of what presses on lines that rub be those of its present forces."""
+        """Update the signs of normal forces of joints with friction to the present forces."""
         for _ in self._index.sides:
             pressed = self._now.evaluate(self._functions.pressing).tolist()
             signs = tuple(math.copysign(1.0, x) for x in pressed)
@@ -218,7 +218,7 @@ class Switching:
             self.sides = signs
 
     def update_pin_direction(self, pin: int) -> None:
-        """Note where the force of a pin that rubs points now."""
+        """Update the direction of the force of a pin with friction."""
         x, y = self._now.evaluate(self._functions.pin_forces)[2 * pin : 2 * pin + 2].tolist()
         if size := math.hypot(x, y):
             self._now.set(self._index.towards[2 * pin : 2 * pin + 2], (x / size, y / size))

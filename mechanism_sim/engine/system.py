@@ -104,7 +104,7 @@ class System:
 
     @property
     def width(self) -> int:
-        """How many numbers the state of a run has."""
+        """Number of state variables of a run."""
         return 2 * len(self.free) + len(self.states)
 
     @cached_property
@@ -134,7 +134,7 @@ class System:
 
     @cached_property
     def steep(self) -> SteepLoads | None:
-        """Loads that no series foretells, if there are any."""
+        """Loads too steep for a Taylor series; None without any."""
         formulas, torques = self.equations.frames.formulas, self.dynamics.drives.characteristics
         if not (formulas or torques):
             return None
@@ -142,7 +142,7 @@ class System:
         return found if found.enclosure.count else None
 
     def fired(self, parameters: Array | memoryview[float]) -> int | None:
-        """The guard that ended the last step, by these runtime parameters; told once."""
+        """Guard that ended the last step, by these runtime parameters; reset when read."""
         guard = int(parameters[self.parameters.fired]) - 1
         parameters[self.parameters.fired] = 0.0
         return guard if guard >= 0 else None
@@ -155,7 +155,7 @@ class System:
 
     @cached_property
     def rated(self) -> tuple[bool, ...]:
-        """Which gaps (m,) have a rate only, see `Gap.value`."""
+        """Mask (m,) of the gaps that have a rate but no value, see `Gap.value`."""
         return tuple(jet.value is None for jet in self.dynamics.contacts.normal)
 
     @cached_property
@@ -264,7 +264,7 @@ class System:
 
     @cached_property
     def edges(self) -> Edges | None:
-        """Where along a motion the rows of switches change; None if there are none."""
+        """Finder of the changes of switch rows along a motion; None without switches."""
         return Edges(self.equations.frames) if self.switches else None
 
     @cached_property
@@ -291,7 +291,7 @@ class System:
 
     @cached_property
     def contact_layout(self) -> Layout:
-        """Of the terms that ``functions.contact_function`` gives."""
+        """Layout of the terms that ``functions.contact_function`` returns."""
         m, rows = len(self.gaps), len(self.dynamics.contacts.rows)
         compliant = m if self.compliant else 0
         return Layout(m, rows, len(self.free), len(self.prescribed), compliant)

@@ -129,6 +129,8 @@ class TaylorSteps:
             if check is not None:
                 h = self._checked(tau, h, check)
             end, guard = tau + h, pars[fired]
+            # leave the fast loop for steps beyond a change of law or base, near a root of a guard
+            # where a second event may hide, or ahead of a singular position
             if (
                 not tau < end <= stop
                 or (watch and (watch[0] if lone else min(watch)) < _NEAR_ROOT and not
@@ -145,6 +147,7 @@ class TaylorSteps:
             if guard:
                 pars[fired] = 0.0
                 respond(int(guard) - 1, end)
+            # Baumgarte's rate follows the usual step; one cut short by the horizon is not usual
             elif h < reach or reach == longest:
                 pars[self._stabilisation] = min(1.0 / h, self._quickest)
         self._laws.since = since + len(lengths) - begun
@@ -201,7 +204,7 @@ class TaylorSteps:
         return self._integrators.step(most) if h is None else h
 
     def _checked(self, tau: float, h: float, check: StepCheck) -> float:
-        """Length of a step, taken anew until no formula turned steep within it unseen.
+        """Length of a step, repeated until no formula turns steep within it undetected.
 
         A step that ends shortly before a fault is on the same series, of less range: it is looked
         at again, for what that may hide.
@@ -240,7 +243,7 @@ class TaylorSteps:
         return h, guard if missed is None or guard is not None else missed
 
     def _time_of_fall(self, guard: int, h: float) -> float | None:
-        """When a guard fell in a step of length `h` [s] by its own series; None if not by that.
+        """Time of the zero crossing of a guard by its own series in a step `h` [s]; else None.
 
         An open gap that begins a rounding below zero and opens falls when it closes again: to come
         near that by ever shorter steps instead takes some ten of them.
@@ -282,6 +285,7 @@ class TaylorSteps:
         place = np.array([[q[c]] for c in self._system.coordinates])
         if gone := film_gone(self._system.elements, place, time):
             return gone
+        # springs and ropes have no direction where their ends meet: a singularity of their formula
         size = self._system.mechanism.size
         for e in self._system.elements:
             if not (isinstance(e, Directed) and e.directed):

@@ -1,4 +1,4 @@
-"""Oil films that get so thin that a run goes on in steps too short to come to its end.
+"""Oil films that become so thin that steps are too short for a run to finish.
 
 A film of thickness h damps its journal by ``D`` in proportion to ``h^(-5/2)``. Explicit steps
 last some ``9 m/D``, with the mass m that the journal moves. Where a machine stands still, its load
@@ -79,7 +79,7 @@ def film_gone(elements: Iterable[ForceElement], q: Array, t: float) -> RunError 
 
 
 class FilmWatch:
-    """Looks after some thousand steps how many are left, and whether a film makes them short.
+    """Prediction of the remaining steps, and of a film that makes them short.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class FilmWatch:
         self._said = False
 
     def look(self, steps: int, end: float, final: bool) -> str:
-        """A sentence, once a run, if much is left of it, as where a film rules; else nothing.
+        """Describe a film that makes the rest of a run too long, once a run; else empty.
 
         Parameters
         ----------
@@ -237,7 +237,7 @@ class FilmWatch:
 
 
 def _advice(film: OilFilm, h: float) -> str:
-    """Ways to longer steps, of a film that is h [m] thick."""
+    """Advice on longer steps, for a film that is h [m] thick."""
     if h > _FILMS.centred * film.clearance:
         return 'its damping goes with viscosity and (width/radial)^3'
     above = f' above {1e6 * film.roughness:g} um' if film.roughness else ''

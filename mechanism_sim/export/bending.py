@@ -1,4 +1,4 @@
-"""How elastic links are drawn: deformed, more than they are by a round factor, with scale bars."""
+"""Drawing of elastic links: deformations magnified by a round factor, with scale bars."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _STATIONS = 41
 """Points along an axis from which viewers without shape functions draw."""
 
 _VISIBLE, _MOST = 0.04, 1000.0
-"""How much of a machine's size the largest deflection covers, if it need not grow by more."""
+"""Share of a machine's size that the largest deflection covers, and greatest magnification."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class Bending:
 def bendings(
     mechanism: Mechanism, q: Array, size: float, magnified: float = 0.0
 ) -> dict[str, Bending]:
-    """How the elastic links of a mechanism are drawn whose coordinates go through q (n, N).
+    """Drawings of the elastic links of a mechanism over its coordinates q (n, N), by link.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class Ideal:
         return max(body.mass for body in self.machine.plan.bodies)
 
     def _weighed(self, body: Body) -> Body:
-        """With a mass and an inertia: there must be some."""
+        """Copy of a body with a mass and an inertia, as the format requires both."""
         blank = 1.0 if body in self.machine.plan.bodies else LIGHT
         mass = body.mass or (LIGHT * self._heaviest if self._heaviest else blank)
         radius = _COMPACT * self.machine.plan.ideal.size
@@ -130,7 +130,7 @@ class Ideal:
         return found
 
     def point(self, link: str, at: Vector2) -> tuple[Array, Array]:
-        """Where a point of a link is at the start, and its velocity (2,) [m, m/s]."""
+        """Position and velocity (2,) of a point of a link at the start [m, m/s]."""
         return _carried(self.poses[link], self.rates[link], at)
 
     def guided(self, joint: Prismatic) -> tuple[float, float]:
@@ -221,7 +221,7 @@ def way(joint: Prismatic, link: str) -> Vector2:
 
 
 def time_step(machine: Machine) -> float:
-    """How long the steps of a fixed-step integrator should be [s]."""
+    """Recommended step of a fixed-step integrator [s]."""
     return min(LONGEST, min(machine.drive.period, machine.scene.duration or 1.0) / STEPS)
 
 
@@ -297,7 +297,7 @@ def _corners(joints: tuple[Joint, ...], link: str) -> Array:
 
 
 def _bars(link: str, corners: Array, layer: float, thick: float) -> Iterator[Solid]:
-    """From each corner to the next."""
+    """Bars from each corner to the next."""
     ends = [*corners, *(corners[:1] if len(corners) > 2 else [])]
     for a, b in pairwise(ends):
         length = math.dist(a, b)

@@ -50,7 +50,7 @@ def to_mjcf(machine: Machine) -> str:
 
 
 def left_out(machine: Machine) -> list[str]:
-    """Properties of a machine that MJCF cannot say, in sentences."""
+    """Properties of a machine that MJCF cannot express, in sentences."""
     ideal = Ideal(machine)
     found = [*ideal.left_out()]
     found += [
@@ -146,7 +146,7 @@ class _MjcfWriter:
             self._bodies(child, body.name)
 
     def _joint(self, body: Element, link: str) -> None:
-        """By which a link is carried."""
+        """Write the joint that carries a link."""
         j, parent = self._m.tree_joints[link], self._m.parent(link)
         if isinstance(j, Weld):
             return
@@ -177,7 +177,7 @@ class _MjcfWriter:
         self._rates += [*rates.tolist(), float(self._ideal.rates[link][2])]
 
     def _sites(self, body: Element, link: str) -> None:
-        """Where springs and loads act."""
+        """Write the sites of a link at which springs and loads act."""
         if link == GROUND:
             SubElement(body, 'site', name=GROUND)
         for element in self._elements:
@@ -191,7 +191,7 @@ class _MjcfWriter:
                     SubElement(body, 'site', name=element.name, pos=text(*at, 0.0))
 
     def _geometry(self, body: Element, link: str) -> None:
-        """For the eye only: nothing collides."""
+        """Write the visual geometry of a link, which takes no part in collisions."""
         for solid in self._drawn:
             if solid.link == link:
                 SubElement(body, 'geom', type=solid.kind, size=_half(solid),

@@ -13,7 +13,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 LINKS = (
     '#1a3fe0', '#ad8c07', '#009e97', '#d02c69', '#977dff', '#525700', '#1d372a', '#570f56',
 )  # fmt: skip
-"""Of the moving links, in their order, and of lines in charts; then they come again."""
+"""Colours of the moving links, in their order, and of lines in charts; repeated from there."""
 
 DARK = (
     '#b4b7ff', '#ffee96', '#8cffec', '#f08a9c', '#8861ff', '#98a600', '#447f53', '#936685',
@@ -21,21 +21,21 @@ DARK = (
 """Colours of links on dark ground."""
 
 INK, PAPER, GROUND, ACCENT = '#1f2933', '#ffffff', '#66727f', '#c4342d'
-"""Of edges, of what is seen through, of the frame, of drives and forces."""
+"""Colours of edges, of what is seen through, of the frame, of drives and forces."""
 
 IMPACT = '#b35900'
-"""Of impacts, where they are marked."""
+"""Colour of the marks of impacts."""
 
 _TINT = 0.30  # of a link's colour in its body, the rest is paper
 
 
 def index(number: int) -> int:
-    """Which of the colours a link or line of this number has; -1 the frame."""
+    """Index of the colour of a link or line of this number; -1 for the frame."""
     return -1 if number < 0 else number % len(LINKS)
 
 
 def colour(number: int) -> str:
-    """Of a link or line by its number; of the frame if that is negative."""
+    """Colour of a link or line by its number; of the frame if that is negative."""
     return GROUND if number < 0 else LINKS[index(number)]
 
 
@@ -53,7 +53,7 @@ def css() -> str:
 
 
 def numbers(mechanism: Mechanism) -> dict[str, int]:
-    """Of joints and moving links by name: those whose colours they have."""
+    """Numbers of joints and moving links by name, which choose their colours."""
     joints = {joint.name: k for k, joint in enumerate(mechanism.joints)}
     return joints | {body.name: k for k, body in enumerate(mechanism.bodies)}
 

@@ -59,7 +59,7 @@ def to_sdf(machine: Machine) -> str:
 
 
 def left_out(machine: Machine) -> list[str]:
-    """Properties of a machine that SDF cannot say, in sentences."""
+    """Properties of a machine that SDF cannot express, in sentences."""
     ideal, plan = Ideal(machine), machine.plan
     found = [*ideal.left_out()]
     found += [

@@ -164,7 +164,7 @@ def encloses(curve: Array, point: Array) -> bool:
 
 
 def area(curve: Array) -> float:
-    """Within a closed curve (k, 2), positive if it turns counterclockwise."""
+    """Area within a closed curve (k, 2), positive if it runs counterclockwise."""
     (x, y), (u, v) = curve.T, np.roll(curve, -1, axis=0).T
     return 0.5 * float(x @ v - y @ u)
 
@@ -303,4 +303,4 @@ _BUILDERS: dict[Kind, Callable[[Shape], list[ShapePath]]] = {
     'point': _disc('ink', MARK),
     'drive': _drive,
 }
-"""Of the kinds that are not just bodies: wheels, cams, sliders."""
+"""Shapes of the kinds that are not just bodies: wheels, cams, sliders."""

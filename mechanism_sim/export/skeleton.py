@@ -298,7 +298,7 @@ class Skeleton:
         self.reach(place)
 
     def reach(self, place: LinkPoint) -> None:
-        """Its link reaches to a point."""
+        """Extend the outline of a link to a point; the ground has none."""
         link, at = place
         if link != GROUND:
             self.corners[link].append(at)
@@ -369,7 +369,7 @@ class Skeleton:
         self.add('link', link, at[first], *([rest] if len(rest) else []), label=link, size=hand)
 
     def _arrow(self, drive: str, sense: float, places: Sequence[LinkPoint]) -> None:
-        """Beside the joint that carries what is driven, on the link that holds it."""
+        """Draw the arrow of a drive beside its joint, on the link that holds it."""
         joint = self.mechanism.tree_joints.get(drive)
         if not isinstance(joint, Prismatic):
             pins = (j for j in self.mechanism.joints if isinstance(j, Revolute))
@@ -436,7 +436,7 @@ def _covered(skeleton: Skeleton, link: str, points: Array) -> bool:
 
 
 def _order(shape: Shape) -> tuple[int, float]:
-    """By which shapes are painted one on the other."""
+    """Sort key for the order in which shapes are painted."""
     return get_args(Kind).index(shape.kind), -shape.size
 
 

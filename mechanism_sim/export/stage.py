@@ -81,7 +81,7 @@ class StageFrames:
     sway: Array
 
     def acting(self, stage: Stage) -> Array:
-        """Where the forces act (J, 2, N) [m]."""
+        """Points at which the joint forces act, (J, 2, N) [m]."""
         places = []
         for joint in stage.joints:
             if joint in stage.moving:
@@ -135,19 +135,19 @@ class Stage:
 
     @cached_property
     def joints(self) -> list[Joint]:
-        """Those whose forces are shown: all, or none where forces are not known or not asked."""
+        """Joints whose forces are shown: all, or none if forces are unknown or not asked for."""
         machine = self.machine
         shown = machine.physics.has_forces and machine.scene.outputs.forces
         return list(machine.mechanism.joints) if shown else []
 
     @cached_property
     def bearings(self) -> list[Revolute]:
-        """Those with a pin loose in a bushing."""
+        """Bearings with a pin loose in a bushing."""
         return self.machine.bearings
 
     @cached_property
     def plays(self) -> list[HigherPair | Prismatic]:
-        """Those that have walls: pins in slots, blocks in guides, teeth, cams that are left."""
+        """Joints with drawn walls: pins in slots, blocks in guides, teeth, cams that are left."""
         joints = self.machine.mechanism.joints
         pairs = [j for j in joints if isinstance(j, HigherPair | Prismatic)]
         return [pair for pair in pairs if pair.equations and self._walls(pair)]
@@ -200,7 +200,7 @@ class Stage:
 
     @cached_property
     def moving(self) -> list[Joint]:
-        """Those whose forces act at no fixed point."""
+        """Shown joints whose forces have no fixed point of action."""
         return [joint for joint in self.joints if isinstance(joint, HigherPair)]
 
     def to_json(self) -> dict[str, Any]:
@@ -276,7 +276,7 @@ class Stage:
         )
 
     def drawn(self, sway: Array) -> Array:
-        """As much of the sway (N, F, 3) of frames on springs as is drawn."""
+        """Sway (N, F, 3) of frames on springs, magnified as it is drawn."""
         sways = self.skeleton.sways
         times = [sways.get(name, 0.0) for name in self.skeleton.mounts]
         return np.asarray(sway * np.array(times)[:, None])
@@ -290,7 +290,7 @@ class Stage:
         return found
 
     def tips(self, o: Observation, scale: float, longest: float) -> Array:
-        """Where arrows end that begin at fixed points, (J - K, 2, N) [m], none longer than that.
+        """Tips of the arrows that begin at fixed points, (J - K, 2, N) [m], limited in length.
 
         Parameters
         ----------
@@ -388,7 +388,7 @@ class Swaying:
 
 
 def joints_json(joints: Sequence[Joint]) -> list[dict[str, Any]]:
-    """Where their forces are shown: at a point of the second link, or at the next of the feet."""
+    """Points of action of joint forces: on the second link, or the index of a moving foot."""
     moving, found = [joint for joint in joints if isinstance(joint, HigherPair)], []
     for joint in joints:
         foot = {'foot': moving.index(joint)} if joint in moving else {}

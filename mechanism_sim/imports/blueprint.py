@@ -18,7 +18,7 @@ from mechanism_sim.scene.plan import ScenePlan
 from mechanism_sim.units import to_si, unrounded
 
 Pose = tuple[float, float, float]
-"""Of a frame at the start: x, y and angle [rad]."""
+"""Pose of a frame at the start: x, y and angle [rad]."""
 
 _WIDTH = 99
 _ROUNDING = 1e-14  # of lengths of machines, in any unit
@@ -150,7 +150,7 @@ class Blueprint:
                 yield link, angle(math.remainder(self.links[link].pose[2], 2.0 * math.pi))
 
     def displacement(self, name: str) -> float:
-        """Of the second link of a guide against the first, at the start."""
+        """Displacement of the second link of a guide against the first at the start [m]."""
         joint = self.joints[name]
         (first, on_first), (second, on_second) = joint['prismatic']
         (ax, ay), (bx, by) = self.links[first].at(on_first), self.links[second].at(on_second)

@@ -1,4 +1,4 @@
-"""Which file is read by what, and the scene that comes of it."""
+"""Readers of the file formats of other programs, and the scenes that they make."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ READERS: dict[str, Reader] = {
     '.urdf': urdf.read,
     '.xml': mjcf.read,
 }
-"""By ending: they take the path, the text of the file, and the unit of its lengths if told."""
+"""Readers by ending: of the path, the text, and the unit of lengths, if it is told."""
 
 _METRIC = '.sdf', '.urdf', '.xml'
 """Formats whose lengths are in metres."""

@@ -32,7 +32,7 @@ def parse(file: str, text: str, *roots: str) -> Element:
 
 
 def numbers(text: str | None, count: int, default: float = 0.0) -> Array:
-    """So many numbers (count,) of a text, or all `default` without one."""
+    """Parse `count` numbers (count,) of a text; all are `default` for an empty text."""
     if text is None or not text.strip():
         return np.full(count, default)
     try:

@@ -105,7 +105,7 @@ class _MjcfReader:
     def _placed(
         self, given: Mapping[str, str], held: _Held, element: Element | None = None
     ) -> _Held:
-        """Where something is in a body, whose place in a frame is given."""
+        """Pose of a part of a body, whose own pose is given."""
         childclass = held.childclass if element is None else element.get('childclass')
         at = held.at + held.turn @ numbers(given.get('pos'), 3)
         return _Held(childclass or held.childclass, held.turn @ self._turn(given), at)

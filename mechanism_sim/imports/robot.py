@@ -276,7 +276,7 @@ class _Plane:
         return bool(np.abs(body.turn @ self._normal - self._normal).max() < _ALIGNED)
 
     def _angle(self, body: RobotBody) -> float:
-        """Of the frame of its link: its own, or that of the world at the start."""
+        """Angle of the frame of a body's link [rad]: its own, or the world's at the start."""
         if not self._lies(body):
             return 0.0
         x, y = self._flat(body.turn[:, self._first])

@@ -43,7 +43,7 @@ def read(path: Path, text: str, _unit: str | None) -> Blueprint:
 
 
 class SdfFrames:
-    """Where links, joints and frames of a model are, by name, whatever their poses relate to."""
+    """Poses of links, joints and frames of a model by name, whatever they are relative to."""
 
     def __init__(self, model: Element, version: str = '') -> None:
         if (other := _relative(model)) not in ('', 'world') or model.get('placement_frame'):

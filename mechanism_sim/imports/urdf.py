@@ -65,7 +65,7 @@ _ENDLESS = 1e12  # [N] that exports give to guides whose limits are none
 
 
 def _positions(root: Element) -> dict[str, float]:
-    """Of all joints at the start [rad, m]; one may follow another that follows a third."""
+    """Positions of all joints at the start [rad, m]; one may follow another by a chain."""
     state = {x.get('joint'): number(x.get('position')) for x in root.findall('state/joint_state')}
     joints = {_name(joint): joint for joint in root.findall('joint')}
 

@@ -52,7 +52,7 @@ class MaterialPart(Part):
 
     @property
     def material(self) -> Material:
-        """For formulas."""
+        """Material for formulas."""
         return Material(self.young, self.poisson)
 
 
@@ -202,7 +202,7 @@ class ClearanceSpec(Part):
 
     @property
     def stiffness(self) -> float | None:
-        """Of its compliant contacts [N/m^exponent]: as it is given, or of its materials."""
+        """Stiffness of the compliant contacts [N/m^exponent], given or of the materials."""
         contact = self.contact
         if contact and contact.materials:
             return contact.hertzian(self.pin_radius, self.radial)
@@ -220,12 +220,12 @@ class ClearanceSpec(Part):
 
     @property
     def reach(self) -> float:
-        """How far from the middle its walls touch [m]."""
+        """Distance of the pin from the middle at which the walls touch [m]."""
         return self.radial - ((self.contact and self.contact.roughness) or 0.0)
 
     @property
     def wall(self) -> Literal['rigid', 'soft', '']:
-        """Of what kind its contacts are; empty for a film without walls."""
+        """Kind of the contacts of the walls; empty for a film without walls."""
         if self.contact is None:
             return 'rigid'
         if self.film and not self.contact.roughness:
@@ -233,7 +233,7 @@ class ClearanceSpec(Part):
         return 'soft' if self.stiffness else 'rigid'
 
     def law(self, share: float = 1.0) -> ForceLaw | None:
-        """Of its compliant contacts, with a share of the stiffness; None if they are rigid."""
+        """Law of the compliant contacts with a share of the stiffness; None for rigid ones."""
         contact, stiffness = self.contact, self.stiffness
         if contact is None or stiffness is None:
             return None
@@ -266,7 +266,7 @@ class Inclination(Part):
 
     @property
     def inclination(self) -> tuple[float, float]:
-        """Along the x and y axes of the link's frame [rad]; exact for quarter turns."""
+        """Inclinations along x and y of the link's frame [rad]; exact for quarter turns."""
         return rotate((self.angle, 0.0), self.direction)
 
 
@@ -294,7 +294,7 @@ class WornPart(Part):
         return self
 
     def depth(self, angles: Array) -> Array:
-        """At angles (N,) [rad]: (N,) [m]."""
+        """Depths of wear (N,) [m] at angles (N,) [rad]."""
         points = list(self.points)
         if points[-1][0] - points[0][0] < (1.0 - 1e-9) * TWO_PI:
             points.append((points[0][0] + TWO_PI, points[0][1]))
@@ -312,7 +312,7 @@ class ProfilesPart(Part):
     """Of the smooth function that describes the gap: more follow narrower grooves."""
 
     def depths(self, count: int) -> tuple[Array, Array]:
-        """Of bushing and pin at even angles from 0 on: (count,) each [m]."""
+        """Depths of wear of bushing and pin at even angles from 0 on: (count,) each [m]."""
         angles = TWO_PI / count * np.arange(count, dtype=np.float64)
         bushing, pin = (
             x.depth(angles) if x else np.zeros(count) for x in (self.bushing, self.pin)

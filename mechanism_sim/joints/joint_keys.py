@@ -70,7 +70,7 @@ class JointKeys(Part):
 
     @property
     def points(self) -> list[str]:
-        """Its two references, of points or of gears; of a rope through more its ends."""
+        """References of both ends, of points or of gears; the outer two of a rope."""
         points: list[str] = getattr(self, self.kind)
         return [points[0], points[-1]]
 
@@ -111,14 +111,14 @@ class JointKeys(Part):
         return f'has a clearance with {wrong[0]}: {said}' if wrong else ''
 
     def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Joint:
-        """As it is put together where coordinates have rough values [rad, m] and whole turns."""
+        """Joint as it is assembled at rough values [rad, m] and whole turns of coordinates."""
         mounted: Joint = joint
         return mounted
 
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> Sequence[JointFriction]:
-        """Those of the ideal joint of a mechanism."""
+        """Friction of the ideal joint of a mechanism."""
         return ()
 
     def contacts(self, spec: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:
@@ -132,7 +132,7 @@ class JointKeys(Part):
     def seat(
         self, spec: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
     ) -> Array:
-        """Offset (r,) [m] along the rows of its closure at which it rests, loose, at the start.
+        """Initial offset (r,) [m] of a loose joint at rest, along the rows of its closure.
 
         Under a force (2,) [N] of the first on the second link, the links being at a place.
         """
@@ -140,7 +140,7 @@ class JointKeys(Part):
         return np.array([-(law.resting_depth(float(np.hypot(*force))) if law else 0.0)])
 
     def describe(self, joint: Any) -> str:
-        """These contacts in words."""
+        """Describe the contacts of the joint in words."""
         raise NotImplementedError
 
     def bounds(
@@ -150,7 +150,7 @@ class JointKeys(Part):
         return ()
 
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
-        """The link whose axis it lets give way, and how."""
+        """Link with a compliant axis, and its rotor."""
         raise NotImplementedError
 
     def notes(self, machine: Any, joint: Any) -> list[str]:
@@ -158,7 +158,7 @@ class JointKeys(Part):
         return []
 
     def plausibility_warnings(self, machine: Any, joint: Any) -> list[str]:
-        """Warnings about what its keys say, which every command repeats."""
+        """Warnings about implausible keys, which every command repeats."""
         return []
 
 

@@ -53,7 +53,7 @@ class Outline:
         return np.array([everything.min(axis=1), everything.max(axis=1)])
 
     def placed(self, place: Callable[[Array], Array]) -> Outline:
-        """In another frame, to which `place` takes points (2, n) [m] without distortion."""
+        """Outline in another frame: `place` takes points (2, n) [m] there without distortion."""
 
         def one(point: tuple[float, float]) -> tuple[float, float]:
             x, y = place(np.array(point)[:, None])[:, 0].tolist()
@@ -115,7 +115,7 @@ class JointParts(ABC):
         return Table({})
 
     def speed(self, link: str) -> float:
-        """Of a link at the start [rad/s], or [m/s] if it slides."""
+        """Speed of a link at the start [rad/s], or [m/s] if it slides."""
         ideal = self.machine.plan.ideal
         frame = link if link in ideal.sliding else ideal.frame(link)[0]
         rates = dict(zip(ideal.coordinates, self.machine.assembly.v.tolist(), strict=True))

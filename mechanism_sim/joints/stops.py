@@ -281,7 +281,7 @@ class EndStop(_Stop):
 
     @property
     def _way(self) -> float:
-        """1 if s is the way of the first-named link in the second, as of a pin in its slot."""
+        """1 if s is the displacement of the first link in the second, as of a pin in its slot."""
         return 1.0 if isinstance(self.mechanism.joint(self.joint), HigherPair) else -1.0
 
     def value(self, frames: Frames) -> Jet:
@@ -297,7 +297,7 @@ class EndStop(_Stop):
         return way - limit if self.sign > 0.0 else limit - way
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Along the guide or slot, towards the end that presses on the second-named link."""
+        """Direction of the guide or slot, towards the end that presses on the second link."""
         ux, uy = self._axis(frames, 0.0, 'way')
         sign = -self._way * self.sign
         return ux * sign, uy * sign
@@ -312,7 +312,7 @@ class EndStop(_Stop):
         return with_turning(across.as_rate, frames, self.mechanism, self.name, ends, arms)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the second-named link, where they touch."""
+        """Wrench on the second-named link, at the contact."""
         place = frames.position(self.mechanism.separation(self.joint), self.joint)
         arm = frames.parameters(f'{self.name}.pin_radius', self.pin_radius)
         pin = place if self._way > 0.0 else None

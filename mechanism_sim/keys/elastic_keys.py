@@ -41,12 +41,12 @@ class StationPart(Part):
 
     @property
     def shape(self) -> Shape:
-        """By which sizes it is given."""
+        """Shape of the section, by the sizes that are given."""
         return 'circle' if self.diameter else 'rectangle' if self.width else 'any'
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Those of `mechanism_sim.planar.beam_sections.geometry`."""
+        """Sizes of the section, as `mechanism_sim.planar.beam_sections.geometry` expects them."""
         if self.shape == 'any':
             return self.area or 0.0, self.second_moment or 0.0, self.outer_fibre or 0.0
         return tuple(x for x in (self.width, self.height, self.diameter) if x)
@@ -102,7 +102,7 @@ class SectionPart(Part):
         return StationPart(width=self.width, height=self.height, diameter=self.diameter)
 
     def taper(self, length: float) -> Taper | None:
-        """How it changes along a link of a length [m]; None if it does not."""
+        """Taper of the section along a link of a length [m]; None for a uniform section."""
         if not self.points:
             return None
         found = Taper(length, self.points[0][1].shape, tuple((x, s.sizes) for x, s in self.points))
@@ -170,7 +170,7 @@ class ElasticPart(Part):
         return modulus, self.density or density
 
     def geometry(self, length: float) -> tuple[Taper | None, float, float, float | None]:
-        """How a link of a length [m] tapers, if it does; what its section is then in the mean.
+        """Taper of a link of a length [m], None if uniform, and its mean section.
 
         That is area [m^2], second moment [m^4], and the largest outer fibre [m] if it is known.
         """

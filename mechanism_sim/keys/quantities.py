@@ -155,7 +155,7 @@ FROM_FILE = 'file', 'columns', 'units'
 
 
 def named_file(value: object) -> str:
-    """How a file is named, as a clause, of a value that is the name of one; else nothing."""
+    """Advice on how to name a file, if a value is the name of one; else empty."""
     named = isinstance(value, str) and re.search(r'\.(csv|txt|tsv|dat|dxf)$', value, re.IGNORECASE)
     return f': write {{file: {value}}}' if named else ''
 

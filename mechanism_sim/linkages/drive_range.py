@@ -47,7 +47,7 @@ class DriveRange:
 
 
 def drive_range(kinematics: Kinematics, q: Array, reach: float) -> DriveRange:
-    """Where the drive of a mechanism comes to its limits, from an assembled position.
+    """Limits of a mechanism's drive, from an assembled position.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def placed_at(kinematics: Kinematics, q: Array, value: float) -> Array | None:
 
 
 def _limit(kinematics: Kinematics, q: Array, reach: float) -> tuple[float, Array]:
-    """The limit one way, infinite if none is within reach; and the coordinates (n,) there."""
+    """Limit in one direction, infinite if none is within reach; and the coordinates (n,) there."""
     drive = kinematics.held[0]
     place, slope, step = _walked(kinematics, q, reach)
     if step and _rate(kinematics, place, slope, step)[drive] * reach > 0.0:
@@ -129,7 +129,7 @@ def _walked(kinematics: Kinematics, q: Array, reach: float) -> tuple[Array, Arra
 
 
 def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) -> float:
-    """How far along the arc the drive turns back, which is not farther than a step."""
+    """Arc length within a step at which the drive's direction reverses."""
     drive = kinematics.held[0]
 
     def rate(way: float) -> float:
@@ -139,7 +139,7 @@ def _turning_way(kinematics: Kinematics, q: Array, slope: Array, step: float) ->
 
 
 def _ahead(kinematics: Kinematics, q: Array, slope: Array, way: float) -> Array:
-    """Coordinates (n,) some way along the arc that is known to go on there."""
+    """Coordinates (n,) some distance along the arc, which is known to go on there."""
     found = _corrected(kinematics, q, slope, way) if way else (q,)
     return q + way * slope * kinematics.scale if found is None else found[0]
 

@@ -149,7 +149,7 @@ class AppliedForce(SceneElement):
         return self.scope.term(frames, f'{self.key}.{part}', given, own)
 
     def power_lost(self, frames: Frames) -> Term:
-        """Less what it feeds in: ``-(F.v + torque rate)``."""
+        """Dissipated power, negative where the force supplies it: ``-(F.v + torque rate)``."""
         fed: Term = None
         for load in self.loads(frames):
             x, y = located(load, frames, self.mechanism)
@@ -159,7 +159,7 @@ class AppliedForce(SceneElement):
         return neg(fed)
 
     def energy(self, _: Frames) -> Term:
-        """It stores none."""
+        """Stored energy: none."""
         return None
 
 
@@ -169,17 +169,17 @@ class UnknownForce(AppliedForce):
 
     @property
     def key(self) -> str:
-        """With which the keys of its parameters begin."""
+        """Prefix of the keys of its parameters."""
         return f'unknown:{self.label}'
 
     @property
     def label(self) -> str:
-        """Its name in columns and messages."""
+        """Name in columns and messages."""
         return self.name.partition('.')[2]
 
     @property
     def unit(self) -> str:
-        """Of its size."""
+        """Unit of the force's or torque's size."""
         return 'N' if any(self.force) else 'N m'
 
 
@@ -188,5 +188,5 @@ class DriveEffort(AppliedForce):
     """Effort of a drive, a number or a formula, while its motion is prescribed."""
 
     def effort(self, frames: Frames) -> Term:
-        """Its torque [N m], or the force [N] of one that slides."""
+        """Torque of the drive [N m], or the force [N] of a sliding one."""
         return self.loads(frames)[0].moment

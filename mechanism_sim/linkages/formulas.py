@@ -159,23 +159,23 @@ class FormulaState:
 
     @property
     def label(self) -> str:
-        """Its name in formulas, columns and messages."""
+        """Name in formulas, columns and messages."""
         return self.name.partition('.')[2]
 
     def rate(self, frames: Frames) -> hy.expression:
-        """Its rate [unit/s]."""
+        """Rate of the state [unit/s]."""
         frames.formulas.add(self.name)
         key = self.name.replace('.', ':', 1)
         return self.scope.term(frames, key, self.formula, size=self.scale)
 
     def loads(self, _: Frames) -> list[Load]:
-        """It acts on nothing."""
+        """Loads on links: none."""
         return []
 
     def power_lost(self, _: Frames) -> Term:
-        """It takes no power."""
+        """Dissipated power: none."""
         return None
 
     def energy(self, _: Frames) -> Term:
-        """It stores none."""
+        """Stored energy: none."""
         return None

@@ -34,7 +34,7 @@ class FourBar:
 
     @property
     def lengths(self) -> tuple[float, float, float, float]:
-        """Of ground, crank, coupler and rocker [m]."""
+        """Lengths of ground, crank, coupler and rocker [m]."""
         return self.ground, self.crank, self.coupler, self.rocker
 
     def positions(self, th2: Array) -> tuple[Array, Array]:
@@ -114,7 +114,7 @@ class SliderCrank:
 
     @property
     def turns(self) -> Literal['crank', 'rod', 'both', 'none']:
-        """Which link makes full turns: the shorter one, if the lengths differ by the offset.
+        """Links that make full turns: the shorter one, if the lengths differ by the offset.
 
         ``both``: crank and rod are equal and the slider's line passes the pivot. There, and where
         the difference is just the offset, the linkage has a change point.
@@ -189,7 +189,7 @@ class FourBarLoop:
     turned: tuple[float, float, float]
 
     def on(self, branch: Branch) -> FourBarLoop:
-        """Its loop on a branch."""
+        """Loop on another branch."""
         return replace(self, linkage=replace(self.linkage, branch=branch))
 
     def positions(self, crank: ArrayLike) -> tuple[Array, Array]:
@@ -299,7 +299,7 @@ def _loops(mechanism: Mechanism, driven: Collection[str]) -> Iterator[Loop]:
 
 
 def _offset(guide: Prismatic, pin: Vector2, pivot: Vector2) -> float:
-    """How far the pin of a slider runs to the left of the pivot, along the guide's axis [m]."""
+    """Offset of the slider pin's line to the left of the pivot, along the guide's axis [m]."""
     if guide.first == GROUND:
         turned, axis = guide.angle, guide.axis
     else:

@@ -1,4 +1,4 @@
-"""Which links of a four-bar turn fully, how far the others swing, and where the linkage locks.
+"""Grashof's criterion: full turns, swing angles and locking positions of four-bars.
 
 The diagonal between the far ends of two neighbouring links closes a triangle with the other two
 links. It is the longest or shortest where those neighbours are in line, so all limits come from
@@ -35,7 +35,7 @@ class AngleRange(NamedTuple):
 
     @property
     def width(self) -> float:
-        """From end to end [rad]."""
+        """Width of the range [rad]."""
         return self.greatest - self.least
 
 
@@ -134,7 +134,7 @@ def rocker_limits(linkage: FourBar) -> AngleRange:
 
 
 def swing(limits: AngleRange) -> float:
-    """How far a link goes to and fro between its limits [rad]; 2 pi if it has none."""
+    """Swing angle of a link between its limits [rad]; 2 pi without limits."""
     least, greatest = limits
     if least == 0.0:
         return 2.0 * greatest

@@ -29,7 +29,7 @@ _EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True)
 class Passage:
-    """Where a motion is near a singular position, and its branch there.
+    """Instants near a singular position, and the branch of the motion there.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Passage:
 
     @property
     def independence(self) -> Array:
-        """Of the constraints at the instants (K,)."""
+        """Independence of the constraints at the instants (K,)."""
         return self.kinematics.independence(self.branch.middle)
 
     @property
@@ -62,7 +62,7 @@ class Passage:
 
     @property
     def root(self) -> Array:
-        """By how much the parameter differs (K,) from that of the singular position."""
+        """Offset of the branch's parameter (K,) to the singular position."""
         return crossing(self.kinematics, self.branch)
 
     def states(self, times: Array, driven: Array) -> tuple[Array, Array, Array]:
@@ -162,7 +162,7 @@ class FourBarMotion:
         return joined, None
 
     def follow_apart(self, last: Array, driven: Array) -> Array | None:
-        """As `follow`; the closed form gives each instant by itself."""
+        """Solve each instant by itself, as `follow` does with the closed form."""
         return self.follow(last, driven[0], driven, driven, None)[0]
 
     def branches_meet(self, q: Array) -> NDArray[np.bool_]:
@@ -197,7 +197,7 @@ class FourBarMotion:
         return found
 
     def _angles(self, q: Array) -> Array:
-        """Of crank, coupler and rocker (3, N), from the line of the ground joints [rad]."""
+        """Angles of crank, coupler and rocker (3, N), from the line of the ground joints [rad]."""
         return np.asarray(q[self._links] + np.array(self.loop.turned)[:, None])
 
     def rounding(self, q: Array) -> float:
@@ -206,7 +206,7 @@ class FourBarMotion:
         return _rounding(np.abs(np.sin(th3 - th4)))
 
     def left_open(self, q: Array) -> float:
-        """How far the coupler's end is from the rocker's [m]."""
+        """Largest distance of the coupler's end from the rocker's [m]."""
         th2, th3, th4 = self._angles(q)
         l = self.loop.linkage  # noqa: E741 - the lengths
         x = l.crank * np.cos(th2) + l.coupler * np.cos(th3) - l.rocker * np.cos(th4) - l.ground
@@ -235,7 +235,7 @@ class LinkageMotion:
 
     @property
     def edges(self) -> Edges | None:
-        """Where its closures change."""
+        """Finder of the changes of closures along a motion; None without changes."""
         return self.kinematics.edges
 
     def follow(
@@ -335,7 +335,7 @@ class LinkageMotion:
         return bool(off <= 0.5 * np.linalg.norm(way / scale) + 1e-9)
 
     def _pointed(self, last: Array, driven: Array) -> Array:
-        """Coordinates (n, N) to which the last ones (n,) point."""
+        """First-order prediction of the coordinates (n, N) from the last ones (n,)."""
         shift = driven - last[self.driven, None]
         slopes = self.kinematics.rates(
             np.repeat(last[:, None], len(self.driven), axis=1), np.eye(len(self.driven))
@@ -442,7 +442,7 @@ class LinkageMotion:
         return self.kinematics.rates(q, v)
 
     def rounding(self, q: Array) -> float:
-        """How well [rad, or parts of its size] coordinates (n, N) are determined."""
+        """Rounding error of the coordinates (n, N) [rad, or parts of the mechanism's size]."""
         return _rounding(self.kinematics.independence(q))
 
     def left_open(self, q: Array) -> float:
@@ -451,7 +451,7 @@ class LinkageMotion:
 
 
 def _turning(count: int, others: Sequence[int]) -> NDArray[np.bool_]:
-    """All of so many coordinates but some."""
+    """Mask of all of `count` coordinates but some."""
     turning = np.ones(count, dtype=bool)
     turning[list(others)] = False
     return turning
@@ -461,7 +461,7 @@ IdealMotion: TypeAlias = FourBarMotion | LinkageMotion
 
 
 def _rounding(independence: Array) -> float:
-    """How well coordinates follow from constraints: rounding over their independence (N,)."""
+    """Rounding error of coordinates from constraints: rounding over their independence (N,)."""
     return _EPS / max(float(independence.min(initial=1.0)), _BRANCHES.singular)
 
 

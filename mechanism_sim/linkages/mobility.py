@@ -1,4 +1,4 @@
-"""How many degrees of freedom a mechanism has: by counting, and in truth.
+"""Degrees of freedom of a mechanism: by Kutzbach's count, instantaneous and finite.
 
 Kutzbach's criterion ([V] 1.1) counts links and joints and knows nothing of dimensions. The rank of
 the constraints at a configuration does; but it tells only what can begin to move. Whether that
@@ -39,12 +39,12 @@ class Mobility(NamedTuple):
 
     @property
     def redundancy(self) -> int:
-        """How many constraints say here what others say already."""
+        """Number of redundant constraints at the configuration."""
         return self.instantaneous - self.kutzbach
 
     @property
     def repeating(self) -> tuple[str, ...]:
-        """The joints that repeat, wherever the mechanism moves, what those before them say."""
+        """Joints whose constraints are redundant wherever the mechanism moves."""
         return self.extra if self.redundancy and self.instantaneous == self.finite else ()
 
 

@@ -199,7 +199,7 @@ class NominalRun:
         return self.drain()[0]
 
     def preview(self, until: float) -> Motion | None:
-        """How the motion goes on up to `until` [s], of what `advance` to there held back.
+        """Motion up to `until` [s], from the part that `advance` to there has held back.
 
         None if it has come so far. To be called after `drain`.
         """
@@ -226,7 +226,7 @@ class NominalRun:
         return self._about[1]
 
     def _usual_end(self) -> Fraction:
-        """Where the next piece ends unless something shortens it [s]."""
+        """End of the next piece unless something shortens it [s]."""
         return self._time + Fraction(self._share * self._width())
 
     def _width(self) -> float:
@@ -441,7 +441,7 @@ class NominalRun:
         return self._ideal.follow(self._last, times, driven, now, self._slope)
 
     def _driven(self, times: Array) -> Array:
-        """Those of driven coordinates, zero for those that follow."""
+        """Driven coordinates at times (N,), in rows (n, N) that are zero for the others."""
         q = np.zeros((len(self._last), len(times)))
         for (turns, local), i in zip(self._local, self._ideal.driven, strict=True):
             self._turns[i], self._last[i] = turns, local[0]
@@ -449,11 +449,11 @@ class NominalRun:
         return q
 
     def change_restitution(self, joint: str, restitution: float) -> None:
-        """There are no impacts: KeyError."""
+        """Raise a KeyError, as there are no impacts."""
         raise KeyError(joint)
 
     def snapshot(self) -> Snapshot:
-        """To go on from here: `since` counts short pieces, `stabilisation` is their share."""
+        """Snapshot to go on from: `since` counts short pieces, `stabilisation` is their share."""
         turns = dict(zip(self._ideal.coordinates, self._turns.tolist(), strict=True))
         slope = () if self._slope is None else self._slope.tolist()
         return Snapshot(
@@ -679,11 +679,11 @@ class NominalPhysics:
     def switch_parts(
         self, _motion: Motion, _segments: NDArray[np.intp], _dt: Array | Nodes
     ) -> dict[str, Array]:
-        """Nothing holds a motion that is given."""
+        """Parts in which switches hold a load: none of a prescribed motion."""
         return {}
 
     def no_limits(self, motion: Motion) -> list[NoLimit]:
-        """Where forces grow beyond all bounds: at singular positions, if anywhere."""
+        """Instants of unbounded forces: those at singular positions."""
         curve, count = motion.curve, len(motion)
         if self._forces is None or not count:
             return []
@@ -723,7 +723,7 @@ class NominalPhysics:
         return sorted(found)
 
     def _without_work(self, motion: Motion) -> list[NoLimit]:
-        """Where unknown loads do no work, so that no size of them balances the machine."""
+        """Instants at which unknown loads do no work, so that no size of them gives balance."""
         if not self.unknowns:
             return []
         curve, count = motion.curve, len(motion)
@@ -792,7 +792,7 @@ class NominalPhysics:
         return [NoLimit(float(begun[k]), float(places[k]), self.joints, True) for k in first]
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
-        """There are none: (0, N)."""
+        """Open gaps: none, (0, N)."""
         return np.zeros((0, motion.closed_at(segments, dt).shape[1]))
 
     def account(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Account:
@@ -817,11 +817,11 @@ class NominalPhysics:
         return self._forces is not None and self._forces.takes_power
 
     def check_directions(self, _: Motion) -> None:
-        """Nothing: where ends of springs meet the motion is known, too."""
+        """Accept all directions of springs: a prescribed motion is known where their ends meet."""
 
     @property
     def corners(self) -> bool:
-        """True if joints rub: what presses may change its side within a segment."""
+        """True with joint friction: normal forces may change their side within a segment."""
         return self._forces is not None and self._forces.loses_more
 
     @property

@@ -1,4 +1,4 @@
-"""Where pieces of an ideal motion must end, so that nodes on them tell all of loads and switches.
+"""Ends of pieces of an ideal motion, such that their nodes resolve all loads and switches.
 
 The motion itself is smooth on a sixteenth of a turn. A load along it may be a pulse of a
 thousandth of that, and a switch may turn over twice between two nodes.
@@ -23,7 +23,7 @@ from mechanism_sim.tolerances import TOLERANCES
 _MECHANISM = TOLERANCES.mechanism
 
 NODES = chebyshev_nodes(15)
-"""Of the polynomials of pieces, as shares of their length."""
+"""Nodes of the polynomials of pieces, as shares of their length."""
 ENDED = np.array([*NODES, 1.0])
 AHEAD = 1e-9  # of a piece: where the rows are looked for that begin at an edge
 END = 1e-12  # of a piece: what lies no farther beyond its end is at its end
@@ -81,7 +81,7 @@ def until_switch(
 
 
 def _fall(guard: Callable[[Array], Array], a: float, b: float, width: float) -> float:
-    """Where a guard falls below zero between times [s], to `width`; the first if it does not.
+    """Time of a guard's fall below zero between times [s], to `width`; `a` without a fall.
 
     Loops are closed at many times at once, for that costs little more than at one: about where
     the chord falls, by powers of ten, and at quarters, so that each round at least halves it.
@@ -122,7 +122,7 @@ class SmoothPiece(NamedTuple):
 
 
 class LoadCuts:
-    """Where in a piece loads begin or cease to act, or nodes no longer resolve them.
+    """Cuts of a piece where loads begin or cease to act, or nodes no longer resolve them.
 
     The motion goes on there as it was: its polynomials are those of both sides.
 
@@ -234,7 +234,7 @@ def _later(
 
 
 class LoadsOnPieces:
-    """How much of a piece nodes on it resolve all loads.
+    """Test of the share of a piece over which its nodes resolve all loads.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ class LoadsOnPieces:
 
 
 class HiddenEdges:
-    """Where switches turn over between nodes.
+    """Search for changes of switches between nodes.
 
     Parameters
     ----------

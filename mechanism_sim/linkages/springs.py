@@ -31,7 +31,7 @@ class SceneElement:
 
     @property
     def key(self) -> str:
-        """With which the keys of its parameters begin: no joint has such a name."""
+        """Prefix of the keys of its parameters: no joint has such a name."""
         return self.name.replace('.', ':', 1)
 
 
@@ -246,7 +246,7 @@ class Spring(Elongation):
         return bool(self.free_length or not self.law.numbers)
 
     def between(self, q: Array) -> Array:
-        """The way from end to end (2, N) [m] at coordinates q (n, N)."""
+        """Vector from end to end (2, N) [m] at coordinates q (n, N)."""
         (a, at_a), (b, at_b) = self.first, self.second
         place = self.mechanism.locate_all
         return np.asarray(place(b, q, at_b) - place(a, q, at_a))
@@ -285,7 +285,7 @@ class Spring(Elongation):
         ]
 
     def loads(self, frames: Frames) -> list[Load]:
-        """It pulls its ends towards each other."""
+        """Loads on both ends, directed towards each other for a positive pull."""
         p = frames.parameters
         if not self.directed and self.law.numbers:
             x, y = self._between(frames)
@@ -295,7 +295,7 @@ class Spring(Elongation):
         return self._ends((mul(pull, unit[0]), mul(pull, unit[1])))
 
     def energy(self, frames: Frames) -> Term:
-        """Of one that needs no direction without the length, whose root has no series at zero."""
+        """Stored energy; by squares, without the length, whose root has no series at zero."""
         if self.directed or not self.law.numbers:
             return super().energy(frames)
         x, y = self._between(frames)
@@ -315,7 +315,7 @@ class GuidedSpring(Spring):
         return True
 
     def between(self, q: Array) -> Array:
-        """Without end: nothing happens where its points meet."""
+        """Infinite distances of the ends: where its points meet nothing happens."""
         return np.full((2, q.shape[1]), np.inf)
 
     def _line(self, frames: Frames) -> tuple[tuple[Term, Term], Term, Term]:
@@ -434,9 +434,9 @@ class Bushing(SceneElement):
         ]
 
     def power_lost(self, frames: Frames) -> Term:
-        """That of both directions."""
+        """Dissipated power of both directions [W]."""
         return add(*(law.power_lost(frames, *known) for law, *known in self._each(frames)))
 
     def energy(self, frames: Frames) -> Term:
-        """That of both directions."""
+        """Stored energy of both directions [J]."""
         return add(*(law.energy(frames, *known[:2]) for law, *known in self._each(frames)))

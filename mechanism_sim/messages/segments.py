@@ -98,7 +98,7 @@ def row_names(machine: Machine) -> list[str]:
 
 
 def foreign(message: Any, machine: Machine) -> str:
-    """Why a Motion message is of no run of a machine; empty if it may be one."""
+    """Reason why a Motion message cannot be of a machine's run; empty if it can."""
     joints = tuple(machine.physics.clearances)
     each = max(int(message.segments), 1)
     if list(message.coordinates) != row_names(machine):

@@ -43,7 +43,7 @@ class Topic(NamedTuple):
 
 OSCILLATOR_STATE = 'oscillator_state'
 WRENCH = 'wrench'
-"""Of the topics of joints, ``wrench/JOINT``."""
+"""Prefix of the topics of joints, ``wrench/JOINT``."""
 
 
 def wrench_joints(machine: Machine) -> tuple[str, ...]:

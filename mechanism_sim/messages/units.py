@@ -41,7 +41,7 @@ _STANDARD: dict[str, dict[str, tuple[str, ...]]] = {
     'sensor_msgs/msg/Range': {'range': ('m',), 'min_range': ('m',), 'max_range': ('m',)},
     'sensor_msgs/msg/Temperature': {'temperature': ('deg C',)},
 }  # fmt: skip
-"""Of messages of ROS, which say so in words (REP 103); of all that is below a field."""
+"""Units of messages of ROS, which state them in words (REP 103), by field or part."""
 
 
 @cache

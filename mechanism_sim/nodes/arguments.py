@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class _Formatter(argparse.HelpFormatter):
-    """Says the defaults that are worth it."""
+    """Help formatter that states the defaults worth stating."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
         if action.default in (None, False, '', []) or action.default is argparse.SUPPRESS:

@@ -118,7 +118,7 @@ class DriveCommands:
 
     @property
     def _unequal(self) -> str:
-        """How often joint states and commands come; empty if they come as often."""
+        """Describe a difference between the periods of joint states and commands, else empty."""
         rate = self._drive.machine.scene.outputs.joint_states
         if math.isclose(rate * self._period, 1.0):
             return ''
@@ -134,7 +134,7 @@ class DriveCommands:
             self._hold(self._early.popleft())
 
     def _watch(self) -> None:
-        """Say that time waits for a command, if it does for long; show newcomers the state."""
+        """Report a long wait for a command; show newcomers the state."""
         drive, (since, at) = self._drive, self._held
         new = self._newcomers.look()
         if not drive.due or drive.announced < self.horizon:

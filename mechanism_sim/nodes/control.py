@@ -35,7 +35,7 @@ INVALID_POSE = 101  # SetEntityState.Response
 ALREADY_IN_TARGET_STATE, STATE_TRANSITION_ERROR = 101, 102
 STEPS, _HALT = 'steps', 'a pause'
 ROUNDING = 1e-12
-"""Of times, relative: steps that end with the run are not beyond it; and of poses."""
+"""Relative rounding of times, of steps that end with the run, and of poses."""
 
 
 class Observable(Protocol):
@@ -64,7 +64,7 @@ class Links:
         return [body.name for body in self._node.machine.mechanism.bodies]
 
     def matching(self, filters: Any, more: Sequence[str] = ()) -> list[str]:
-        """Those that pass, after them those of `more`, which are robots."""
+        """Names of the links that pass the filters, then those of `more`, which are robots."""
         wanted = {category.category for category in filters.categories}
         c = self._category
         kinds = (c.CATEGORY_DYNAMIC_OBJECT, self.names), (c.CATEGORY_ROBOT, more)
@@ -458,7 +458,7 @@ class SimulationControl:
         return answered(result, reason)
 
     async def _go_singly(self, goal: Any, steps: int) -> str:
-        """Why the steps of a goal are not done; empty if they are."""
+        """Carry out the steps of a goal one by one; returns why not, or an empty text."""
         kind = action_class(f'{SIMULATION}/action/SimulateSteps')
         for done in range(1, steps + 1):
             if goal.is_cancel_requested:
@@ -472,7 +472,7 @@ class SimulationControl:
     # --- what they have in common -------------------------------------------------------------
 
     async def _go(self, steps: int) -> str:
-        """So many steps on a grid that begins where the simulation was paused.
+        """Carry out a number of steps on a grid that begins where the simulation was paused.
 
         Gives back why they are not done; empty if they are. Its times are products, not sums: a
         hundred steps of 1 ms end at 0.1 s.
@@ -497,7 +497,7 @@ class SimulationControl:
             self.busy = ''
 
     async def refusal(self, during_steps: bool = False) -> str:
-        """Why nothing can be asked for; empty, once the nodes have found each other, if it can."""
+        """Reason to refuse requests; empty, once the nodes have found each other, without one."""
         await self._drive.until_ready()
         if self._drive.final:
             return (

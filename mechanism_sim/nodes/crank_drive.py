@@ -281,7 +281,7 @@ class CrankDrive(Drive):
     # --- record of deliveries -------------------------------------------------------------------
 
     def diagnose(self) -> Diagnosis:
-        """How fast time goes, and whether it keeps the pace asked for."""
+        """Diagnose the rate at which time passes, beside the real-time factor asked for."""
         found, asked = super().diagnose(), self.value('realtime_factor')
         if self.ready and not self.done:
             achieved = self._pace.measure_factor(self.time)

@@ -32,7 +32,7 @@ OURS = RESULTS, LATCHED, CLOCK
 
 @dataclass
 class Diagnosis:
-    """How a node is: a level of ``DiagnosticStatus``, a sentence, and figures."""
+    """State of a node: a level of ``DiagnosticStatus``, a sentence, and figures."""
 
     level: Any
     message: str
@@ -114,7 +114,7 @@ class DescribedNode(Node):
                 self.get_logger().warning(f"there is no parameter '{name}'{meant}")
 
     def announce(self, name: str, value: float, since: float) -> None:
-        """Tell in the log from which time [s] on a parameter's new value holds."""
+        """Log the time [s] from which a parameter's new value holds."""
         self.get_logger().info(f'{name} = {value:g} holds from t = {since:.9g} s on')
 
     def value(self, parameter: str) -> Any:

@@ -16,7 +16,7 @@ from mechanism_sim.nodes.qos import RESULTS
 from mechanism_sim.nodes.simulation_node import SimulationNode
 
 ROUNDING = 1e-9
-"""Of times, relative: pieces of motion that follow each other meet."""
+"""Relative rounding of times at which consecutive pieces of motion meet."""
 
 
 class MotionFollower:
@@ -66,7 +66,7 @@ class MotionFollower:
         self.look()
 
     def _foreign(self, message: Any, motion: MotionBatch) -> str:
-        """Why a piece of motion is none of this run; empty if it is one."""
+        """Reason why a piece of motion is not the next one of this run; empty if it is."""
         if reason := foreign(message, self._node.machine):
             return reason
         begin = float(motion.curve.start[0])

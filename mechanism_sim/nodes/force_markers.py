@@ -53,7 +53,7 @@ _NAMESPACES: dict[Kind, str] = {
     'point': 'points',
     'drive': 'drives',
 }
-"""Of the kinds of shapes."""
+"""Namespaces of the kinds of shapes."""
 
 _LAYER = 0.5  # between kinds of shapes, in units of the drawing's symbols
 _EDGE = 0.12  # width of lines, likewise
@@ -154,7 +154,7 @@ def painted(skeleton: Skeleton, prefix: str) -> list[tuple[Shape, Any, Array]]:
 
 
 def _colours(style: Style, number: int) -> tuple[_Colour | None, _Colour | None]:
-    """Of what is filled, and of its edge."""
+    """Colours of the fill and of the edge."""
     own, ink = (*rgb(colour(number)), 1.0), (*rgb(INK), 1.0)
     if style in OPEN:
         return None, ink
@@ -300,7 +300,7 @@ class ForceMarkers:
             yield arrow, write
 
     def _pins(self, frames: StageFrames) -> Iterator[Any]:
-        """Of each loose revolute joint the lens: bushing and pin; and where they touch."""
+        """Markers of the lens of each loose revolute joint: bushing, pin and contact."""
         s, physics = self._symbol, self._machine.physics
         for k, lens in enumerate(self._bearings):
             bushing, middle = self._beside(lens, frames)
@@ -322,7 +322,7 @@ class ForceMarkers:
             yield self._moving(dot, touch, shown=closed)
 
     def _walls(self, frames: StageFrames) -> Iterator[Any]:
-        """Of every other play the lens: its walls, from left to right, and what is between."""
+        """Markers of the lens of every other clearance: its walls and the part between."""
         number = 2 * len(self._bearings)
         for w, lens in enumerate(self._plays):
             _, middle = self._beside(lens, frames)

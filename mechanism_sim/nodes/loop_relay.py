@@ -113,7 +113,7 @@ class LoopRelay(DescribedNode):
         return self._tracker.to(told)
 
     def diagnose(self) -> Diagnosis:
-        """How many states were answered, and why the last one was not."""
+        """Diagnose the number of answered states, and the refusal of the last one."""
         level = DiagnosticStatus.WARN if self._refused else DiagnosticStatus.OK
         message = self._refused or ('running' if self._answered else f'waiting for {_DRIVERS}')
         return Diagnosis(level, message, {'states answered': self._answered})

@@ -28,7 +28,7 @@ def backend() -> str:
 
 
 class _Notices(logging.Handler):
-    """Says on standard error, as this program, what the back end has to say."""
+    """Print notices of the back end on standard error, as this program."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print one notice."""

@@ -21,7 +21,7 @@ FIELDS = (
     ('force_x', 'force_y', 'moment'),
     ('mount_force_x', 'mount_force_y', 'mount_moment'),
 )
-"""Of the message, in the order of `FrameStates` and of its rows."""
+"""Fields of the message, in the order of `FrameStates` and of its rows."""
 
 
 def fields(states: FrameStates, i: int) -> dict[str, float]:

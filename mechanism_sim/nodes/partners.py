@@ -197,7 +197,7 @@ class Partners:
                 )
 
     def name_silent_topics(self) -> None:
-        """Say on which topics nobody publishes."""
+        """Log the topics without a publisher."""
         node = self._node
         if silent := [t for t in node.heard if not node.get_publishers_info_by_topic(t)]:
             self.say_waiting(f'a publisher of {", ".join(silent)}')
@@ -205,7 +205,7 @@ class Partners:
     def say_waiting(
         self, for_whom: str, since: float | None = None, kind: str = 'partners'
     ) -> None:
-        """Say for whom this node waits, once it has for a while, and seldom for each kind.
+        """Log which nodes this one waits for, after a while, and seldom for each kind.
 
         Parameters
         ----------

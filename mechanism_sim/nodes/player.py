@@ -84,7 +84,7 @@ def playable(bag: Bag, topics: Sequence[str] = ()) -> list[str]:
 
 
 def _hindrance(bag: Bag, name: str) -> str:
-    """Why a topic cannot be published, empty if it can or is not in the bag."""
+    """Reason why a topic cannot be published; empty if it can or is not in the bag."""
     topic = bag.topics.get(name)
     if topic is None:
         return ''

@@ -130,7 +130,7 @@ def _keep_memory() -> None:
 
 
 def _tell(nodes: Sequence[DescribedNode], error: Exception, code: int) -> int:
-    """Print why nodes end, and log it as the node that says so; gives back the exit code."""
+    """Print why nodes end, and log it as the node concerned; returns the exit code."""
     sayer = [n for n in nodes if str(error).startswith(f'{n.get_name()}: ')] or nodes
     if sayer and ok():
         log_end(sayer[0], str(error))
@@ -158,7 +158,7 @@ def report_end(name: str, code: int) -> int:
 
 
 def _keep(executor: SingleThreadedExecutor, nodes: Sequence[DescribedNode]) -> None:
-    """After a failure let nodes that record take in what was published until then."""
+    """Let recording nodes store, after a failure, the messages published until then."""
     until = time.monotonic() + _PATIENCE_AFTER_FAILURE
     for node in nodes:
         if not node.keeps:

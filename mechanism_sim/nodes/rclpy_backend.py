@@ -153,7 +153,7 @@ _LEASES = {
     'CYCLONEDDS_URI': 'file://{}/cyclonedds.xml',
     'FASTRTPS_DEFAULT_PROFILES_FILE': '{}/fastdds.xml',
 }
-"""By variables of the environment: files that let DDS wait for subscribers that do not answer."""
+"""Files by environment variable that let DDS wait for subscribers that do not answer."""
 
 PATIENCE, RETRY = 60.0, 0.005
 """[s] that a publisher with a full queue waits for slow subscribers, and between two tries."""

@@ -121,13 +121,13 @@ class NodePlan:
         }
 
     def parameters(self, node: str) -> list[Parameter]:
-        """These options as parameters of the middleware."""
+        """Options of a node as parameters of the middleware."""
         return [Parameter(key, value=value) for key, value in self.options(node).items()]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended."""
+    """Result of a run with nodes."""
 
     code: int
     scene: str
@@ -144,7 +144,7 @@ class Outcome:
     middleware: str  #: 'rclpy' or 'zenoh'
 
     def to_json(self) -> dict[str, object]:
-        """As a plain dictionary."""
+        """Result as a plain dictionary."""
         return asdict(self)
 
     def text(self) -> str:

@@ -16,7 +16,7 @@ SCENE, OVERRIDES = 'scene', 'overrides'
 
 
 class Content(NamedTuple):
-    """Which machine a node is to run: parameters ``scene`` and ``overrides``."""
+    """Machine that a node is to run: parameters ``scene`` and ``overrides``."""
 
     scene: str
     overrides: str

@@ -51,7 +51,7 @@ class _Sensor:
         return found
 
     def _layout(self, size: int) -> Layout:
-        """That of blocks of so many samples; most have the same."""
+        """Layout of a message with a block of `size` samples, kept for the next of that size."""
         if size not in self._layouts:
             self._message.samples = float64_array(np.zeros(size))
             self._layouts = {size: Layout(self._message)}

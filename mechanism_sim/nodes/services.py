@@ -12,7 +12,7 @@ SIMULATION = 'simulation_interfaces'
 """The package of the standard."""
 
 SLOPPY = 1e-3
-"""Of the norm of a quaternion, as others write it with a few digits."""
+"""Tolerance of the norm of a quaternion, as others write it with a few digits."""
 
 
 def serve(

@@ -237,7 +237,7 @@ class SimulationNode(DescribedNode):
     # --- diagnostics --------------------------------------------------------------------------
 
     def diagnose(self) -> Diagnosis:
-        """How this node is; subclasses add to it."""
+        """Diagnose the state of this node; subclasses add to it."""
         if not self.ready:
             return Diagnosis(DiagnosticStatus.OK, 'waiting for its partners', {})
         sent = sum(self.counts.values())

@@ -118,7 +118,7 @@ class Spawned:
         return self.heard_run >= self.run
 
     def take(self, message: Any) -> None:
-        """Take in how far one of its nodes has come."""
+        """Record the progress of one of its nodes."""
         if message.node == self.integrator:
             self.heard_run, self.time = message.run, float(message.time)
         self.heard_run = max(self.heard_run, 0)

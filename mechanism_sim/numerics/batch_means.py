@@ -10,12 +10,12 @@ import scipy
 from mechanism_sim.arrays import Array
 
 BATCHES = 20
-"""At most, of which the spread is taken; their means are nearly independent if they are long."""
+"""Greatest number of batches; means of long ones are nearly independent."""
 _FEWEST = 10  # batches, where there are so many values
 
 
 def batches(n: int) -> tuple[int, int]:
-    """How many batches n values are put into, and how many values into each.
+    """Number of batches for n values, and number of values in each.
 
     Up to 20 each is a batch; of more, 10 to 20 batches of equal size take in as many as they can.
     """

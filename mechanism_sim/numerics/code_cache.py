@@ -40,7 +40,7 @@ _ROOT = 0
 
 @cache
 def folder() -> Path | None:
-    """Where compiled code is kept: of heyoka and kernels; None where none can be kept safely.
+    """Folder for compiled code of heyoka and kernels; None if none can be kept safely.
 
     ``HEYOKA_CACHE_DIR``, or `FOLDER` beside heyoka's own. A folder of ours that others may write
     to is emptied and closed to them: what is in it may be theirs.

@@ -88,6 +88,7 @@ def lemke(M: Array, q: Array, cover: Array, start: int) -> tuple[Indices, bool]:
         exchange(T, start, start)
         basic[start], nonbasic[start] = n + start, start
         place[start], place[n + start] = start, start - n
+    # the artificial variable enters in the row with the least ratio: then all w are positive
     first = basic.copy()
     for i in range(n):
         T[i, n] = -cover[i]
@@ -102,6 +103,7 @@ def lemke(M: Array, q: Array, cover: Array, start: int) -> tuple[Indices, bool]:
         place[entering], place[leaving] = row - n, column
         if leaving == 2 * n:
             return basic, True
+        # complementary pivoting: the partner of the variable that has left enters next
         column = place[leaving + n if leaving < n else leaving - n]
         row = _leaving(T, column, basic, place, first)
         if row < 0:
@@ -415,6 +417,7 @@ def _one(A: Array, b: Array, mu: float, slip: int) -> tuple[Array, Indices, bool
         x[0] = -b[0] / A[0, 0]
         off = A[1, 0] * x[0] + b[1]
         x[1] = 0.0 if abs(off) <= _COMPLEMENTARITY.regular * abs(b[1]) else math.inf
+    # sticking if its force is within the cone, else slip in the direction that is consistent
     if x[0] > 0.0 and abs(x[1]) <= mu * x[0]:
         grip[0] = STICK
         return x, grip, True

@@ -18,7 +18,7 @@ Interpolation = Literal['linear', 'cubic', 'quintic']
 _Ramp = Literal['linear', 'smooth', 'cubic', 'quintic']
 
 _WIDEST = 0.25 * TWO_PI
-"""Of the intervals of a curve that repeats every turn."""
+"""Greatest width of an interval of a curve that repeats every turn."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def spline(
 def _polynomials(
     x: Array, y: Array, ramp: _Ramp, closes: bool
 ) -> list[tuple[float, float, Array]]:
-    """From where to where, and coefficients of powers, rising, of the place from there.
+    """Intervals with the coefficients of rising powers of the place from their starts.
 
     Of what closes, those of the turns before and behind it may be among them.
     """

@@ -70,7 +70,7 @@ def _between(low: Any, high: Any) -> Ball:
 
 
 def _rising(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
-    """Of a function that rises, or falls, all the way."""
+    """Enclosure of a monotonic function."""
 
     def enclosed(x: Ball) -> Ball:
         return Ball(f(x.middle)) if x.radius is None else _between(*map(f, x.ends))
@@ -79,7 +79,7 @@ def _rising(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
 
 
 def _wave(f: Callable[[Any], Any], slope: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
-    """Of sine and cosine: ``|f(m + d) - f(m)| <= |f'(m)| |d| + d^2/2``, and not more than 2."""
+    """Enclosure of sine and cosine: ``|f(m + d) - f(m)| <= |f'(m)| |d| + d^2/2``, at most 2."""
 
     def enclosed(x: Ball) -> Ball:
         if x.radius is None:
@@ -93,7 +93,7 @@ def _wave(f: Callable[[Any], Any], slope: Callable[[Any], Any]) -> Callable[[Bal
 
 
 def _tangent(x: Ball) -> Ball:
-    """Of the tangent: without limit where a pole may be in between."""
+    """Enclosure of the tangent: without limit if a pole may be within."""
     if x.radius is None:
         return Ball(hy.tan(x.middle))
     low, high = x.ends
@@ -107,7 +107,7 @@ def _tangent(x: Ball) -> Ball:
 
 
 def _above_zero(f: Callable[[Any], Any]) -> Callable[[Ball], Ball]:
-    """Of a rising function of what is not negative, but for overestimation."""
+    """Enclosure of a rising function of a value not negative, but for overestimation."""
 
     def enclosed(x: Ball) -> Ball:
         if x.radius is None:
@@ -141,7 +141,7 @@ def _power(x: Ball, n: float) -> Ball:
 
 
 def _direction(y: Ball, x: Ball) -> Ball:
-    """Of the angle of the point (x, y), seen from the origin: a disk about it spans an arc."""
+    """Enclosure of the angle of the point (x, y): a disk about it spans an arc."""
     angle = hy.atan2(y.middle, x.middle)
     radii = [r * r for r in (y.radius, x.radius) if r is not None]
     if not radii:
@@ -162,7 +162,7 @@ _UNARY: dict[str, tuple[Callable[[Ball], Ball], Callable[[Ball], Any]]] = {
     'tanh': (_rising(hy.tanh), lambda x: 1.0 - hy.tanh(x.least) * hy.tanh(x.least)),
     'atan': (_rising(hy.atan), lambda x: 1.0 / (1.0 + x.least * x.least)),
 }
-"""By name: the enclosure, and the largest slope in it."""
+"""Enclosures of functions by name, and their largest slopes within."""
 
 
 class _Operation(NamedTuple):
@@ -264,7 +264,7 @@ def _forward(program: _Program, moving: dict[str, Any]) -> list[Ball]:
 def _backward(
     program: _Program, balls: list[Ball], seeds: dict[int, list[Any]]
 ) -> list[list[Any]]:
-    """By how much at most each operation changes what is sown, times the seeds."""
+    """Bounds on the effect of each operation on the seeded results, times the seeds."""
     felt: list[list[Any]] = [[] for _ in program.operations]
     for root, known in seeds.items():
         felt[root] += known
@@ -320,7 +320,7 @@ def _steep(program: _Program, balls: list[Ball]) -> list[int]:
 
 
 def _bend(operation: _Operation, balls: list[Ball]) -> Any:
-    """How far the argument of a function goes, of what its power series about the middle bears."""
+    """Radius of a function's argument, relative to what its power series tolerates."""
     x, least = balls[operation.args[0]], _FAR.get(operation.kind)
     if least is not None:
         return x.radius * (1.0 / least)
@@ -339,7 +339,7 @@ def _doubts(
     chosen: Sequence[int],
     length: Any,
 ) -> list[Any]:
-    """How many functions bend more than a series knows by itself, and than few samples tell.
+    """Sums over functions beyond what a series alone, and beyond what few samples resolve.
 
     One whose change is not felt does not count.
     """
@@ -365,7 +365,7 @@ class Enclosed(NamedTuple):
 
 
 class MotionSeries(NamedTuple):
-    """How the variables of formulas run through a piece of motion, whose length is 1."""
+    """Variables of formulas over a piece of motion, whose length is 1, as power series."""
 
     series: Array  #: (v, n) coefficients of rising powers, of what moves
     length: float  #: [s]
@@ -427,7 +427,7 @@ class Enclosure:
         return compiled.function([hy.expression(0.0) + x for x in outputs], inputs)
 
     def doubts(self, motion: MotionSeries, scales: Array) -> int:
-        """How little a series of a piece of motion knows of the functions.
+        """Level of doubt whether a piece of motion's series represents the functions.
 
         `NONE` where they bend so little that they are as known as the motion itself, `LITTLE`
         where `FEW` samples tell whether they are, `MUCH` where they must be enclosed.
@@ -605,7 +605,7 @@ def about_middle(series: Array, given: Array) -> None:
 
 @kernel
 def doubt_of(counts: Array) -> int:
-    """Doubts by how many functions bend more than a series knows, and than few samples tell."""
+    """Level of doubt by the numbers of functions beyond a series, and beyond few samples."""
     return MUCH if counts[1] > 0.0 else LITTLE if counts[0] > 0.0 else NONE
 
 
@@ -621,7 +621,7 @@ def _on_parts(series: Array, shift: Array, radius: float) -> tuple[Array, Array]
 
 
 class Reach(NamedTuple):
-    """How far from its beginning a piece of motion, whose length is 1, is known."""
+    """Part of a piece of motion, whose length is 1, that is known from its beginning on."""
 
     sound: float  #: the last place before the first fault that is far from one; 0 if none is
     fault: float | None  #: that one, or where samples begin not to tell all; None if there is none
@@ -637,7 +637,7 @@ def reach_of(
     defect: Callable[[Array], Array],
     doubts: int | None = None,
 ) -> Reach:
-    """How far the samples of a piece of motion tell all of its formulas and show no fault.
+    """Part of a piece of motion over which its samples resolve all formulas, without fault.
 
     Parts in which a function may go beyond its samples are halved, and sampled again. Behind the
     first fault nothing is looked at any more.
@@ -704,7 +704,7 @@ def reach_of(
 
 
 def _off(own: Array, parts: Enclosed, span: Array) -> Array:
-    """How far functions (K, N) in parts are off what samples tell of them.
+    """Deviations of functions (K, N) in parts from what their samples show.
 
     It is how far they may go beyond all samples, or bend between them; or how much they change at
     all, if that is half of what they change in the whole piece.

@@ -49,7 +49,7 @@ OTHER_WORDS = {
 _ELECTRICAL = 'V', 'mV', 'A', 'mA', 'ohm', 'Ohm', 'Ω', 'H', 'mH', 'uH', 'F'
 
 LARGEST = 1e30
-"""Of the numbers in a text: beyond, products leave the range of floating-point numbers."""
+"""Limit of numbers in a text: beyond, products leave the range of floating-point numbers."""
 LONGEST = 1000
 """Characters of a text."""
 _STEEPEST = 20
@@ -65,7 +65,7 @@ _LEVELS = {
     'if': 0, 'or': 1, 'and': 2, **dict.fromkeys(('<', '<=', '>', '>='), 4),
     '+': 5, '-': 5, '*': 6, '/': 6, '**': 8, '^': 8,
 }  # fmt: skip
-"""How strongly a sign between operands binds; ``not`` does as 3, a sign before a term as 7."""
+"""Precedence of operators; that of ``not`` is 3, that of a sign before a term 7."""
 _WORDS = 'if', 'else', 'and', 'or', 'not'
 _BETWEEN_UNITS = '/', '·', '⋅'
 AFTER = (
@@ -160,7 +160,7 @@ class _ExpressionReader:
             self._refuse(text)
 
     def _refuse(self, wanted: str = 'something') -> NoReturn:
-        """Say why the next token cannot stand where it does."""
+        """Refuse the next token with a reason."""
         text, token = quoted(self._text), self._now
         signs = [t.text for t in self._tokens]
         if token.text in ('==', '!='):

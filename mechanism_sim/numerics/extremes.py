@@ -37,7 +37,7 @@ _COUNT = 12  # nodes: enough for a step of a Taylor method, a third of the radiu
 _NODES = chebyshev_nodes(_COUNT)
 _FEW = chebyshev_nodes(5)  # to tell which intervals are worth a look
 GLANCES = Nodes(tuple(_FEW.tolist()))
-"""Where functions are looked at before it is known which intervals matter."""
+"""Places at which functions are sampled before it is known which intervals matter."""
 
 _PLACES = np.cos(np.linspace(np.pi, 0.0, 8 * _COUNT + 1))  # in [-1, 1], both ends among them
 _GRID: Array = np.array(np.polynomial.chebyshev.chebvander(_PLACES, _COUNT - 1).T, np.float64)
@@ -126,12 +126,12 @@ class ExtremeSearch:
 
     @property
     def least_time(self) -> Array:
-        """When the functions are least (C,) [s]."""
+        """Times of the least values (C,) [s]."""
         return self._time[len(self._group) :]
 
     @property
     def greatest_time(self) -> Array:
-        """When the functions are greatest (C,) [s]."""
+        """Times of the greatest values (C,) [s]."""
         return self._time[: len(self._group)]
 
     @property
@@ -297,7 +297,7 @@ class ExtremeSearch:
     def _possible(
         self, c: Array, error: Array, wanted: NDArray[np.bool_]
     ) -> tuple[_Pairs, Array, Array]:
-        """Where something higher may be: places in [-1, 1], heights by the interpolants."""
+        """Candidates of higher values: places in [-1, 1], heights by the interpolants."""
         bound = _bounds(c, _GRID, 2.0 * error, self._highest)
         limit, count = self._limit, len(self._group)
         row, interval = np.nonzero(wanted & ~(bound <= limit[:, None]))
@@ -354,7 +354,7 @@ def _error(c: Array, values: Array) -> Array:
 
 
 def _summit(c: Array) -> Array:
-    """Where polynomials (P, n) are highest in [-1, 1]: (P,), by Newton's method from a grid."""
+    """Maximisers (P,) of polynomials (P, n) in [-1, 1], by Newton's method from a grid."""
     dense = c @ _GRID
     k = dense.argmax(axis=1)
     low, high = _PLACES[np.maximum(k - 1, 0)], _PLACES[np.minimum(k + 1, len(_PLACES) - 1)]

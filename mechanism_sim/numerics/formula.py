@@ -25,7 +25,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {name: getattr(hy, name) for name i
 """Smooth ones of one argument."""
 
 PERIODIC = 'sin', 'cos', 'tan'
-"""Those that repeat after a turn of their argument."""
+"""Functions with a period of a turn of their argument."""
 
 _EMPTY = 10.0 * TOLERANCES.switches.margin
 """Of the size of a state and of the terms of x: up to there ``sqrt(max(x, 0))`` in the rate of a
@@ -42,7 +42,7 @@ def _flag_of(guard: hy.expression) -> hy.expression:
 
 
 def coefficients(node: ExpressionNode, angles: Collection[str]) -> dict[str, float] | None:
-    """By which numbers a sum contains some of the names; None if it is no such sum."""
+    """Coefficients of the names in a linear sum; None if it is no such sum."""
     if not {*node.names} & {*angles}:
         return {}
     match node.kind, node.args:

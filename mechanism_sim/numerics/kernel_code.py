@@ -301,7 +301,7 @@ class _Body(_Writer):
         self.statements(tree.body)
 
     def text(self, name: str) -> str:
-        """Of the function, under a name."""
+        """LLVM text of the function under a name."""
         head = ', '.join([*self._head, 'ptr %results'])
         return '\n'.join(
             [

@@ -72,7 +72,7 @@ class KernelRegression:
     def interval(
         self, x: Array, level: float = 0.95, among: NDArray[np.intp] | None = None
     ) -> tuple[float, float]:
-        """Of y at x (p,): it holds the true value in a share `level` of all cases (jackknife+).
+        """Interval of y at x (p,) with the true value in a share `level` of cases (jackknife+).
 
         Proven for cases drawn as the samples were: at least ``2 level - 1``, whatever they are
         like; as good as `level` unless the regression hangs on single samples. `among` are indices

@@ -90,7 +90,7 @@ class Kernel:
             self.run = lambda *args: self.bind(*args)()
 
     def charge(self, seconds: float) -> None:
-        """Tell what it costs as it is: once that is what its own code costs, it alone is compiled.
+        """Add its cost as Python code; once that of its machine code is reached, it is compiled.
 
         That of events takes twenty times as long.
         """
@@ -150,7 +150,7 @@ def entry(function: Callable[..., Any]) -> Kernel:
 
 
 def charge(seconds: float) -> None:
-    """Tell what kernels have cost so far as they are: once it is what LLVM costs, it is asked."""
+    """Add the cost of kernels as Python code; once that of LLVM is reached, all are compiled."""
     global _spent  # noqa: PLW0603 - of this process
     _spent += seconds
     if _spent >= _price():
@@ -168,7 +168,7 @@ def _price() -> float:
 
 @cache
 def _folder() -> Path | None:
-    """Where the code is kept: named by all sources, and by constants that it has in it."""
+    """Folder of the kernels' code, named by a hash of all sources and of constants in it."""
     parent = code_cache.folder()
     if parent is None:
         return None

@@ -29,7 +29,7 @@ from mechanism_sim.numerics.polynomials import Nodes, chebyshev_nodes, fit_power
 from mechanism_sim.numerics.rational import Modes
 
 NODES = Nodes(tuple(chebyshev_nodes(20)))
-"""Where inputs are asked for on every piece, to make polynomials of them."""
+"""Places at which inputs are sampled on every piece, to make polynomials of them."""
 _SWING_OF = hy.make_vars('t', 'a', 'b')
 _T, _A, _B = _SWING_OF
 _SWING = hy.exp(hy.par[0] * _T) * (_A * hy.cos(hy.par[1] * _T) - _B * hy.sin(hy.par[1] * _T))
@@ -39,7 +39,7 @@ _LARGE = 8.0
 _SERIES = 50
 """Terms of the power series beyond those of the input, at most: ``8^50 / 50! < 1e-19``."""
 _SMALL = 1e-19
-"""Of a term of that series, beyond which there is none."""
+"""Relative size of a term of that series below which it ends."""
 _OPERATION = 5e-7  # [s] that a term costs as Python
 
 

@@ -54,7 +54,7 @@ class Monotone(NamedTuple):
         return np.asarray(0.5 * self.width * (self.high - self.low))
 
     def crossings(self, level: float, of: NDArray[np.intp]) -> Array:
-        """Where in some of the parts, which reach the level on both sides, it is: [-1, 1]."""
+        """Positions in [-1, 1] of the level in some of the parts, which reach it on both sides."""
         a, b = self.low[of], self.high[of]
         rises, series = self.last[of] > self.first[of], self.series[of]
         for _ in range(_BISECTIONS):
@@ -64,7 +64,7 @@ class Monotone(NamedTuple):
         return np.asarray(0.5 * (a + b))
 
     def time_below(self, level: float) -> float:
-        """For how long the function is not above a level [s]."""
+        """Total time for which the function is not above a level [s]."""
         least, most = np.minimum(self.first, self.last), np.maximum(self.first, self.last)
         across = np.flatnonzero((least <= level) & (level < most))
         share = (self.crossings(level, across) - self.low[across]) / (

@@ -61,13 +61,13 @@ class Nodes:
 
     @lru_cache  # noqa: B019 - there are two or three of them
     def derivative(self, order: int, count: int) -> Array:
-        """Of the powers below `count`, those that remain, by fractions: (count - order, K)."""
+        """Derivatives of the powers below `count`, at the fractions: (count - order, K)."""
         falling = [float(math.perm(j, order)) for j in range(order, count)]
         return (np.vander(self.fractions, count - order, increasing=True) * falling).T.copy()
 
     @lru_cache  # noqa: B019 - there are two or three of them
     def powers(self, count: int) -> Array:
-        """Of the fractions, beside the derivatives of these powers: (count, 2 K)."""
+        """Powers of the fractions, beside their derivatives: (count, 2 K)."""
         values = np.vander(self.fractions, count, increasing=True)
         rates = np.zeros_like(values)
         rates[:, 1:] = values[:, :-1] * np.arange(1.0, count)
@@ -99,7 +99,7 @@ class PiecewisePolynomial:
 
     @property
     def columns(self) -> tuple[NDArray[Any], ...]:
-        """Its arrays, in the order of the class."""
+        """Arrays in the order of the class."""
         return self.start, self.start_low, self.duration, self.turns, self.coefficients
 
     @property
@@ -141,7 +141,7 @@ class PiecewisePolynomial:
 
     @cached_property
     def _after_no_time(self) -> NDArray[np.intp]:
-        """Of each segment itself, or the one behind it (m + 1,); empty if there is none such.
+        """Indices of each segment, or of the one behind it (m + 1,); empty if all are themselves.
 
         Where a step happens to end at an event but for rounding, the next finds it at once: a
         segment of no time that goes on without a jump of rates is before the event.
@@ -294,7 +294,7 @@ def double_exponential_nodes(count: int) -> tuple[Array, Array]:
 
 @lru_cache
 def _chebyshev_matrices(count: int) -> tuple[Array, Array]:
-    """From values at the nodes of [0, 1] to Chebyshev coefficients, and from these to powers.
+    """Matrices from values at the nodes of [0, 1] to Chebyshev coefficients, from these to powers.
 
     The second matrix consists of integers up to ``2^(2 d - 1)``. They meet coefficients that decay
     for a smooth function, so nothing is lost; their product, applied to the values, would amplify

@@ -128,7 +128,7 @@ def where_steep(argument: Values, name: str, parts: Parts) -> Parts:
 
 
 class Rule(NamedTuple):
-    """A quadrature over an interval, with what tells its error from the same values."""
+    """A quadrature over an interval, with an error estimate from the same values."""
 
     places: Nodes
     weights: Array  #: (K,) of the length, zero where values only tell its error
@@ -152,7 +152,7 @@ def _powers() -> Rule:
 
 
 SMOOTH = _smooth(8)
-"""For functions with a series about every point of an interval, its ends included."""
+"""Rule for functions with a series about every point of an interval, its ends included."""
 
 SECOND = _smooth(9)
 """A rule with none of its nodes: what one of the two misses the other one may see."""
@@ -179,10 +179,10 @@ def _watched(rule: Rule) -> Rule:
 
 
 WATCHED = _watched(SMOOTH)
-"""For functions with corners: `SMOOTH` does not see those beside the ends of an interval."""
+"""Rule for functions with corners: `SMOOTH` misses those beside the ends of an interval."""
 
 POWERS = _powers()
-"""For functions that behave as any power of the distance from an end."""
+"""Rule for functions that behave as any power of the distance from an end."""
 
 
 class Assumptions(NamedTuple):
@@ -242,6 +242,7 @@ def integrate(
     before = np.zeros(len(whole.value)) if largest is None else largest
     running = np.column_stack([before, whole.mean])
     running = (np.maximum.accumulate(running, axis=1) if in_order else running)[:, 1:]
+    # most batches are smooth everywhere: they end here, without any bookkeeping of parts
     if not corners and (whole.error <= relative * whole.size).all():
         value, error, size = whole.value, whole.error + _ROUNDING.sum * whole.size, whole.size
         return Integrals(value, error, running[:, -1], size, running)
@@ -259,6 +260,7 @@ def integrate(
     elif not foretold:
         sharper = np.where(whole.error <= limit, whole.error, whole.sharper().error)
         whole = whole._replace(error=sharper)
+    # intervals whose errors are too large, or not numbers, are split; the others are final
     wanted = ~(whole.error <= limit)
     value, error, refined = *(np.where(wanted, 0.0, x) for x in (whole.value, whole.error)), wanted
     begin, interval, parent = parts.begin, every, whole
@@ -283,6 +285,7 @@ def integrate(
         agrees = np.tile(np.maximum(differ, _joined(now.missed, n)) <= limit, n)
         off = np.where(agrees, np.fmin(now.error, np.tile(limit / n, n)), now.error)
         settled = agrees | (now.error <= allowed(now, interval, size, width))
+        # parts of the last split, or without a number, count as they are, with their errors
         settled |= np.isnan(now.error) | (k == len(_SPLIT) - 1)
         pending = _gathered(interval, wanted & ~settled, size.shape)
         settled |= pending[:, interval] > _QUADRATURE.parts
@@ -335,7 +338,7 @@ class _Applied(NamedTuple):
     missed: Array  #: what the interpolant misses at the ends may add, of watched rules
 
     def sharper(self, foretold: bool = False) -> _Applied:
-        """With errors that are smaller where coefficients fall geometrically.
+        """Rule with smaller errors where coefficients decay geometrically.
 
         Then their logarithms fall as straight or steeper lines, and those that are left out are
         less than those of a power of the degree by at least ``(E_6 / E_2)^1.4``; half of that is
@@ -424,5 +427,5 @@ def _gathered(interval: NDArray[np.intp], x: NDArray[Any], shape: tuple[int, ...
 
 
 def _joined(x: Array, n: int) -> Array:
-    """Of all first parts of n, then all second ones and so on (C, n K), the sums (C, K)."""
+    """Sums (C, K) of all first parts of n, then of all second ones and so on (C, n K)."""
     return np.asarray(x.reshape(len(x), n, -1).sum(axis=1))

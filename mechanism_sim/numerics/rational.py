@@ -35,7 +35,7 @@ class Rational:
 
     @classmethod
     def of(cls, zeros: ArrayLike, poles: ArrayLike, gain: float) -> Rational:
-        """From sequences, such as those `scipy.signal.butter` gives for ``output='zpk'``."""
+        """Rational function from sequences, as of `scipy.signal.butter` with ``output='zpk'``."""
         return cls(
             tuple(np.asarray(zeros, complex).tolist()),
             tuple(np.asarray(poles, complex).tolist()),

@@ -45,7 +45,7 @@ def determined(peaks: Sequence[SampledPeak]) -> bool:
 
 
 def describe_peaks(peaks: tuple[SampledPeak, SampledPeak], unit: str, scale: float = 1.0) -> str:
-    """Both in words, in a unit after a multiplication by `scale`, and what to do about them."""
+    """Describe both peaks in a unit after a multiplication by `scale`, with advice."""
     shown = ' and '.join(f'{scale * p.value:.6g} (+-{scale * p.off:.3g})' for p in peaks)
     text = f'largest accelerations by its points {shown} {unit}'
     if determined(peaks):
@@ -153,7 +153,7 @@ def _last_digit(y: Array) -> float:
 def _smoothing(
     x: Array, y: Array, degree: int, periodic: bool, error: float
 ) -> scipy.interpolate.BSpline:
-    """As `spline_through`: splines with knots at the samples, by their normal equations."""
+    """Smoothing spline of `spline_through`: knots at the samples, by normal equations."""
     sparse, k, order = scipy.sparse, degree, (degree + 1) // 2
     span = x[-1] - x[0]
     u, count = (x - x[0]) / span, len(x) - periodic

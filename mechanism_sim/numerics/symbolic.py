@@ -43,7 +43,7 @@ def forget() -> None:
 
 
 def _same(x: Term) -> hy.expression:
-    """Of equal expressions the one that came first."""
+    """First of equal expressions."""
     if id(x) in _own:
         return x
     x = x if isinstance(x, hy.expression) else hy.expression(float(x))
@@ -247,7 +247,7 @@ class _Entry:
         self._start, self._products = start, products
 
     def less(self, a: Term, b: Term) -> _Entry:
-        """Less ``a b``."""
+        """Entry less the product ``a b``."""
         x = mul(a, b)
         return self if x is None else _Entry(self._start, (*self._products, x))
 

@@ -30,7 +30,7 @@ from mechanism_sim.numerics.expressions import ExpressionNode
 PI = Fraction('3.14159265358979323846264338327950288419716939937510582097494')
 
 DEGREE = 12
-"""Of the polynomials; linkages without clearance are interpolated by 15 nodes on a piece."""
+"""Degree of the polynomials; linkages without clearance have 15 nodes on a piece."""
 _KNOWN = DEGREE + 3
 _TOLERANCE = math.exp(-2.0 * (_KNOWN - 0.5))  # of heyoka, which makes its order `_KNOWN` + 1
 _TAIL = 2.0**-55
@@ -43,7 +43,7 @@ _SAMPLES = np.linspace(-1.0, 1.0, 33)
 _ZERO = 1e-12
 """Below it a guard, which is a difference relative to what is compared, is at its zero."""
 _PERIODS, _ALIKE = 12, 1e-9
-"""Of the slowest sine in the period of all; of the ratios of their rates."""
+"""Most periods of the slowest sine in that of all; tolerance of the ratios of rates."""
 
 Powers = tuple[Fraction, ...]
 """Coefficients of a polynomial in t, rising."""
@@ -87,7 +87,7 @@ class TimeSeries:
 
     @property
     def period(self) -> float | None:
-        """After which all but its polynomials is as before [s]; None if that is not known."""
+        """Period of all but the polynomials [s]; None if it is unknown."""
         if not self._again or any(len(powers) > 2 for powers in self._phases):
             return None
         rates = [abs(powers[1]) for powers in self._phases]

@@ -141,7 +141,7 @@ def _drive(machine: Machine) -> Iterator[Control]:
 
 
 def _path_of_restitution(machine: Machine, name: str) -> str:
-    """Where the scene has that of a joint; nowhere if it takes a default."""
+    """Path in the scene of a joint's restitution; empty if it takes a default."""
     joint = machine.scene.joints[name]
     for part in ('clearance', 'lift_off', 'groove', 'backlash'):
         if getattr(getattr(joint, part, None), 'restitution', None) is not None:

@@ -173,7 +173,7 @@ class PageDrive:
         self.coordinates = self._followed()
 
     def _pieces(self, c: str, end: float) -> list[tuple[float, tuple[float, ...]]]:
-        """From when on [s], and powers of the time since then, of a coordinate's laws."""
+        """Start times [s] of a coordinate's laws, and powers of the time since then."""
         laws = [law for law in self._plan.laws_until(c, end) if isinstance(law, DriveLaw)]
         local = [law.about(Fraction(law.valid_from)) for law in laws]
         return [

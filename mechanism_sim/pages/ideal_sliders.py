@@ -134,7 +134,7 @@ def _across(line: Array) -> Array:
 
 
 def four_bar_sides(mechanism: Mechanism) -> dict[str, list[Vector2]]:
-    """Both joints on each link of a machine that is a four-bar: ground first, coupler last."""
+    """Joints on each link of a machine that is a four-bar: ground first, coupler last."""
     joints, links = mechanism.joints, (GROUND, *(body.name for body in mechanism.bodies))
     if len(links) != 4 or len(joints) != 4 or not all(isinstance(j, Revolute) for j in joints):
         return {}

@@ -27,7 +27,7 @@ _SEEN = 5.0  # [s] of a motion that does not repeat, by which sizes are chosen
 
 
 _Sway = Callable[[Array], Array]
-"""Of frames on springs on a piece of motion, see `Swaying.take`."""
+"""Sway of frames on springs on a piece of motion, see `Swaying.take`."""
 
 
 class Live:

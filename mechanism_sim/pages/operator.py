@@ -12,7 +12,7 @@ from mechanism_sim.nodes.services import SIMULATION
 from mechanism_sim.pages.controls import DRIVE, Control
 
 PLAYING, PAUSED = 1, 2
-"""As in simulation_interfaces/msg/SimulationState."""
+"""States as in simulation_interfaces/msg/SimulationState."""
 _DONE, _ALREADY = 1, 101
 
 
@@ -48,7 +48,7 @@ class Operator:
         ))  # fmt: skip
 
     async def step(self, steps: int) -> str:
-        """So many steps of a paused run."""
+        """Carry out a number of steps of a paused run."""
         kind = f'{SIMULATION}/srv/StepSimulation'
         return _outcome(await self._call(kind, 'step_simulation', steps=steps))
 

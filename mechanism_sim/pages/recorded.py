@@ -17,7 +17,7 @@ from mechanism_sim.results.run import instants
 PER_TURN = 120
 """Instants in a turn of the main drive."""
 NEAR = 1e-3
-"""Of the clearance: how far a pin may be from its place between two instants."""
+"""Share of the clearance by which a pin may be off its place between two instants."""
 MOST = 20_000
 """Instants of a run at most, beside those at events; and impacts."""
 
@@ -55,7 +55,7 @@ class Recorded:
         }
 
     def _impacts(self) -> dict[str, Any]:
-        """When, in which bearing and joint (-1 if in none), direction [rad], impulse [N s]."""
+        """Times, bearings, joints (-1: none), directions [rad], impulses [N s] of impacts."""
         gaps = [impact.joint for impact in self.impacts]
         struck = {gap: self.stage.struck(gap) for gap in set(gaps)}
         return {

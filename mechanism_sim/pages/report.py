@@ -118,13 +118,13 @@ def page(
 
 
 def _scenes(beside: ComparisonPage) -> list[tuple[str, ...]]:
-    """Of the table of keys that differ between the scenes."""
+    """Rows of the table of keys that differ between the scenes."""
     head = 'key of the scene', *beside.names
     return [head, *((path, *values) for path, values in beside.scenes.items())]
 
 
 def _rows(beside: ComparisonPage) -> list[tuple[str, ...]]:
-    """Of the table: figure with its unit, its values, and of two their difference and ratio."""
+    """Rows of the table: figure with unit, its values, and of two their difference and ratio."""
     rows: list[tuple[str, ...]] = [('figure', *beside.names)]
     if len(beside.names) == 2:
         rows[0] += 'difference', 'ratio'
@@ -136,7 +136,7 @@ def _rows(beside: ComparisonPage) -> list[tuple[str, ...]]:
 
 
 def turn(run: Recorded) -> float | None:
-    """How long a turn of the main drive takes [s] in the mean, or its way there and back."""
+    """Mean duration of a turn of the main drive [s], or of its way there and back."""
     record = run.record
     moved = run.frames.drive
     way = 2.0 * float(np.ptp(moved)) if record.slides else 2.0 * np.pi

@@ -34,7 +34,7 @@ SLOW = 2_000_000
 STUCK = 4 * SLOW
 """Bytes that wait for a page from which on it is cut off."""
 PAGES = 50
-"""That may be open."""
+"""Greatest number of open pages."""
 LARGEST = 10_000
 """Bytes of a command."""
 _BURST, RATE = 300.0, 100.0
@@ -125,12 +125,12 @@ class Server:
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page."""
+        """Address of the page for a browser."""
         return f'http://{HOST}:{self.port}/'
 
     @property
     def pages(self) -> int:
-        """How many pages are open."""
+        """Number of open pages."""
         return len(self._pages)
 
     def send(self, message: dict[str, Any], may_drop: bool = False) -> None:
@@ -201,7 +201,7 @@ class Server:
             self._pages.discard(page)
 
     async def _listen(self, page: ServerConnection) -> None:
-        """Hear a page, until it goes or is sent away."""
+        """Receive messages of a page, until it goes or is sent away."""
         left, last = _BURST, self._loop.time()
         async for text in page:
             now = self._loop.time()
@@ -249,7 +249,7 @@ def _command_of(message: Any) -> Command | None:
 
 
 def _silent() -> logging.Logger:
-    """For what strangers send who are no browser."""
+    """Logger that discards complaints about malformed requests."""
     logger = logging.getLogger(__name__)
     logger.addHandler(logging.NullHandler())
     logger.propagate = False

@@ -115,7 +115,7 @@ class ViewNode(DescribedNode):
         self._greet()
 
     def _greet(self) -> None:
-        """Tell all pages what there is to be shown, and those that will be opened."""
+        """Send all pages, open or to be opened, what is to be shown."""
         if self._live:
             found = [control.to_json() for control in self._controls.values()]
             message: dict[str, Any] = {
@@ -204,13 +204,13 @@ class ViewNode(DescribedNode):
                 self._controls[path] = self._controls[path].at(float(value))
 
     def _send_message(self, text: str, level: str = 'warning', path: str = '') -> None:
-        """Tell all pages; `path`: of the value that is not set."""
+        """Send a message to all pages; `path`: of the value that is not set."""
         self.server.send({'type': 'message', 'text': text, 'level': level, 'path': path})
 
     # --- what is asked ------------------------------------------------------------------------
 
     async def _obey(self) -> None:
-        """Do what a page asks for, one thing after the other."""
+        """Carry out the requests of a page, one after the other."""
         now = time.monotonic()
         if self._busy_since is not None and now < self._busy_since + _PATIENCE:
             return

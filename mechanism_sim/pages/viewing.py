@@ -1,4 +1,4 @@
-"""A view until somebody ends it, and a run of its own that ends with it."""
+"""View of a run until it is ended, with a run of its own that ends with it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def view(
     ros_args: Sequence[str] = (),
     opened: Callable[[str], None] | None = None,
 ) -> int:
-    """Show what runs until somebody ends it.
+    """Show a run until the view is ended.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from mechanism_sim.arrays import Array
 Shape: TypeAlias = Literal['rectangle', 'circle', 'any']
 
 _NODES = 4
-"""Of Gauss' quadrature: the second moment of a section is of the fourth degree in its sizes."""
+"""Nodes of Gauss' quadrature: second moments are of the fourth degree in the sizes."""
 
 
 def geometry(shape: Shape, sizes: Sequence[Any]) -> tuple[Any, Any, Any]:
@@ -54,7 +54,7 @@ class Taper:
 
     @cached_property
     def _intervals(self) -> tuple[Array, Array, Array]:
-        """Where sections change otherwise (k + 1,) [m]; sizes from there and to there (k, n)."""
+        """Breaks of the taper (k + 1,) [m], and the sizes at both ends of intervals (k, n)."""
         place, sizes = np.array([x for x, _ in self.points]), np.array([s for _, s in self.points])
         breaks = np.unique([0.0, *place[(place > 0.0) & (place < self.length)], self.length])
         starts, ends = [], []

@@ -31,11 +31,11 @@ class LinkExtension(ABC):
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates."""
+        """Names of the coordinates."""
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Those that are angles."""
+        """Coordinates that are angles."""
         return ()
 
     @abstractmethod
@@ -57,31 +57,31 @@ class LinkExtension(ABC):
         return {}
 
     def extent(self, body: Body) -> float:
-        """How far from the centre of gravity it has masses at least [m]."""
+        """Least distance from the centre of gravity to which masses extend [m]."""
         return 0.0
 
     def arms(self, at: Vector2) -> Arms:
-        """How a point of the link moves in the link's frame."""
+        """Displacement of a point of the link in the link's frame."""
         return {}
 
     def turned(self, at: Vector2, v: Vector2) -> Arms:
-        """How a vector moves that is fixed to the cross-section at a point."""
+        """Change of a vector that is fixed to the cross-section at a point."""
         return {}
 
     def lean(self, height: float) -> Arms:
-        """How a point above the link's plane [m] moves in the link's frame."""
+        """Displacement, in the link's frame, of a point above the link's plane [m]."""
         return {}
 
     def rise(self, at: Vector2) -> dict[str, float]:
-        """How much a point of the link's plane moves along the axes with each coordinate."""
+        """Displacement along the axes of a point of the link's plane, per coordinate."""
         return {}
 
     def slopes(self, at: Vector2) -> dict[str, float]:
-        """How much a cross-section turns with each coordinate [rad/m]."""
+        """Rotation of a cross-section per coordinate [rad/m]."""
         return {}
 
     def moved(self, link: str) -> Point:
-        """How all points of the link move in the world."""
+        """Common displacement of all points of the link in the world."""
         return {}
 
     @property
@@ -110,5 +110,5 @@ class Body:
 
     @property
     def disk_radius(self) -> float:
-        """Of an even disk with its mass and inertia [m]."""
+        """Radius of a uniform disk with this mass and inertia [m]."""
         return math.sqrt(2.0 * self.inertia / self.mass) if self.mass else 0.0

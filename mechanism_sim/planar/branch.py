@@ -33,7 +33,7 @@ _DEGREE = 13
 _POINTS = np.sin((2.0 * np.arange(1, _PAIRS + 1) - 1.0) * np.pi / (4.0 * _PAIRS))
 _BOTH = np.concatenate([-_POINTS[::-1], _POINTS])
 SAMPLES = _BOTH
-"""Where functions along a branch are sampled, as parts of its width."""
+"""Places along a branch at which functions are sampled, as parts of its width."""
 _BASIS = chebyshev.chebvander(_BOTH, _DEGREE)
 _SLOPE = np.zeros((_DEGREE + 1, _DEGREE + 1))
 for _k in range(1, _DEGREE + 1):
@@ -129,7 +129,7 @@ def _stays(kinematics: Kinematics, q: Array, shift: Array) -> Mask:
 
 
 def crossing(kinematics: Kinematics, branch: Branch) -> Array:
-    """By how much the parameter of the nearest singular position (N,) differs; infinite: none.
+    """Offset of the parameter to the nearest singular position (N,); infinite: none.
 
     There the determinant of the constraints changes sign.
     """
@@ -138,7 +138,7 @@ def crossing(kinematics: Kinematics, branch: Branch) -> Array:
 
 
 def determinants(kinematics: Kinematics, q: Array) -> Array:
-    """Of the constraints (N, K) in the K `SAMPLES` beside N positions, at coordinates (n, N K).
+    """Determinants of the constraints (N, K) in K `SAMPLES` beside N positions, of q (n, N K).
 
     Of redundant ones, what they say in the sample where they are most independent counts.
     """
@@ -258,7 +258,7 @@ def limits(values: Array, determinant: Array, independence: Array) -> Array:
 
 
 def roots(values: Array) -> Array:
-    """Where functions (N, K), given at `SAMPLES`, vanish nearest to the middle, in its width.
+    """Zeros (N,) of functions (N, K), given at `SAMPLES`, nearest to the middle in its width.
 
     Infinite (N,) if they do not.
     """

@@ -18,7 +18,7 @@ from mechanism_sim.planar.protocols import Load, Relation, Wrench, moment_of
 from mechanism_sim.planar.rails import Foot, along, rail_of
 
 _RANK = 1e-9
-"""Of the largest pivot: rows that add less to those before follow from them."""
+"""Share of the largest pivot: rows that add less to those before follow from them."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +49,14 @@ class PrismaticClosure:
     mechanism: Mechanism
 
     def _normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Of the line, 90 degrees counterclockwise from its axis."""
+        """Normal of the line, 90 degrees counterclockwise from its axis."""
         if foot := self._foot(frames):
             return foot.normal
         line = self._joint.line
         return along(self.mechanism, frames, line, 0.5 * math.pi, f'{self.name}.normal')
 
     def _foot(self, frames: Frames) -> Foot | None:
-        """Where the second link's point is on an elastic rail."""
+        """Foot of the second link's point on an elastic rail; None on a rigid one."""
         j, m = self._joint, self.mechanism
         rail = rail_of(m, self.name, j.line)
         if rail is None:
@@ -84,7 +84,7 @@ class PrismaticClosure:
         return [away, turned * dense(frames.parameters(f'{self.name}.size', self.mechanism.size))]
 
     def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
-        """Of the second link's x axis as the first link holds it, and as it is."""
+        """Directions of the second link's x axis: as the first link holds it, and as it is."""
         joint, foot = self._joint, self._foot(frames)
         at = None if foot else joint.on_first
         first = self.mechanism.direction(joint.first, joint.angle, at)
@@ -127,7 +127,7 @@ class WeldClosure:
     mechanism: Mechanism
 
     def _directions(self, frames: Frames) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet]]:
-        """Of the second link's x axis as the first link holds it, and as it is."""
+        """Directions of the second link's x axis: as the first link holds it, and as it is."""
         m, j = self.mechanism, self.mechanism.joint(self.name)
         held = m.direction(j.first, j.angle if isinstance(j, Weld) else 0.0, j.on_first)
         own = m.direction(j.second, 0.0, j.on_second)
@@ -137,7 +137,7 @@ class WeldClosure:
         )
 
     def values(self, frames: Frames) -> list[Jet]:
-        """From the second's point to the first's [m]; sine of the angle, times the size [m]."""
+        """Vector from the second's point to the first's [m]; sine of the angle, times size [m]."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         (ux, uy), (vx, vy) = self._directions(frames)
         size = dense(frames.parameters(f'{self.name}.size', self.mechanism.size))
@@ -185,7 +185,7 @@ class HigherClosure(Generic[J]):
         return self.joint.name
 
     def facing(self, _: Frames) -> list[Term]:
-        """Where its row vanishes most kinds are closed."""
+        """Terms for `Relation.facing`: none of most kinds, closed wherever the row vanishes."""
         return []
 
 
@@ -212,11 +212,11 @@ class IndependentRows:
         return [jet for i, jet in every if i not in self.kept]
 
     def facing(self, frames: Frames) -> list[Term]:
-        """As the whole closure."""
+        """Terms of the whole closure."""
         return self.relation.facing(frames)
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Of the forces along the rows that are kept."""
+        """Wrench of the forces along the rows that are kept."""
         count = len(self.relation.values(frames))
         known = dict(zip(self.kept, forces, strict=True))
         return self.relation.wrench(frames, [known.get(i) for i in range(count)])

@@ -36,7 +36,7 @@ class Constraints:
 
     @classmethod
     def of(cls, mechanism: Mechanism) -> Constraints:
-        """Those of all joints of a mechanism, loose ones taken as ideal."""
+        """Constraints of all joints of a mechanism, loose ones taken as ideal."""
         return cls(tuple(body.name for body in mechanism.bodies), mechanism.joints)
 
     @cached_property
@@ -53,7 +53,7 @@ class Constraints:
 
     @property
     def size(self) -> float:
-        """That of the mechanism [m]."""
+        """Size of the mechanism [m]."""
         return self._floating.mechanism.size
 
     def linearise(self, poses: Array) -> tuple[Array, Array]:
@@ -76,7 +76,7 @@ class Constraints:
         return residual[0], jacobian[0][:, columns]
 
     def normalise(self, poses: Array) -> tuple[Array, Array]:
-        """As `linearise`, with every length measured in `size`: free of units."""
+        """Residual and Jacobian as of `linearise`, dimensionless by lengths over `size`."""
         residual, jacobian = self.linearise(poses)
         return residual / self.size, jacobian * self.scale.ravel() / self.size
 

@@ -215,7 +215,7 @@ _PATIENCE = 100_000
 
 
 def times_of_angles(laws: Iterable[Law], angles: Iterable[float]) -> Iterator[float]:
-    """When consecutive laws have turned their coordinate by rising angles [rad]: [s] of each.
+    """Times [s] at which consecutive laws have turned their coordinate by rising angles [rad].
 
     Forward or backward: a drive that swings turns on. They end where it never comes so far.
     """
@@ -259,7 +259,7 @@ def _one_way(laws: Iterable[Law]) -> Iterator[tuple[DriveLaw, float, float]]:
 
 
 def _reached(law: DriveLaw, begin: float, end: float, angle: float) -> float | None:
-    """When a law has turned by `angle` [rad] since a time [s], if before `end` [s]."""
+    """Time at which a law has turned by `angle` [rad] since `begin` [s], if before `end`."""
     if law.degree == 1 and law.valid_from == law.reference_time:
         speed = abs(law.coefficients[1])
         t = begin + angle / speed if speed else math.inf
@@ -286,7 +286,7 @@ class LawSource(Protocol):
 
     @property
     def period(self) -> float | None:
-        """After which its rate is as before [s]; None if that is not known."""
+        """Period of the coordinate's rate [s]; None if it is unknown."""
 
     def after(self, law: DriveLaw) -> DriveLaw | None:
         """The law that takes over from one of this source; None if that holds for ever."""
@@ -316,7 +316,7 @@ class FormulaLaws:
 
     @property
     def degree(self) -> int:
-        """Of what the series has, integrated if it is a rate."""
+        """Degree of the series, integrated if it is a rate."""
         return max(len(self.series.piece(0.0).exact), len(self.series.piece(0.0).series)) - (
             not self.rate
         )

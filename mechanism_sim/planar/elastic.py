@@ -135,11 +135,11 @@ class Pieces(NamedTuple):
 
     @property
     def order(self) -> int:
-        """How many coefficients each has: its degree and one."""
+        """Number of coefficients of each polynomial: its degree and one."""
         return int(self.coefficients.shape[1])
 
     def at(self, t: Array, derivative: int) -> Array:
-        """They or their derivatives at places t (...,) from 0 to 1: (count, ...)."""
+        """Values or derivatives of the functions at places t (...,) from 0 to 1: (count, ...)."""
         t = np.asarray(t, float)
         i = np.clip(np.searchsorted(self.breaks, t, 'right') - 1, 0, len(self.coefficients) - 1)
         start, wide = self.breaks[i], np.diff(self.breaks)
@@ -278,13 +278,13 @@ class Beam(LinkExtension):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: ``bend1``, ..., ``stretch1``, ..."""
+        """Names of the coordinates: ``bend1``, ..., ``stretch1``, ..., in this order."""
         bends = (f'bend{i + 1}' for i in range(self.modes))
         return (*bends, *(f'stretch{k + 1}' for k in range(self.stretch)))
 
     @property
     def mass(self) -> float:
-        """Of the beam without lumps [kg]."""
+        """Mass of the beam without lumps [kg]."""
         return self.density * self.length
 
     def deflection(self, x: float | Array, derivative: int = 0) -> Array:
@@ -344,7 +344,7 @@ class Beam(LinkExtension):
         return np.asarray((slopes * weights) @ slopes.T)
 
     def arms(self, at: Vector2) -> Arms:
-        """How a point of the link moves in the link's frame: vectors by products of coordinates.
+        """Displacement of a point of the link in its frame: vectors by products of coordinates.
 
         Beside the axis a point moves with its cross-section, beyond the beam with the end of it.
 
@@ -373,7 +373,7 @@ class Beam(LinkExtension):
         return {names: d for names, d in found.items() if d != (0.0, 0.0)}
 
     def turned(self, at: Vector2, v: Vector2) -> Arms:
-        """How a vector moves that is fixed to the cross-section at a point, like `arms`."""
+        """Change of a vector that is fixed to the cross-section at a point, like `arms`."""
         slope = self.slopes(at)
         found: Arms = {(name,): (-x * v[1], x * v[0]) for name, x in slope.items()}
         if self.shortens:
@@ -383,7 +383,7 @@ class Beam(LinkExtension):
         return found
 
     def slopes(self, at: Vector2) -> dict[str, float]:
-        """How much a cross-section turns with each coordinate [rad/m]."""
+        """Rotation of a cross-section per coordinate [rad/m]."""
         slope = self.deflection(min(max(at[0], 0.0), self.length), 1).tolist()
         return {name: x for name, x in zip(self.names, slope, strict=False) if x}
 
@@ -426,11 +426,11 @@ class Beam(LinkExtension):
         return (*((m, (x, 0.0)) for m, x in zip(mass, places.tolist(), strict=True)), *self.lumps)
 
     def masses(self, body: Body, place: Callable[..., Point]) -> list[tuple[float, Point]]:
-        """Those of the quadrature, and the lumps."""
+        """Point masses of the quadrature, and the lumped masses [kg]."""
         return [(mass, place(at)) for mass, at in self.particles]
 
     def spin_of(self, body: Body) -> float:
-        """Of what turns with the link's frame."""
+        """Inertia that turns with the link's frame [kg m^2]."""
         return self.spin
 
     @cached_property

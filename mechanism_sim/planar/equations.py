@@ -84,7 +84,7 @@ class Equations:
 
     @staticmethod
     def _tangents(point: Spread, c: str) -> list[_Vector]:
-        """How a point moves with a coordinate."""
+        """Derivative of a point's position with respect to a coordinate."""
         found = []
         for (frame, slide), (x, y) in point.items():
             scale = factors(slide)
@@ -97,7 +97,7 @@ class Equations:
 
     @staticmethod
     def _accelerated(point: Spread) -> list[tuple[_Vector, tuple[str, str]]]:
-        """Its acceleration at constant rates: vectors, each with two rates that multiply it."""
+        """Acceleration of a point at constant rates: vectors, each with its two rates."""
         found = []
         for (frame, slide), (x, y) in point.items():
             scale = factors(slide)

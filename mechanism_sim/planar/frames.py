@@ -23,7 +23,7 @@ from mechanism_sim.planar.switches import Switch, SwitchTable, ToothTable
 
 Number: TypeAlias = 'Jet | hy.expression | float'
 STATE = 'state:'
-"""With which the names of states of first order begin in `Frames.outside`."""
+"""Prefix of the names of states of first order in `Frames.outside`."""
 
 
 @dataclass
@@ -261,7 +261,7 @@ class Frames:
         return found
 
     def _component(self, name: str, value: float) -> Term:
-        """Of a unit vector: ones need no parameter."""
+        """Component of a unit vector: ones need no parameter."""
         return hy.expression(value) if abs(value) == 1.0 else self.parameters(name, value)
 
     def product(self, f: str, g: str, inner: Term, outer: Term) -> Term:
@@ -382,7 +382,7 @@ class Jet:
 
     @property
     def as_rate(self) -> Jet:
-        """Only how it changes, as a rate that belongs to no value."""
+        """Rate of this function alone, which belongs to no value."""
         return Jet(None, self.gradient, self.rate, self.curvature)
 
     def times_rate(self, other: Jet) -> Jet:

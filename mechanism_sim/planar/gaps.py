@@ -41,7 +41,7 @@ class MeasuredGap:
 
 
 class FrictionlessGap(MeasuredGap):
-    """A gap that presses along an axis or by a moment: nothing of it is in the plane."""
+    """A gap that presses along an axis or by a moment, without a force in the plane."""
 
     friction: ClassVar[float] = 0.0
 
@@ -55,7 +55,7 @@ class FrictionlessGap(MeasuredGap):
         raise NotImplementedError(f'{type(self).__name__} has no friction')
 
     def normal(self, _: Frames) -> tuple[Jet, Jet]:
-        """Nothing in the plane."""
+        """Normal in the plane: zero."""
         return lift(0.0), lift(0.0)
 
 
@@ -93,7 +93,7 @@ class Wall(MeasuredGap):
         return play - offset if self.side == 'left' else play + offset
 
     def _friction(self) -> Rubbing:
-        """Where; the wall presses on the second-named link against the offset, or along it."""
+        """Friction of the wall: it presses on the second-named link against or along the row."""
         if self.touch is None:
             raise ValueError(f'{self.name} has no friction')
         return self.touch.on(-1 if self.side == 'left' else 1)
@@ -104,16 +104,16 @@ class Wall(MeasuredGap):
         return slip if self.side == 'left' else -slip
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while the wall rubs, 0 while what has no friction holds; None if it always does."""
+        """1 while the wall has friction, 0 while a frictionless part holds; None if always."""
         return self.touch.engaged(frames) if self.touch else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Along the force of the wall."""
+        """Direction of the force of the wall."""
         pressed = self.wrench(frames, hy.expression(1.0), None)
         return lift(dense(pressed.x)), lift(dense(pressed.y))
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """That of the closure with the wall's force along its row, and friction."""
+        """Wrench of the closure with the wall's force along its row, and of friction."""
         pressed = self.closure.wrench(frames, [neg(N) if self.side == 'left' else N])
         if T is None:
             return pressed
@@ -122,7 +122,7 @@ class Wall(MeasuredGap):
 
 
 def wall_name(mechanism: Mechanism, joint: HigherPair, side: Side) -> str:
-    """Of a wall of a joint: ``JOINT_left``, or ``JOINT.left`` if another joint is called so."""
+    """Name of a joint's wall: ``JOINT_left``, or ``JOINT.left`` if a joint has that name."""
     return _name_of(mechanism, joint, side) if len(joint.sides) > 1 else joint.name
 
 
@@ -141,20 +141,20 @@ SIDES: tuple[tuple[str, Side], ...] = (
 
 
 def corner_name(mechanism: Mechanism, joint: Prismatic, end: str, side: Side) -> str:
-    """Of the gap at a corner of a block in a guide: ``JOINT_front_left`` and so on."""
+    """Name of the gap at a corner of a block in a guide: ``JOINT_front_left`` and so on."""
     return _name_of(mechanism, joint, f'{end}_{side}')
 
 
 ENDS = 'front', 'rear'
-"""Of a bearing along its axis: that on the reader's side, and the other."""
+"""Ends of a bearing along its axis: that on the reader's side, and the other."""
 
 
 STOPS = 'stop_front', 'stop_rear'
-"""Of a bearing along its axis: what the first link meets moving towards the reader; or back."""
+"""Axial stops of a bearing, which the first link meets moving towards the reader, or back."""
 
 
 def end_name(mechanism: Mechanism, joint: Revolute, end: str) -> str:
-    """Of a gap at an end of a bearing: ``JOINT_front`` and so on, ``JOINT_stop_front``."""
+    """Name of a gap at an end of a bearing: ``JOINT_front`` and so on, ``JOINT_stop_front``."""
     return _name_of(mechanism, joint, end)
 
 
@@ -163,7 +163,7 @@ BOUNDS = 'lower', 'upper'
 
 
 def bound_name(mechanism: Mechanism, joint: Joint, bound: str) -> str:
-    """Of the gap at a limit of a joint: ``JOINT_lower`` and so on."""
+    """Name of the gap at a limit of a joint: ``JOINT_lower`` and so on."""
     return _name_of(mechanism, joint, bound)
 
 
@@ -220,7 +220,7 @@ def joint_of_gap(mechanism: Mechanism, gap: str) -> Joint:
 
 
 def gaps_of(mechanism: Mechanism, joint: str, gaps: Iterable[str]) -> list[str]:
-    """Those of some gaps that a joint has in the plane, by name."""
+    """Names of the gaps of a joint in the plane, out of some gaps."""
     owners = ((gap, joint_of_gap(mechanism, gap)) for gap in gaps)
     return [gap for gap, owner in owners if owner.name == joint and not is_stop(owner, gap)]
 

@@ -171,7 +171,7 @@ class InverseDynamics:
 
     @cached_property
     def edges(self) -> Edges | None:
-        """Where a closure changes, or a load begins or ceases to act; None if nothing does."""
+        """Finder of changes of closures and loads along a motion; None without changes."""
         frames = self.equations.frames
         return Edges(frames) if frames.switches else None
 
@@ -260,7 +260,7 @@ class InverseDynamics:
         return SwitchedFunction(frames, [slopes], motion)
 
     def damping(self, q: Array, v: Array) -> Array:
-        """How springs, dampers and loads resist a change of rates, (n, n, N) ``-dQ/dv``.
+        """Damping matrix of springs, dampers and loads, (n, n, N) ``-dQ/dv``.
 
         Of forces Q that depend on nothing but the motion.
 
@@ -329,7 +329,7 @@ class InverseDynamics:
     def _solved(
         self, motion: Array, T: Array, rows: Array | None
     ) -> tuple[Any, Array, list[Array]]:
-        """Under frictions T (m, N): forces of closures and drives, sizes of loads, more."""
+        """Forces of closures and drives, sizes of loads, and more, under frictions T (m, N)."""
         first, second = self._functions
         n, count = len(self.mechanism.coordinates), motion.shape[1]
         motion = np.concatenate([motion, T])

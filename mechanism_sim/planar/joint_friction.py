@@ -1,4 +1,4 @@
-"""Coulomb friction in ideal joints: all kinds that rub under their own load.
+"""Coulomb friction in ideal joints, under their own load.
 
 What rubs is one number T per joint, on the second-named link: a moment about the pin, or a force
 along the line. While it slides ``T = -b sign(rate)``; while it sticks T is what keeps the rate at
@@ -66,18 +66,18 @@ class JointFriction(ABC):
 
     @property
     def joint(self) -> Joint:
-        """The joint that rubs."""
+        """Joint with the friction."""
         return self.mechanism.joint(self.name)
 
     @property
     def label(self) -> str:
-        """Its name, of the walls of a joint different ones."""
+        """Name of the friction, different for different walls of a joint."""
         return self.name
 
     @property
     @abstractmethod
     def words(self) -> str:
-        """How it rubs, in words."""
+        """Describe the friction in words."""
 
     @property
     @abstractmethod
@@ -86,7 +86,7 @@ class JointFriction(ABC):
 
     @property
     def unit(self) -> str:
-        """Of T."""
+        """Unit of T."""
         return 'N'
 
     @abstractmethod
@@ -99,7 +99,7 @@ class JointFriction(ABC):
 
     @abstractmethod
     def wrench(self, frames: Frames, T: Term) -> Wrench:
-        """Its part of the wrench of the joint on the second-named link."""
+        """Contribution of friction to the joint's wrench on the second-named link."""
 
     @abstractmethod
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
@@ -151,7 +151,7 @@ class JournalFriction(JointFriction):
 
     @property
     def law(self) -> str:
-        """By the force of the pin."""
+        """Law of friction in words, by the force of the pin."""
         return f'|{{0}}| <= {self._circle:.6g} m times the force in {{1}}{_AGAINST}'
 
     @property
@@ -161,12 +161,12 @@ class JournalFriction(JointFriction):
 
     @property
     def words(self) -> str:
-        """By the radius of its friction circle."""
+        """Describe the friction by the radius of its friction circle."""
         circle = 1e3 * self._circle
         return f'coefficient {self.coefficient:g}, friction circle of radius {circle:.4g} mm'
 
     def slip(self, frames: Frames) -> Jet:
-        """Of the angles."""
+        """Relative angular velocity of the links."""
         j, m = self.joint, self.mechanism
         first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.friction.first')
         second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.friction.second')
@@ -185,7 +185,7 @@ class JournalFriction(JointFriction):
         return Wrench(None, None, T)
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
-        """By the size of the force."""
+        """Normal force: the size of the pin's force."""
         arm = self._number(frames, 'arm', self._circle)
         return [Pressed(arm, (wrench.x, wrench.y), self._resolution(frames))]
 
@@ -203,13 +203,13 @@ class LineFriction(JointFriction):
 
     @property
     def law(self) -> str:
-        """By the force across, or those at both ends."""
+        """Law of friction in words, by the force across, or the forces at both ends."""
         ends = f' at both ends of {self.length:g} m' if self.length else ''
         return f'|{{0}}| <= {self.coefficient:g} times the force across {{1}}{ends}{_AGAINST}'
 
     @property
     def words(self) -> str:
-        """By the angle of friction."""
+        """Describe the friction by its angle."""
         angle = math.degrees(math.atan(self.coefficient))
         ends = f', both ends of {1e3 * self.length:g} mm' if self.length else ''
         return f'coefficient {self.coefficient:g}, friction angle {angle:.4g} deg{ends}'
@@ -228,7 +228,7 @@ class LineFriction(JointFriction):
         return self._direction(frames, 0.0, 'along')
 
     def slip(self, frames: Frames) -> Jet:
-        """Along the line."""
+        """Slip along the line."""
         for link, joint in self.mechanism.tree_joints.items():
             if joint.name == self.name:
                 return frames.displacement(link).as_rate
@@ -246,7 +246,7 @@ class LineFriction(JointFriction):
         ]
 
     def _moment(self, frames: Frames, T: Term) -> Term:
-        """Of the force on the second-named link about its own point; along a guide none."""
+        """Moment of the force on the second-named link about its own point; none along a guide."""
         if self._guided:
             return None
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
@@ -259,7 +259,7 @@ class LineFriction(JointFriction):
         return Wrench(mul(T, ux.value), mul(T, uy.value), self._moment(frames, T))
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
-        """By the force across, or by those at both ends."""
+        """Normal forces: the force across, or those at both ends."""
         nx, ny = self._direction(frames, 0.5 * math.pi, 'across')
         across = add(mul(wrench.x, nx.value), mul(wrench.y, ny.value))
         mu, none = self._number(frames, 'coefficient', self.coefficient), self._resolution(frames)
@@ -282,18 +282,18 @@ class TeethFriction(JournalFriction):
 
     @property
     def law(self) -> str:
-        """By the force normal to the teeth."""
+        """Law of friction in words, by the force normal to the teeth."""
         arm = self.coefficient * self.radius
         return f'|{{0}}| <= {arm:.6g} m times the force normal to the teeth of {{1}}{_AGAINST}'
 
     @property
     def words(self) -> str:
-        """By the mean distance of contact from the pitch point."""
+        """Describe the friction by the mean distance of contact from the pitch point."""
         arm = f'{1e3 * self.radius:.4g} mm'
         return f'coefficient {self.coefficient:g}, contact {arm} from the pitch point on the mean'
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
-        """By the tangential force, which changes its sign where the other flanks bear."""
+        """Normal force: the tangential force, of opposite sign where the other flanks bear."""
         joint = self.joint
         if not isinstance(joint, HigherPair):
             raise TypeError(f'{self.name} is no higher pair')
@@ -319,12 +319,12 @@ class FlankFriction(JointFriction):
 
     @property
     def law(self) -> str:
-        """By the force across the flanks."""
+        """Law of friction in words, by the force across the flanks."""
         return f'|{{0}}| <= {self.coefficient:g} times the force across the flanks{_AGAINST}'
 
     @property
     def words(self) -> str:
-        """By the coefficient."""
+        """Describe the friction by its coefficient."""
         return f'coefficient {self.coefficient:g}, at the pitch point'
 
     @property
@@ -336,7 +336,7 @@ class FlankFriction(JointFriction):
         return ends if fixed else [*ends, ('carrier', self.carrier, (0.0, 0.0), -one - two)]
 
     def slip(self, frames: Frames) -> Jet:
-        """Along the flanks [m/s]."""
+        """Slip along the flanks [m/s]."""
         slips = (
             frames.turn(self.mechanism.turns(link, at), f'{self.name}.friction.{which}')
             * lift(dense(self._number(frames, f'arm.{which}', arm)))
@@ -367,7 +367,7 @@ class FlankFriction(JointFriction):
         return np.asarray(self.coefficient * np.abs(moment / (self.lever - against) * slip))
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
-        """By the moment on the second."""
+        """Normal force, from the moment on the second."""
         force = div(wrench.moment, self._number(frames, 'lever', self.lever))
         mu = self._number(frames, 'coefficient', self.coefficient)
         return [Pressed(mu, (force,), self._resolution(frames))]
@@ -386,24 +386,24 @@ class ContactFriction(JointFriction):
 
     @property
     def law(self) -> str:
-        """By the normal force."""
+        """Law of friction in words, by the normal force."""
         mu, where = self.coefficient * self.touch.share, ' on this wall' if self.wall else ''
         return f'|{{0}}| <= {mu:.6g} times the normal force in {{1}}{where}{_AGAINST}'
 
     @property
     def words(self) -> str:
-        """By the coefficient at the contact."""
+        """Describe the friction by its coefficient at the contact."""
         share = self.touch.share
         rolls = f', {share:.4g} of it at the rim of the roller' if share != 1.0 else ''
         return f'coefficient {self.coefficient:g}{rolls}'
 
     @property
     def label(self) -> str:
-        """With the wall."""
+        """Name of the friction with its wall."""
         return f'{self.name}.{"outer" if self.wall > 0 else "inner"}' if self.wall else self.name
 
     def slip(self, frames: Frames) -> Jet:
-        """Along the normal turned by +90."""
+        """Slip along the normal turned by +90 degrees."""
         return self.touch.slip(frames)
 
     def loads(self, frames: Frames, T: Term) -> list[Load]:
@@ -415,7 +415,7 @@ class ContactFriction(JointFriction):
         return self.touch.wrench(frames, T)
 
     def pressed(self, frames: Frames, wrench: Wrench) -> list[Pressed]:
-        """By the normal force."""
+        """Normal force of the contact."""
         normal, _ = self.touch.contact(frames)
         mu = self._number(frames, 'coefficient', self.coefficient * self.touch.share)
         mu = mul(mu, engaged) if (engaged := self.touch.engaged(frames)) is not None else mu
@@ -540,7 +540,7 @@ def _bounds(
 def with_friction(
     frictional_joints: Sequence[FrictionalJoint], reactions: Mapping[str, Wrench], frames: Frames
 ) -> dict[str, Wrench]:
-    """The wrenches of all joints, with what rubs in them."""
+    """Wrenches of all joints, with their friction."""
     found = dict(reactions)
     for joint in frictional_joints:
         name = joint.friction.name

@@ -89,13 +89,13 @@ class Kinematics:
         self.sought = [i for i in range(len(self.coordinates)) if i not in self.held]
 
     def holding(self, held: Sequence[str]) -> Kinematics:
-        """These closures with other coordinates held; compiled functions serve both."""
+        """Copy of these closures with other coordinates held; compiled functions serve both."""
         other = copy(self)
         other._hold(held)
         return other
 
     def released(self) -> Kinematics:
-        """These closures with no coordinate held."""
+        """Copy of these closures with no coordinate held."""
         return self.holding(())
 
     @property
@@ -105,7 +105,7 @@ class Kinematics:
 
     @property
     def edges(self) -> Edges | None:
-        """Where something begins to act that does so in a part of the cycle; None if nothing."""
+        """Finder of the changes of closures along a motion; None without changes."""
         return self._closures.edges
 
     def closure(self, q: Array, rows: Array | None = None) -> tuple[Array, Array]:
@@ -176,7 +176,7 @@ class Kinematics:
         targets: Array | None = None,
         closure: tuple[Array, Array] | None = None,
     ) -> Array:
-        """How far the closures are open (N,) [m] at (n, N); zero for those open by rounding only.
+        """Constraint violation (N,) [m] at coordinates (n, N); zero within rounding.
 
         A closure rounds by the lengths that it adds up, which are within the reach of the
         mechanism, and by the coordinates themselves: a gear that has turned by the angle a leaves
@@ -200,7 +200,7 @@ class Kinematics:
         return np.asarray(np.abs(self.closure(q)[0]).max(axis=1, initial=0.0))
 
     def independence(self, q: Array) -> Array:
-        """How well the closures determine the sought coordinates at (n, N): (N,), 1 to 0.
+        """Measure (N,) of how well the closures determine the sought coordinates, 1 to 0.
 
         The least singular value of their Jacobian with columns of length one: with two unknown
         angles, about the sine of half the angle between their links.

@@ -40,7 +40,7 @@ class Excitation(NamedTuple):
     direction: tuple[float, float] | None  #: unit vector in the world; None for a moment
 
     def load(self, size: hy.expression) -> Load:
-        """It, times a size [N, N m]."""
+        """Load of a size [N, N m]."""
         if self.direction is None:
             return Load('excitation', *self.point, moment=size)
         x, y = self.direction
@@ -218,7 +218,7 @@ class Linearisation:
         return Point(q, v, np.zeros(len(self._forces)), given)
 
     def basis(self, J: Array) -> tuple[Array, list[int]]:
-        """How all coordinates move with the independent ones, driven coordinates at rest.
+        """Basis of motions in the independent coordinates, with driven coordinates at rest.
 
         Returns
         -------

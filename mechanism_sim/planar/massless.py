@@ -1,4 +1,4 @@
-"""Which motions of a mechanism move no mass: links of mass 0 beside others.
+"""Motions of a mechanism that move no mass: links of mass 0 beside others.
 
 A direction of motion moves no mass if no centre of gravity of a link with mass moves and no link
 with inertia turns. That is a matter of geometry: how large masses are does not count.
@@ -17,7 +17,7 @@ _MECHANISM = TOLERANCES.mechanism
 
 
 def inertial_motion(mechanism: Mechanism, q: Array) -> Array:
-    """How whatever has inertia moves with the coordinates, (k, n).
+    """Jacobian (k, n) of the motion of all mass and inertia with respect to the coordinates.
 
     Rows are velocities of the centres of gravity of links with mass, over the mechanism's size,
     and rates of links with inertia, per coordinate [1/rad, 1/m].

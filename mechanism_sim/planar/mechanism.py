@@ -52,7 +52,7 @@ class Connection:
 
     @property
     def points(self) -> tuple[LinkPoint, LinkPoint]:
-        """Both links, each with its point."""
+        """Links of the connection, each with its point."""
         return (self.first, self.on_first), (self.second, self.on_second)
 
     @property
@@ -66,7 +66,7 @@ class Connection:
         return (here, there) if link == self.first else (there, here)
 
     def on(self, link: str) -> Vector2:
-        """Where it is on one of its links [m]."""
+        """Point of the connection on one of its links [m]."""
         return self.across(link)[0][1]
 
     @property
@@ -92,7 +92,7 @@ class Prismatic(Connection):
 
     @property
     def line(self) -> StraightLine:
-        """That of `first`."""
+        """Line of the joint on `first`."""
         return StraightLine(self.first, self.on_first, self.axis)
 
 
@@ -105,7 +105,7 @@ class Weld(Connection):
     angle: float = 0.0  #: [rad] of the frame of `second` in that of `first`
 
     def draw(self, draft: Draft) -> None:
-        """Both links reach there."""
+        """Extend the outlines of both links to the joint."""
         for place in self.points:
             draft.reach(place)
 
@@ -138,7 +138,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def without_forces(self) -> str:
-        """Why its motion needs infinite forces, as a sentence; empty if it does not."""
+        """Reason why the motion needs infinite forces, as a sentence; empty if it does not."""
         return ''
 
     @property
@@ -173,7 +173,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def extent(self) -> float:
-        """How far from a joint of its links it touches at most [m]."""
+        """Greatest distance of a contact from a joint of its links [m]."""
         return 0.0
 
     @abstractmethod
@@ -185,7 +185,7 @@ class HigherPair(Connection, ABC):
         return False
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Rubbing:
-        """Where it rubs, with a pin of that radius [m].
+        """Sliding contact of the pair, with a pin of a radius [m].
 
         Raises
         ------
@@ -196,7 +196,7 @@ class HigherPair(Connection, ABC):
 
     @property
     def rubbing_wall(self) -> type | None:
-        """Of walls that rub, a class of its own if they do so unlike others, see `planar.gaps`."""
+        """Special class of walls with friction, see `planar.gaps`; None: the usual one."""
         return None
 
     def elements(self, _: Mechanism) -> Sequence[ForceElement]:
@@ -288,7 +288,7 @@ class PairClosure(Relation, Protocol):
 
     @property
     def mechanism(self) -> Mechanism:
-        """That it belongs to."""
+        """Mechanism to which the closure belongs."""
 
 
 Joint: TypeAlias = Revolute | Prismatic | Weld | HigherPair
@@ -327,11 +327,11 @@ class Tree:
 
     @cached_property
     def extensions(self) -> dict[str, LinkExtension]:
-        """Those of links that have coordinates of their own, by link."""
+        """Extensions of links with coordinates of their own, by link."""
         return {body.name: body.extension for body in self.bodies if body.extension}
 
     def having(self, kind: type[Extension]) -> dict[str, Extension]:
-        """Those of one kind, by link."""
+        """Extensions of one kind, by link."""
         return {link: x for link, x in self.extensions.items() if isinstance(x, kind)}
 
     @cached_property
@@ -484,11 +484,11 @@ class Mechanism(Tree):
         return frames.angle(self.frame(link)[0]) + self.bent(frames, link, at, label)
 
     def bent(self, frames: Frames, link: str, at: Vector2, label: str) -> Jet:
-        """How far the cross-section at a point of a link has turned in its frame [rad]."""
+        """Rotation of the cross-section at a point of a link in the link's frame [rad]."""
         return frames.turn(self._slopes(link, at), label)
 
     def _slopes(self, link: str, at: Vector2) -> dict[str, float]:
-        """How much a cross-section turns with each coordinate of its link's extension [rad/m]."""
+        """Rotation of a cross-section per coordinate of its link's extension [rad/m]."""
         own = self.extensions.get(link)
         return {f'{link}.{name}': x for name, x in own.slopes(at).items()} if own else {}
 
@@ -525,7 +525,7 @@ class Mechanism(Tree):
         return _plus(_plus(result, rigid), moved)
 
     def _deformed(self, link: str, at: Vector2) -> Point:
-        """How the deformation of a link moves its points in its frame."""
+        """Displacement of a point of a link in its frame by the link's deformation."""
         own = self.extensions.get(link)
         return self._arms(link, own.arms(at)) if own else {}
 
@@ -552,12 +552,12 @@ class Mechanism(Tree):
         return [*body.extension.masses(body, place)]
 
     def lean(self, link: str, height: float = 0.0) -> Point:
-        """How a point above a link's plane [m] moves in the plane when the link leans."""
+        """Displacement in the plane of a point above a link's plane [m] by the link's tilt."""
         own = self.extensions.get(link)
         return self._arms(link, own.lean(height)) if own and height else {}
 
     def rise(self, link: str, at: Vector2) -> dict[str, float]:
-        """How much a point of a link's plane moves along the axes with each coordinate."""
+        """Displacement along the axes of a point of a link's plane, per coordinate."""
         own = self.extensions.get(link)
         return {f'{link}.{name}': x for name, x in own.rise(at).items()} if own else {}
 
@@ -587,7 +587,7 @@ class Mechanism(Tree):
         return found
 
     def turns(self, link: str, at: Vector2) -> dict[str, float]:
-        """How much a link turns at a point with each coordinate: 1, or [rad/m]."""
+        """Rotation of a link at a point per coordinate: 1, or [rad/m]."""
         frame = self.frame(link)[0]
         found = {} if frame == GROUND else {frame: 1.0}
         return found | self._slopes(link, at)
@@ -657,7 +657,7 @@ class Mechanism(Tree):
         return _plus(first, _minus(second))
 
     def inclination(self, joint: str, pin: Vector2, bushing: Vector2) -> Point:
-        """That of the first link against the second at a joint, and of their axes [rad].
+        """Inclination of the first link's axis at a joint against the second's [rad].
 
         Parameters
         ----------

@@ -67,7 +67,7 @@ class InductionMotor:
         rated_torque: float,
         breakdown_torque: float,
     ) -> InductionMotor:
-        """From rated and largest torque: ``s_b = s_r (m + sqrt(m^2 - 1))``, m their ratio.
+        """Motor by rated and largest torque: ``s_b = s_r (m + sqrt(m^2 - 1))``, m their ratio.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class Characteristic(Protocol):
 
     @property
     def name(self) -> str:
-        """In words."""
+        """Name of the characteristic in words."""
 
     @property
     def starting(self) -> float:
@@ -126,7 +126,7 @@ class Motor:
 
     @property
     def name(self) -> str:
-        """In words, with its gear."""
+        """Name of the motor in words, with its gear."""
         gear = '' if self.ratio == 1.0 else f' through a gear of {self.ratio:g}'
         return self.characteristic.name + gear
 

@@ -45,7 +45,7 @@ class ForceElement(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, which is that of the joint if it replaces one."""
+        """Name of the element, which is that of the joint if it replaces one."""
 
     def loads(self, frames: Frames) -> list[Load]:
         """Loads on the links; of a joint on the first-named, then the second-named link."""
@@ -63,7 +63,7 @@ class OilFilm(ForceElement, Protocol):
 
     @property
     def clearance(self) -> float:
-        """Its thickness all around a journal in the middle [m]."""
+        """Thickness of the film around a centred journal [m]."""
 
     @property
     def roughness(self) -> float:
@@ -82,18 +82,18 @@ class FirstOrderState(ForceElement, Protocol):
 
     @property
     def label(self) -> str:
-        """Its name without that of its section."""
+        """Name of the state without that of its section."""
 
     @property
     def start(self) -> float:
-        """Its value at the start, in its own unit."""
+        """Initial value, in the state's own unit."""
 
     @property
     def scale(self) -> float:
         """The size to which its errors are relative: a power of two, so that nothing rounds."""
 
     def rate(self, frames: Frames) -> hy.expression:
-        """Its rate [1/s in its own unit]."""
+        """Rate of the state [1/s in its own unit]."""
 
 
 @runtime_checkable
@@ -120,18 +120,18 @@ class Directed(ForceElement, Protocol):
         """True if its force jumps where the points pass each other along their line."""
 
     def between(self, q: Array) -> Array:
-        """The way from the first to the second (2, N) [m] at coordinates q (n, N)."""
+        """Vector from the first to the second (2, N) [m] at coordinates q (n, N)."""
 
 
 class Rubbing(Protocol):
-    """Where the links of a higher pair slide on each other, and what friction does there."""
+    """Sliding contact of the links of a higher pair, with friction."""
 
     @property
     def share(self) -> float:
-        """Of the coefficient of friction that acts."""
+        """Share of the coefficient of friction that acts."""
 
     def on(self, way: float) -> Rubbing:
-        """On the wall that presses so, 1 or -1, on the second along the positive force."""
+        """Contact on the wall that presses on the second along (1) or against (-1) the force."""
 
     def slip(self, frames: Frames) -> Jet:
         """Velocity of the second-named link on the first [m/s]."""
@@ -140,15 +140,15 @@ class Rubbing(Protocol):
         """Wrench on the second-named link of a force T along the slip."""
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while it rubs, 0 where something else holds the links; None if it always does."""
+        """1 while there is friction, 0 where something else holds the links; None if always."""
 
 
 class ForceLaw(Protocol):
-    """How a contact pushes back when it is compressed; a law of `contact.compliant`."""
+    """Compliant contact law; a law of `contact.compliant`."""
 
     @property
     def damping(self) -> Any:
-        """How much it does so more while closing than while opening; zero for an elastic one."""
+        """Damping coefficient, which raises the force while closing; zero for an elastic law."""
 
     def normal_force(self, depth: Any, rate: Any, approach: Any) -> Any:
         """Force [N] at a depth [m], its rate [m/s], and the rate of the first touch."""
@@ -171,7 +171,7 @@ class Gap(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, which is that of the joint if this has no other gap."""
+        """Name of the gap, which is that of the joint if this has no other gap."""
 
     @property
     def joint(self) -> str:
@@ -197,7 +197,7 @@ class Gap(Protocol):
         """Derivative of the value by the distance, at a value that may be negative."""
 
     def depth(self, value: Term) -> Term:
-        """How deep the links overlap [m], at a negative value."""
+        """Penetration of the links [m], for a negative value."""
 
     def value(self, frames: Frames) -> Jet:
         """The distance [m] for small distances; smooth wherever the motion can go.
@@ -216,7 +216,7 @@ class Gap(Protocol):
         """
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Along this the first-named link presses on the second, when closed; only a direction."""
+        """Direction in which the first-named link presses on the second when closed."""
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
         """Wrench of the first-named on the second-named link, by normal force and friction [N].
@@ -234,7 +234,7 @@ class MotionBound(Gap, Protocol):
 
     @property
     def overlap(self) -> str:
-        """In words, what is where it cannot be if the gap is negative."""
+        """Describe the overlap of a negative gap in words."""
 
     def draw(self, draft: Draft) -> None:
         """Add what is met to a drawing, unless the joint shows it."""
@@ -275,7 +275,7 @@ class BearingGap(Gap, Protocol):
 
     @property
     def apart(self) -> Point:
-        """From the bushing's centre to the pin's, Q."""
+        """Vector Q from the bushing's centre to the pin's."""
 
     def touch(self, q: Array) -> tuple[Array, Array | float, Array | float]:
         """Normal (2, N) from bushing to pin, along it Q (N,) [m], force of a unit multiplier.

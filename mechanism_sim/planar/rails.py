@@ -36,7 +36,7 @@ Pair = tuple[Jet, Jet]
 
 
 class Foot(NamedTuple):
-    """Where a rail is, seen from a point."""
+    """Foot of a point on a rail."""
 
     away: Jet  #: [m] its distance from the line, to the left
     cosine: Jet  #: of the angle by which the rail is turned there from its link's x axis
@@ -137,7 +137,7 @@ def along(
 
 
 def chord(mechanism: Mechanism, frames: Frames, link: str, a: Vector2, b: Vector2) -> Jet:
-    """How far the line from one point of an elastic link to another has turned in its frame.
+    """Rotation of the line between two points of an elastic link in the link's frame [rad].
 
     Parameters
     ----------

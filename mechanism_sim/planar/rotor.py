@@ -87,18 +87,18 @@ class Rotor(LinkExtension):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``DISK_x``, ..."""
+        """Names of the coordinates: ``x``, ``y``, ``tilt_x``, ``tilt_y``, ``DISK_x`` and so on."""
         return tuple(f'{pair}_{axis}' if pair else axis for pair in self.pairs for axis in 'xy')
 
     @property
     def angles(self) -> tuple[str, ...]:
-        """Those that are angles."""
+        """Coordinates that are angles."""
         slopes = (pair for pair, tilts in zip(self.pairs, self.diametral, strict=True) if tilts)
         return tuple(f'{pair}_{axis}' for pair in slopes for axis in 'xy')
 
     @property
     def mass(self) -> float:
-        """Of supports and further disks [kg]."""
+        """Mass of supports and further disks [kg]."""
         return sum(lump.mass for lump in self.lumps)
 
     @property
@@ -111,7 +111,7 @@ class Rotor(LinkExtension):
         return body.disk_radius
 
     def moved(self, link: str, shares: Sequence[float] = (1.0,)) -> Point:
-        """How a point of the axis moves that pairs move by these shares; the disk's centre."""
+        """Displacement of a point of the axis by shares of the pairs; of the disk's centre."""
         found: Point = {}
         for pair, share in zip(self.pairs, shares, strict=False):
             if share:

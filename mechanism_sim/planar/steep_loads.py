@@ -25,7 +25,7 @@ _CLOSE = 9  # places that are compared where a load falls right behind the start
 
 
 class SteepLoads:
-    """Formulas, tables and characteristics of motors: what no series foretells.
+    """Formulas, tables and characteristics of motors that are too steep for a Taylor series.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class SteepLoads:
 
 
 class ResolvedLoads:
-    """How much of a part of a motion nodes on it resolve all loads.
+    """Test of the share of a motion over which its nodes resolve all loads.
 
     Figures are taken at nodes. Where a load moves nothing, for a drive holds what it acts on, it
     is they alone that must see it.
@@ -192,7 +192,7 @@ class ResolvedLoads:
 
 @lru_cache(maxsize=64)  # of whole pieces the places are always the same
 def _interpolant(count: int, places: bytes) -> Array:
-    """From values at Chebyshev's nodes to those of their interpolant at N places: (count, N)."""
+    """Matrix (count, N) from values at Chebyshev's nodes to their interpolant at N places."""
     at = np.polynomial.chebyshev.chebvander(2.0 * np.frombuffer(places) - 1.0, count - 1)
     return np.asarray(chebyshev_coefficients(np.eye(count)) @ at.T)
 

@@ -133,7 +133,7 @@ class _Switches:
 
     @property
     def depth(self) -> int:
-        """How many levels of switches depend on each other."""
+        """Number of levels of switches that depend on each other."""
         return len(self._levels)
 
 
@@ -147,7 +147,7 @@ class GuardRanges(NamedTuple):
 
 
 class Edges:
-    """Where along a motion other rows of switches begin.
+    """Search along a motion for the places where other rows of switches begin.
 
     States (2n + k, N) are coordinates, their rates, and what `outside` names.
 

@@ -99,12 +99,12 @@ class Switch(NamedTuple):
         return below - above > max(_SWITCHES.felt, _SWITCHES.own * abs(free_below - free_above))
 
     def values(self, row: int) -> list[float]:
-        """Of the symbols."""
+        """Values of the symbols."""
         held = [float(row == HOLDS)] if self.holds is not None else []
         return [float(row % HOLDS), *held]
 
     def values_at(self, places: Array) -> Array:
-        """Of the symbols at places (N,), as if it did not hold: (1, N) or (2, N)."""
+        """Values of the symbols at places (N,), as if it did not hold: (1, N) or (2, N)."""
         return np.array([places > 0.0, np.zeros_like(places)][: len(self.symbols)], float)
 
 
@@ -190,7 +190,7 @@ class SwitchTable:
         return np.searchsorted(self._breaks[1:-1], places, 'right')
 
     def ends_between(self, start: float, end: float) -> Array:
-        """Places (N,) in the order in which rows end on the way from one place to another."""
+        """Places (N,) at which rows end between two places, in the order of their passage."""
         low, high, ends = min(start, end), max(start, end), self._breaks[1:-1]
         if self._periodic:
             period, ends = 2.0 * math.pi, self._breaks[:-1]
@@ -249,12 +249,12 @@ class SwitchTable:
         )
 
     def values(self, row: int) -> list[float]:
-        """Of the symbols in a row."""
+        """Values of the symbols in a row."""
         found: list[float] = self._values[row].tolist()
         return found
 
     def values_at(self, places: Array) -> Array:
-        """Of the n symbols at places (N,): (n, N)."""
+        """Values of the n symbols at places (N,): (n, N)."""
         found: Array = self._values[self.rows_at(places)].T
         return found
 

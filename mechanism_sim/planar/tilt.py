@@ -27,7 +27,7 @@ from mechanism_sim.planar.points import Point, Vector2
 
 @dataclass(frozen=True)
 class Tilt(LinkExtension):
-    """Stiffness that holds a rigid link in its plane, and inertia of its way out of it."""
+    """Stiffness that holds a rigid link in its plane, and inertia of its motion out of it."""
 
     mass: float  #: [kg]
     cog: Vector2  #: [m] in the link's frame
@@ -42,11 +42,11 @@ class Tilt(LinkExtension):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the coordinates: the inclinations, and the way along the axes."""
+        """Names of the coordinates: the inclinations, and the displacement along the axes."""
         return self.angles if self.axial is None else (*self.angles, 'axial')
 
     def rise(self, at: Vector2) -> dict[str, float]:
-        """How much a point of the link's plane moves towards the reader with each coordinate.
+        """Displacement towards the reader of a point of the link's plane, per coordinate.
 
         Parameters
         ----------
@@ -74,16 +74,16 @@ class Tilt(LinkExtension):
         ]
 
     def spin_of(self, body: Body) -> float:
-        """Of what does not lean."""
+        """Inertia that does not tilt [kg m^2]."""
         return self.spin
 
     def lean(self, height: float) -> Arms:
-        """To the first order."""
+        """Displacement of a point above the link's plane by the tilt, to first order."""
         along, across = self.angles
         return {(along,): (height, 0.0), (across,): (0.0, height)}
 
     def arms(self, at: Vector2) -> Arms:
-        """How a point of the link's plane moves in the link's frame, by products of coordinates.
+        """Displacement of a point of the link's plane in its frame, by products of coordinates.
 
         Parameters
         ----------
@@ -101,7 +101,7 @@ class Tilt(LinkExtension):
 
     @property
     def _stiffness(self) -> dict[str, float]:
-        """Of each coordinate [N m/rad, N/m]: leaning along x is a rotation about y."""
+        """Stiffness of each coordinate [N m/rad, N/m]: tilt along x is a rotation about y."""
         return dict(zip(self.names, (*self.rigidity[::-1], self.axial or 0.0), strict=False))
 
     @property

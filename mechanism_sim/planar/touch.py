@@ -1,4 +1,4 @@
-"""Where the links of a higher pair touch, how they slide there, and what a force along it does."""
+"""Sliding contacts of higher pairs: point of contact, slip, wrench of friction."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Touch:
     share: float = 1.0  #: of the coefficient: of a roller, the radius of its pin over its own
 
     def on(self, way: float) -> Touch:
-        """On the wall that presses so, 1 or -1, on the second along the positive force."""
+        """Contact on the wall that presses on the second along (1) or against (-1) the force."""
         return replace(self, name=f'{self.name}.{way:g}', offset=way * self.offset)
 
     @property
@@ -101,7 +101,7 @@ class Touch:
         ]
 
     def engaged(self, frames: Frames) -> Term:
-        """1 while it rubs, 0 where something else holds the links; None if it always does."""
+        """1 while there is friction, 0 where something else holds the links; None if always."""
         engaged = getattr(self.closure, 'engaged', None)
         return engaged(frames) if engaged else None
 
@@ -119,11 +119,11 @@ class TurningTouch:
     share: float = 1.0  #: of the coefficient, for the force in the plane
 
     def on(self, way: float) -> TurningTouch:
-        """Either flank slides alike."""
+        """Contact on either flank, which both slide alike."""
         return self
 
     def slip(self, frames: Frames) -> Jet:
-        """Of the second-named link on the first [m/s]."""
+        """Slip of the second-named link on the first [m/s]."""
         j, m = self.closure.joint, self.closure.mechanism
         first = frames.turn(m.turns(j.first, j.on_first), f'{self.name}.first')
         second = frames.turn(m.turns(j.second, j.on_second), f'{self.name}.second')

@@ -31,11 +31,11 @@ class UnknownLoad(Protocol):
 
     @property
     def label(self) -> str:
-        """In messages and columns."""
+        """Name in messages and columns."""
 
     @property
     def unit(self) -> str:
-        """Of its size, ``N`` or ``N m``."""
+        """Unit of the load's size, ``N`` or ``N m``."""
 
     def loads(self, frames: Frames) -> list[Load]:
         """Loads on links when its size is one."""
@@ -118,7 +118,7 @@ class Unknowns:
         return found, sizes.T
 
     def power(self, v: Array, sizes: Array, terms: Array) -> Array:
-        """Of the loads (N,) [W] at rates v (n, N) and sizes (u, N)."""
+        """Power of the loads (N,) [W] at rates v (n, N) and sizes (u, N)."""
         forces = terms[: len(sizes) * len(v)].reshape(-1, *v.shape)
         return np.asarray(np.einsum('unN,nN,uN->N', forces, v, sizes))
 
@@ -134,5 +134,5 @@ class Unknowns:
         return response, response[:, self._rows(n)]
 
     def _rows(self, n: int) -> list[int]:
-        """Of the given torques among n unknown forces and torques."""
+        """Rows of the given torques among n unknown forces and torques."""
         return [n - self._drives + k for k in self._given]

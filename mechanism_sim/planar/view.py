@@ -1,4 +1,4 @@
-"""Views of a machine for a kind of joint: to tell its readings, to be drawn, to be plotted.
+"""Views of a machine for a kind of joint: for readings, drawings and charts.
 
 A joint tells in its own file what there is to read of it, what it looks like and which of its
 readings are worth a chart; sensors, nodes, drawings and pages only ask.
@@ -18,9 +18,9 @@ Kind = Literal[
     'frame', 'belt', 'wheel', 'cam', 'rail', 'support', 'link', 'slot', 'slider', 'bushing', 'pin',
     'cog', 'point', 'drive',
 ]  # fmt: skip
-"""Of shapes, in the order in which they are painted."""
+"""Kinds of shapes, in the order in which they are painted."""
 Side: TypeAlias = Literal['left', 'right']
-"""Of a higher pair that opens: on which side of its closure there is a wall."""
+"""Side of a higher pair's closure on which there is a wall."""
 
 
 class Trajectory(NamedTuple):
@@ -87,7 +87,7 @@ class PairView(Protocol):
     """A joint at N instants of a machine."""
 
     def trajectory(self, link: str, at: Vector2 | None = None) -> Trajectory:
-        """How a link moves: its displacement if a guide carries it, else its angle."""
+        """Trajectory of a link: its displacement if a guide carries it, else its angle."""
 
     def turning(self, link: str, at: Vector2 | None = None) -> Trajectory:
         """Angle of a link in the world, with its rates; of an elastic one at a point of it."""
@@ -170,7 +170,7 @@ class Draft(Protocol):
         """A pin, to which its link reaches."""
 
     def reach(self, place: LinkPoint) -> None:
-        """Its link reaches to a point."""
+        """Extend the outline of a link to a point."""
 
     def rail(self, kind: Kind, place: LinkPoint, axis: float, runner: Array) -> None:
         """A line of a link, as long as what runs (2, N) on it, in the link's frame, needs."""

@@ -56,7 +56,7 @@ class BagInfo:
 
     @property
     def realtime_factor(self) -> float | None:
-        """Of the recording; None where that is not known."""
+        """Real-time factor of the recording; None if it is unknown."""
         return realtime_factor(self.duration, self.wall_time)
 
     def to_json(self) -> dict[str, Any]:
@@ -163,7 +163,7 @@ def _uncounted(bag: BagInfo) -> str:
 
 
 def _pace(bag: BagInfo) -> str:
-    """How fast the run was recorded; empty where that is not known."""
+    """Describe the pace of the recording; empty if it is unknown."""
     factor = bag.realtime_factor
     return '' if factor is None else f'in {bag.wall_time:.3g} s, {factor:.3g} x real time'
 

@@ -173,7 +173,7 @@ class Bag:
                 yield part, wanted[number], data, log_time
 
     def _tell(self, k: int, share: float) -> None:
-        """Say how much of all files is read, of which this is file `k`."""
+        """Report how much of all files is read, of which this is file `k`."""
         assert self._progress is not None  # noqa: S101 - it is asked for then only
         self._progress((k + share) / len(self._parts))
 
@@ -214,7 +214,7 @@ class Bag:
 
     @property
     def writer(self) -> str:
-        """Which version of the package reads the bag for sure."""
+        """Name of the version of the package that reads the bag for sure."""
         return f'mechanism_sim {self.package}' if self.package else 'the version that wrote it'
 
 
@@ -307,7 +307,7 @@ def _reader(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any]:
 
 
 def _defined(schema: Schema) -> Callable[[bytes], Any]:
-    """Of a type of ROS that is not known here, by the definition in the bag."""
+    """Decoder of an unknown type of ROS, by the definition in the bag."""
     text = schema.data.decode()
     try:
         types = (

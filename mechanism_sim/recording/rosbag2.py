@@ -45,7 +45,7 @@ class QosLike(Protocol):
 
     @property
     def depth(self) -> int:
-        """How many messages 'keep_last' keeps."""
+        """Number of messages that 'keep_last' keeps."""
 
 
 @dataclass(frozen=True)

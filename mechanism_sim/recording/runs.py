@@ -7,10 +7,10 @@ from itertools import count
 from pathlib import Path
 
 BAG_ENDINGS = '.mcap', '.db3', '.mcap.zstd', '.db3.zstd'
-"""Of the files of bags."""
+"""Endings of the files of bags."""
 
 MCAP = b'\x89MCAP'
-"""With which an MCAP file begins."""
+"""First bytes of an MCAP file."""
 
 
 def realtime_factor(simulated: float, wall_time: float | None) -> float | None:

@@ -1,4 +1,4 @@
-"""Pictures of what a bag tells: spectra, averages, impacts and wear on pin and bushing."""
+"""Pictures of a machine's condition from a bag: spectra, averages, impacts, wear."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def position(machine: Machine, value: float, found: Mapping[str, float]) -> Sect
 
 
 def _range(cycle: Cycle) -> Iterator[str]:
-    """How the drive moves between limits, and what has no extremes there."""
+    """Describe the motion of the drive between limits, and quantities unbounded there."""
     if not cycle.ranges:
         return
     yield (

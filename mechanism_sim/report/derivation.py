@@ -244,7 +244,7 @@ class _Derivation:
                 self._on[c].append(sympy.Mul(size, self._in_symbols(term)))
 
     def _switches(self, parts: Sequence[EquationGroup]) -> tuple[Equation, ...]:
-        """Where that acts which does so in a part of the cycle only."""
+        """Equations of the switches of terms that act in a part of the cycle only."""
         lines, used = [], _symbols_of(parts)
         for name, switch in self._equations.frames.switches.items():
             flag = self._in_symbols(switch.symbols[0])

@@ -56,7 +56,7 @@ class Brush:
         self._bent: list[tuple[str, ShapePath, Any]] = []
 
     def thick(self, points: float) -> float:
-        """So many points of print in metres of the drawing."""
+        """Length in metres of the drawing of a number of points of print."""
         return points / self._metre
 
     def paint(self, pose: Array) -> None:
@@ -124,7 +124,7 @@ def _outline(path: ShapePath) -> Outline:
 
 
 def _look(style: str, number: int) -> dict[str, Any]:
-    """How Matplotlib fills and borders a path of a link of this number."""
+    """Fill and edge of a path for Matplotlib, of a link of this number."""
     shade = colour(number)
     if style in OPEN:
         return {'fc': 'none', 'ec': INK, 'lw': 1.0 if style == 'line' else 0.6}
@@ -141,7 +141,7 @@ def _closed(outline: Array) -> Array:
 
 
 class _Spot(NamedTuple):
-    """Where a name may stand: its middle (2,) [m] and how it is turned [rad]."""
+    """Candidate position of a name: its middle (2,) [m] and rotation [rad]."""
 
     middle: Array
     turn: float
@@ -212,7 +212,7 @@ class Labels:
         return move
 
     def _link(self, name: str, outline: Array) -> Move:
-        """Along a bar, on its outer side; inside a plate; above a slider that is all there is."""
+        """Label a link: along a bar, on its outer side; inside a plate; above a lone slider."""
         if len(outline) != 2:
             middle, high = outline.mean(axis=0), np.array([0.0, 2.2 * self._s + self._pt(5.0)])
             beside = np.array([0.0, 0.0]) if len(outline) > 2 else high
@@ -232,7 +232,7 @@ class Labels:
         return move
 
     def _joint(self, shape: Shape, outline: Array) -> Move:
-        """Beside a joint where no link goes; below a pivot of the frame or a slider."""
+        """Label a joint where no link goes; below a pivot of the frame or a slider."""
         at = outline.mean(axis=0)
         half, name = self._half(shape.label), shape.label
         below = np.array([0.0, -3.2 * self._s - self._pt(2.0) - half[1]])
@@ -244,7 +244,7 @@ class Labels:
         return self._beside(name, outline, places, at, style='italic')
 
     def _from(self, way: Array, half: Array) -> Array:
-        """From a joint to the middle of a name that begins beside it."""
+        """Vector from a joint to the middle of a name that begins beside it."""
         start = (0.9 * self._s + self._pt(3.0)) * way
         return np.asarray(start + half * np.clip(1.6 * way, -1.0, 1.0))
 
@@ -276,7 +276,7 @@ class Labels:
         return move
 
     def _best(self, name: str, spots: Iterable[_Spot]) -> int:
-        """Which of the places costs least."""
+        """Index of the candidate position of least cost."""
         points, costs = np.concatenate(self._points), np.concatenate(self._costs)
         half = self._half(name) + self._pt(1.0)
         cheapest, best, chosen = np.inf, 0, None

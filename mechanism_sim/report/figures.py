@@ -1,4 +1,4 @@
-"""How pictures look, and where they go."""
+"""Style of pictures, and their files."""
 
 from __future__ import annotations
 

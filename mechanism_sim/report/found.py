@@ -27,7 +27,7 @@ _MOST = 24  # designs of a front
 
 
 def text(found: Finding | Optimum) -> str:
-    """For people; values of parameters are in SI units."""
+    """Format a result as text; values of parameters are in SI units."""
     return _finding_text(found) if isinstance(found, Finding) else _optimum_text(found)
 
 

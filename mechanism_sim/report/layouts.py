@@ -316,7 +316,7 @@ def _scene(seen: Preview, namespace: str, prefix: str) -> dict[str, Any]:
 
 
 def _plot(plot: Plot) -> dict[str, Any]:
-    """Over the stamps of messages, which are the machine's time."""
+    """Plot over the stamps of messages, which are the machine's time."""
     paths = [
         {
             'value': path, 'enabled': True, 'label': label, 'timestampMethod': 'headerStamp',

@@ -53,7 +53,7 @@ def profile(
 
 
 def _parts(machine: Machine) -> dict[str, JointParts]:
-    """By joints that have such parts."""
+    """Parts that touch in joints, by joints that have such parts."""
     return {
         j.name: parts(machine, j)
         for j in machine.plan.ideal.joints
@@ -82,7 +82,7 @@ def write(outline: Outline | None, path: Path) -> None:
 
 
 def render(sheet: Sheet) -> str:
-    """For people: degrees and millimetres, and a column for each gear."""
+    """Format the sheet as text: degrees and millimetres, and a column for each gear."""
     place, scale = for_people(sheet.place_unit)
     common = [
         # extremes between breaks of a law are found to about 1e-9
@@ -106,7 +106,7 @@ def render(sheet: Sheet) -> str:
 
 
 def to_json(sheet: Sheet) -> dict[str, object]:
-    """In SI units."""
+    """Sheet for JSON, in SI units."""
     return {
         'figures': {
             f.name: {'value': f.value, 'unit': f.unit} | ({} if f.at is None else {'at': f.at})

@@ -30,7 +30,7 @@ from mechanism_sim.results.quantities.motion import choose_points
 from mechanism_sim.results.run import instants
 
 FLASH = tint(ACCENT, 0.4)
-"""Of impacts."""
+"""Colour of impacts."""
 
 EDGE = 1.32
 """Half the width of the lens, in radii of the bushing."""
@@ -356,7 +356,7 @@ class _Bushing(Lens):
         self._paint(axes, stage)
 
     def _separation(self, record: Record, t: Array) -> Array:
-        """From the bushing's centre to the pin's (2, N), in radii of the bushing."""
+        """Vector from the bushing's centre to the pin's (2, N), in radii of the bushing."""
         j, mechanism = self._joint, record.machine.mechanism
         curve = record.piece.motion.curve
         q = curve.local(*curve.find(t)).T

@@ -1,4 +1,4 @@
-"""The sound of a run as a WAV file, and what it says of it."""
+"""Sound of a run as a WAV file, with a description."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def statistics_json(found: Statistics) -> dict[str, object]:
 
 
 def lift_offs(found: Sequence[LiftOff]) -> str:
-    """As text."""
+    """Results of a search for lift-off as text."""
     lines = []
     for x in found:
         where = f'at {_degrees(x.least_force_at)} of the drive'
@@ -110,7 +110,7 @@ def _degrees(angle: float) -> str:
 
 
 def fit_text(found: Result) -> str:
-    """For people; in SI units."""
+    """Format the result of a fit as text, in SI units."""
     lines = [f'{found.method}' + (f': {found.reason}' if found.reason else '')]
     lines.append(
         f'{found.simulations} simulations, {found.failed} failed; all together with 95 %:'

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from mechanism_sim.analysis.summary import LoadPeak, LoadSummary
 
 SHARE = 0.999
-"""Of the time: the load that is not exceeded meanwhile stands beside the largest one."""
+"""Share of the time for the load not exceeded, which stands beside the largest one."""
 
 _BRIEF = 1.5  # times the load of that share: what is larger is a peak
 _SENTENCES = 4  # of what repeats
@@ -346,7 +346,7 @@ def sections(run: Stream, turns: ImpactAccumulator) -> Iterator[Section]:
 
 
 def _nothing(run: Stream) -> dict[str, float]:
-    """By unit what is left of zero by rounding, of the greatest of its kind at the end of a run.
+    """Sizes below which values are zero but for rounding, by unit, at the end of a run.
 
     Forces, where there are but such, of the energy over the size of the machine.
     """

@@ -115,7 +115,7 @@ def _text(value: float, digits: int = 6) -> str:
 
 
 def _spreads(plan: SweepPlan, rows: Sequence[Row]) -> list[str]:
-    """How measures are distributed over the runs, what does it, and who exceeds limits."""
+    """Lines on the distributions of measures over the runs, on effects, and on limits exceeded."""
     measures = plan.measured
     if not measures or len(rows) < 2:
         return []
@@ -352,7 +352,7 @@ class SweepCharts:
         return Panel(x, y, (curve,), said, height=1.6, scale=y.words)
 
     def tornados(self) -> Iterator[Chart]:
-        """For each measure its mean at the lowest and the highest level of each factor."""
+        """Yield the means of each measure at the lowest and highest level of each factor."""
         for name in dict.fromkeys(e.measure for e in self._effects):
             found = [e for e in self._effects if e.measure == name]
             found.sort(key=lambda e: abs(e.levels[-1].mean - e.levels[0].mean))

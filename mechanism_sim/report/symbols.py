@@ -62,7 +62,7 @@ class Symbol:
 
 
 class Symbols:
-    """From heyoka to sympy for the equations of one machine.
+    """Translation from heyoka to sympy for the equations of one machine.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class Symbols:
         return 's', c, f'displacement of the link {c} along its guide', 'm'
 
     def unit_of_force(self, c: str) -> str:
-        """Of the generalised force on a coordinate."""
+        """Unit of the generalised force on a coordinate."""
         return 'N' if c in self._displacements else 'N m'
 
     def make(
@@ -279,7 +279,7 @@ def _clumsiness(expression: Expression) -> int:
 
 
 def _index(par: Expression) -> int:
-    """Which of the runtime parameters it is."""
+    """Index of a runtime parameter."""
     return int(str(par)[4:-1])
 
 

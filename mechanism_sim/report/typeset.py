@@ -82,7 +82,7 @@ class Typesetter:
         return ' \\\\\n'.join(line.strip() for line in lines)
 
     def plain(self, width: int = 99) -> str:
-        """For a terminal; every equation as Python and sympy read it, but for its line breaks."""
+        """Equations for a terminal, as Python and sympy read them, but for line breaks."""
         eq = self.equations
         lines = [f'{eq.scene}: {eq.title}', f'level: {eq.level}']
         for heading, symbols in self._tables():
@@ -131,7 +131,7 @@ class Typesetter:
         )
 
     def markdown(self) -> str:
-        """With formulas between dollar signs."""
+        """Equations as Markdown, with formulas between dollar signs."""
         eq = self.equations
         out = [f'# {eq.title}', '', f'Scene `{eq.scene}`, level {eq.level}.']
         for heading, symbols in self._tables():
@@ -173,7 +173,7 @@ class Typesetter:
         return '\n'.join([*out, '</body></html>', ''])
 
     def _repr_latex_(self) -> str:
-        """For notebooks: every part with its equations, set."""
+        """Equations as LaTeX for notebooks: every part with its heading."""
         rows = []
         for part in self.equations.parts:
             rows.append(rf'& \text{{{_escaped(part.heading)}:}}')
@@ -315,7 +315,7 @@ class _MathML(MathMLPresentationPrinter):  # type: ignore[misc]
         )
 
     def equation(self, equation: Equation) -> Iterator[str]:
-        """Both sides, term by term in their order."""
+        """Yield both sides, term by term in their order."""
         for side, between in ((equation.left, ''), (equation.right, '<mo>=</mo>')):
             yield between
             for k, term in enumerate(side):

@@ -86,12 +86,12 @@ def _mode(mode: NormalMode) -> dict[str, Any]:
 
 
 def _way(whirl: float | None) -> str:
-    """Of a whirl: with the rotation, against it; nothing where the axis goes to and fro."""
+    """Sense of a whirl: with the rotation or against it; empty for a straight motion."""
     return '' if whirl is None or abs(whirl) < 1e-6 else ' forward' if whirl > 0.0 else ' backward'
 
 
 def modes_text(table: ModeTable) -> str:
-    """For people."""
+    """Format modes as text."""
     if table.over is None:
         modes = table.stations[0].modes
         names = list(dict.fromkeys(name for mode in modes for name in mode.shape))
@@ -136,7 +136,7 @@ def modes_text(table: ModeTable) -> str:
 
 
 def _time_constants(mode: NormalMode) -> str:
-    """Of one or two real roots, and of which a motion grows."""
+    """Time constants of one or two real roots, with a mark on motions that grow."""
     shown = [f'{abs(x):.6g}{" (grows)" if x < 0.0 else ""}' for x in mode.time_constants]
     return ' and '.join(shown) or '-'
 
@@ -151,7 +151,7 @@ def _critical(critical: CriticalSpeed) -> str:
 
 
 def _amplitude(z: complex | None) -> str:
-    """Of a shape: a number, or size and phase where the parts do not move in step."""
+    """Amplitude of a shape: a number, or size and phase where the parts do not move in step."""
     if z is None:
         return '-'
     if abs(z.imag) <= 1e-9:
@@ -215,7 +215,7 @@ def response_json(found: FrequencyResponse) -> dict[str, Any]:
 
 
 def response_text(found: FrequencyResponse) -> str:
-    """For people: a row for each frequency, and peaks whose heights the steps do not tell."""
+    """Format a response: a row for each frequency, and peaks narrower than the steps."""
     units = {name: _per(found, name) for name in found.amplitudes}
     rows = _amplitude_rows(found.frequency, found.amplitudes, units)
     lines = text_table.lines(rows, indent='')
@@ -282,7 +282,7 @@ def harmonics_json(found: Harmonics) -> dict[str, Any]:
 
 
 def harmonics_text(found: Harmonics) -> str:
-    """For people: a row for each harmonic."""
+    """Format harmonics: a row for each."""
     first, *_ = found.series.values()
     amplitudes = {name: s.amplitudes for name, s in found.series.items()}
     head, *rows = _amplitude_rows(first.frequencies / (2.0 * np.pi), amplitudes, found.units)

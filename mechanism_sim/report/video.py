@@ -41,7 +41,7 @@ _EXACT = ['-crf', '18', '-fflags', '+bitexact', '-flags:v', '+bitexact', '-movfl
 
 
 class Target:
-    """Where a moving picture goes, checked before anything is computed.
+    """File or folder of a moving picture, checked before anything is computed.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Runs, and what can be told of them by name."""
+"""Runs, and the quantities to be had of them by name."""

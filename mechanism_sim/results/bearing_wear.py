@@ -106,7 +106,7 @@ def wear_sums(
 def _touch(
     machine: Machine, joint: str, seen: Observation, radius: float
 ) -> tuple[tuple[Array, Array], Array, Array | float]:
-    """Where the contact lies on bushing and pin (N,) [rad], the slip (N,) [m/s], force over N.
+    """Contact angles on bushing and pin (N,) [rad], slip (N,) [m/s], force over N.
 
     The slip is ``n x Q' + rp w1 - (rp + Q.n) w2``, Q from the bushing's centre to the pin's, n the
     normal.

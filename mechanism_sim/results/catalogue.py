@@ -36,7 +36,7 @@ SOURCES: tuple[Callable[[Machine], Iterator[Quantity]], ...] = (
     of_frame, of_points, of_links, of_force_elements,
     of_transmission,
 )  # fmt: skip
-"""In the order of tables; where two tell a quantity of the same name, the first does."""
+"""Sources of quantities in the order of tables; of equal names the first counts."""
 
 TIME = Quantity('t', 's', 'time', '', lambda view: view.t, counted=True)
 

@@ -246,7 +246,7 @@ class Cycle(plotting.Rich):
         return {name: ends[name] for name in names}
 
     def peaks(self) -> dict[str, PeakShape]:
-        """How long the largest forces and efforts last, and what impulse they carry, by column.
+        """Durations and impulses of the largest peaks of forces and efforts, by column.
 
         Of the sizes of forces, normal forces of contacts, and efforts of drives.
         """
@@ -270,7 +270,7 @@ class Cycle(plotting.Rich):
         return found
 
     def swings(self) -> dict[str, Swing]:
-        """How far each coordinate goes, and in which strokes, by coordinate."""
+        """Range and strokes of each coordinate, by coordinate."""
         names, found = self.machine.physics.coordinates, self.extremes()
         ends = [found[f'position.{name}'] for name in names]
         drive, all_ = self.machine.drive, self.machine.drive.repetition
@@ -497,7 +497,7 @@ def instant(
 
 
 def _time_at(cycle: Cycle, value: float) -> float:
-    """When a drive that goes from limit to limit is at a position [rad, m], or nearest to it."""
+    """Time at which a drive between limits is at a position [rad, m]."""
     name = f'position.{cycle.drive}'
     ends = np.sort(cycle.at(cycle.t[[0, -1]], [name])[name])
     if cycle.drive not in cycle.machine.mechanism.displacements:

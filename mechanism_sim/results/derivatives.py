@@ -37,10 +37,10 @@ from mechanism_sim.scene import Machine
 from mechanism_sim.tables import Table
 
 _SMALL = 2e-3
-"""Of clearances and speeds: displacement of a motion whose differences are taken."""
+"""Displacement of a motion for differences, as share of clearances and speeds."""
 
 _DEPTH = 0.05
-"""Of a clearance: how deep compliant contacts go, roughly."""
+"""Share of a clearance that compliant contacts are compressed by, roughly."""
 
 _NEAR = 5e-3
 """Of a clearance: by so much gaps open at most where a machine is changed under its motion. Forces
@@ -229,7 +229,7 @@ class _Integrated(RunDerivative):
 
     @property
     def _opened(self) -> float:
-        """By how much of its clearance a gap opens if the number changes by its step.
+        """Share of its clearance by which a gap opens if the number changes by its step.
 
         Or by how much of its thickness an oil film gets thicker.
         """
@@ -256,13 +256,13 @@ class _Integrated(RunDerivative):
 
     @property
     def _step(self) -> float:
-        """Of displacements of the whole motion with its events."""
+        """Step of displacements of the whole motion with its events."""
         step = _SMALL / float(self._growth.max())
         shortest = np.diff(self._shift) / self._piece.motion.curve.duration[:-1]
         return min(step, 0.1 / max(float(np.abs(shortest).max(initial=0.0)), 1e-300))
 
     def _partial(self, taken: _Taken) -> Array:
-        """By the machine alone, its motion being as it is."""
+        """Partial derivatives by the machine alone, at an unchanged motion."""
         piece, found = self._piece, np.zeros(())
         base, (step, beside) = taken(piece), self._beside
         for weight, machine in beside:
@@ -351,7 +351,7 @@ class _Ideal(RunDerivative):
 
     @property
     def impacts(self) -> Table:
-        """None: nothing strikes."""
+        """Impacts: none."""
         return Table({name: np.zeros(0) for name in ('joint', *NUMBERS)}, IMPACT_UNITS)
 
     @cached_property
@@ -360,7 +360,7 @@ class _Ideal(RunDerivative):
         return [Piece.joined([*Runner(machine).to(end)]) for machine in self._key.beside]
 
     def of(self, taken: _Taken, seen: _Taken | None = None) -> Array:
-        """Of runs with other values."""
+        """Derivatives by runs with other values."""
         return self._of_whole(taken)
 
     def _slopes(self, taken: _Taken, t: Array) -> Array:
@@ -384,7 +384,7 @@ def _with_machine(piece: Piece, machine: Machine) -> Piece:
 
 
 def _sum(some: Array, others: Array) -> Array:
-    """Of coefficients (m, n, d) of polynomials."""
+    """Sum of coefficients (m, n, d) of polynomials."""
     count = max(some.shape[2], others.shape[2])
     wide = [np.pad(x, ((0, 0), (0, 0), (0, count - x.shape[2]))) for x in (some, others)]
     return np.asarray(wide[0] + wide[1])

@@ -40,7 +40,7 @@ EXACT = 'of the motion'
 R = TypeVar('R', str, tuple[str, str])
 
 _FORMS = {'mean': 'value', 'integral': 'value', 'rms': 'square', 'work': 'power'}
-"""Of what figures are integrals over time: an argument, its square, or the power it is part of."""
+"""Integrands of figures: an argument, its square, or the power of which it is part."""
 
 
 def speed_of(machine: Machine, f: Figure) -> str:
@@ -404,11 +404,11 @@ class TimeIntegrals:
         self.time += float((parts.end - parts.begin).sum())
 
     def integral(self, i: int) -> Estimate:
-        """Of function i."""
+        """Integral of function i."""
         return Estimate(*self._sums[:, i].tolist())
 
     def mean(self, i: int) -> Estimate:
-        """Of function i; not a number without any time."""
+        """Mean of function i; not a number without any time."""
         return Estimate(*(self._sums[:, i] / (self.time or math.nan)).tolist())
 
     def root(self, i: int) -> Estimate:

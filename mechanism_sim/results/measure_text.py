@@ -30,9 +30,9 @@ OVER_TIME = (
     'work', 'distance', 'largest_distance',
 )  # fmt: skip
 _DISTANCES = 'distance', 'largest_distance'
-"""Of a path from points of a file: root mean square, and largest."""
+"""Distances of a path from points of a file: root mean square, and largest."""
 INDICATORS = 'crest', 'kurtosis', 'skewness'
-"""As `sensing.indicators` has them."""
+"""Indicators as `sensing.indicators` has them."""
 _OF_EVENTS = 'count', 'sum', *INDICATORS
 FUNCTIONS = *OVER_TIME, *_OF_EVENTS
 """Functions that make a figure."""
@@ -147,7 +147,7 @@ class Measure:
         return float(expressions.numbers(self._tree, known))
 
     def unit(self, found: Callable[[Figure], str]) -> str:
-        """Its SI unit, by those of its figures."""
+        """SI unit of the measure, from those of its figures."""
         units = {k: found(f) for k, f in enumerate(self.figures)}
         return expressions.unit_of(self._tree, units, self.text) or ''
 

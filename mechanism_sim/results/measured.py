@@ -43,17 +43,17 @@ class SensorRecord:
 
     @property
     def name(self) -> str:
-        """Of the sensor."""
+        """Name of the sensor."""
         return self.sensor
 
     @property
     def unit(self) -> str:
-        """Of the samples, SI."""
+        """SI unit of the samples."""
         return QUANTITIES[self.machine.scene.sensors[self.sensor].measures]
 
     @property
     def times(self) -> Array:
-        """Of the samples (N,) [s]."""
+        """Times of the samples (N,) [s]."""
         if self.instants is not None:
             return self.instants
         return self.start + np.arange(len(self.samples)) / self.rate
@@ -83,7 +83,7 @@ class SensorRecord:
 
     @property
     def rate(self) -> float:
-        """Of sampling [Hz]."""
+        """Sampling rate [Hz]."""
         return float(self.machine.scene.sensors[self.sensor].sample_rate)
 
     @property
@@ -104,11 +104,11 @@ class SensorRecord:
 
     @property
     def features(self) -> Array:
-        """Of the samples."""
+        """Features of the samples."""
         return self.features_of(self.samples)
 
     def features_of(self, samples: Array) -> Array:
-        """Of other samples of the same experiment."""
+        """Features of other samples of the same experiment."""
         return features(samples, self.rate, 1 if self.steady else _STRETCHES)
 
     def repeat(self, overrides: dict[str, float], seed: int) -> Array:
@@ -149,7 +149,7 @@ class QuantityRecord:
 
     @property
     def unit(self) -> str:
-        """Of the samples, SI."""
+        """SI unit of the samples."""
         return catalogue(self.machine)[self.name].unit
 
     def of_run(self, run: Piece, t: Array) -> Array:

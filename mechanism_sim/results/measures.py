@@ -181,7 +181,7 @@ class Measurement:
         return out
 
     def _half_width(self, measure: Measure) -> float:
-        """Of the 95 % confidence interval of a mean over the revolutions of a loose machine."""
+        """Half width of the 95 % interval of a mean over the revolutions of a loose machine."""
         windows = [self._figures[f] for f in measure.figures]
         if not (self._machine.has_contacts and windows and all(w.per_revolution for w in windows)):
             return math.nan
@@ -340,7 +340,7 @@ class Window:
             self._turn += 1
 
     def finish(self, end: float) -> None:
-        """Nothing more comes; the run ends at `end` [s]."""
+        """Note the end of the run [s]."""
         self._last = end
 
     def result(self, f: Figure) -> tuple[float, str]:
@@ -367,7 +367,7 @@ class Window:
         return max((accumulator.rounding(f) for accumulator in accumulators), default=0.0)
 
     def _outside(self, since: float, until: float) -> str:
-        """How much of the window [s] the run does not reach, in words."""
+        """Describe the part of the window [s] that the run does not reach; empty if none."""
         slack, begin = 1e-9 * (abs(self._last) + 1e-3), self._turns.begin
         if since < begin - slack:
             return f'from {begin:.6g} s on, where what was run begins'
@@ -500,7 +500,7 @@ class EventSeries:
         return as_row(x, int(end - first)), int(cut)
 
     def note(self, f: Figure, count: int, cut: int) -> str:
-        """Of how many samples a figure is, or events if it weighs each of them alike."""
+        """Describe the number of samples or events of which a figure is made."""
         kind, name, _ = self._parts[f.names[0]]
         if kind != 'sensors':
             return f'of {count} {kind}' if f.function in _OF_EACH else EXACT

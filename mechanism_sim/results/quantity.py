@@ -25,7 +25,7 @@ from mechanism_sim.sensing.joint_view import JointView
 
 T = TypeVar('T')
 PARTS = 'x', 'y', 'size', 'direction', 'moment', 'along', 'across', 'axial'
-"""Of a vector, as the last word of a name."""
+"""Parts of a vector, as the last word of a name."""
 
 
 class View:
@@ -174,7 +174,7 @@ class View:
 
 
 class Shown(IntEnum):
-    """In which tables a quantity stands unasked."""
+    """Tables in which a quantity stands unasked."""
 
     ASKED = 0  #: in none
     CYCLE = 1  #: in those of a cycle
@@ -218,7 +218,7 @@ class Quantity:
 
     @property
     def title(self) -> str:
-        """Its words without what it is of, and without ``x`` or ``y``: for the axis of a chart."""
+        """Title of an axis: the words without the part they are of, and without ``x`` or ``y``."""
         words = self.words.removesuffix(f', {self.part}')
         return re.sub(rf' (of|in|on) {re.escape(self.of)}(?![\w.])', '', words, count=1)
 

@@ -1,4 +1,4 @@
-"""Where quantities of a run are least and greatest: of its motion, not of samples of it.
+"""Extremes of quantities over a run, of the motion itself instead of samples.
 
 A table of 360 rows misses the peaks of a loose bearing altogether.
 """
@@ -59,7 +59,7 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Extremes:
-    """Both ends of a column's range."""
+    """Least and greatest value of a column."""
 
     least: Extreme
     greatest: Extreme
@@ -181,7 +181,7 @@ class QuantityRanges:
         return {name: (low, high) for name, low, high in known if not math.isnan(low.time)}
 
     def shapes(self) -> dict[str, PeakShape]:
-        """Of the peaks, as far as they are known."""
+        """Shapes of the peaks, as far as they are known."""
         found = self._outlines.shapes(self._tops()) if self._outlines else []
         return {name: shape for name, shape in zip(self.names, found, strict=False) if shape}
 
@@ -268,7 +268,7 @@ class LoadPeaks:
                     self._unbounded |= dict.fromkeys(names, found.t)
 
     def ends(self) -> dict[str, Ends]:
-        """Of all quantities, as `QuantityRanges` has them."""
+        """Ends of all quantities, as `QuantityRanges` has them."""
         self._look()
         return self._ranges.ends()
 
@@ -280,15 +280,15 @@ class LoadPeaks:
 
     @property
     def forces(self) -> dict[str, Peak]:
-        """By joint; empty without motion or forces."""
+        """Peaks of forces by joint; empty without motion or forces."""
         return {self._joints[n]: peak for n, peak in self.peaks().items() if n in self._joints}
 
     @property
     def torques(self) -> dict[str, Peak]:
-        """By driven coordinate; empty without motion or forces."""
+        """Peaks of efforts by driven coordinate; empty without motion or forces."""
         return {self._drives[n]: peak for n, peak in self.peaks().items() if n in self._drives}
 
     def shapes(self) -> dict[str, PeakShape]:
-        """Of the peaks by the names of the catalogue, as far as they are known."""
+        """Shapes of the peaks by the names of the catalogue, as far as they are known."""
         self._look()
         return self._ranges.shapes()

@@ -317,7 +317,7 @@ class Solution(Piece):
 
 
 class Batch(NamedTuple):
-    """How much is integrated before it is audited and handed on; motions do not depend on it."""
+    """Amount of integration between audits; motions do not depend on it."""
 
     steps: int
     stride: int  #: steps after which the time is looked at
@@ -329,7 +329,7 @@ BATCH = Batch(8192, 8192)
 
 
 _MOST_STEPS = 1e11
-"""Of a run: they take weeks."""
+"""Most steps of a run: they take weeks."""
 
 Observer = Callable[[Piece], object]
 """Is handed every piece of a run in order, such as ``digest.add``."""
@@ -443,7 +443,7 @@ class Runner:
 
     @contextmanager
     def _bent(self) -> Iterator[None]:
-        """Say of a run that fails what went wrong before, or if its links bend too far."""
+        """Describe earlier trouble of a run that fails, or too large a bending of its links."""
         try:
             yield
         except RunError as error:

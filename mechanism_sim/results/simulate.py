@@ -161,7 +161,7 @@ class Stream(Runner):
 
     @property
     def snapshot(self) -> Snapshot:
-        """From where a longer run goes on, not later than the end."""
+        """Snapshot from which a longer run goes on, not later than the end."""
         return self._snapshot or self.machine.snapshot(self.engine)
 
 

@@ -45,7 +45,7 @@ class Stroke(NamedTuple):
 
     @property
     def way(self) -> float:
-        """From start to stop [rad or m], with its sign."""
+        """Displacement from start to stop [rad or m], with its sign."""
         return self.stop - self.start
 
 
@@ -64,7 +64,7 @@ class Dwell(NamedTuple):
 
 @dataclass(frozen=True)
 class Swing:
-    """How a coordinate moves over a cycle.
+    """Range and strokes of a coordinate over a cycle.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ def find_swings(
     period: float | None,
     whole: bool = True,
 ) -> dict[str, Swing]:
-    """How far coordinates (n,) go, and in which strokes where their motion repeats itself.
+    """Range of coordinates (n,), and their strokes if their motion repeats itself.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def _runs(
 def reversals(
     curve: PiecewisePolynomial, i: int, k: NDArray[np.intp], low: Array, high: Array
 ) -> tuple[Array, Array]:
-    """When a coordinate's rate changes its sign within segments (K,), and where it is then."""
+    """Times and positions at which a coordinate's rate changes its sign in segments (K,)."""
     if not len(k):
         return np.zeros(0), np.zeros(0)
     negative = curve.at(k, low, 1)[:, i] < 0.0

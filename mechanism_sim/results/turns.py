@@ -65,7 +65,7 @@ def impacts_by_turn(
 
 
 class DriveTurns:
-    """When the drive has turned so many times, known as far as the motion is.
+    """Times of numbers of turns of the drive, known as far as the motion is.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class DriveTurns:
             self.edges.append(t)
 
     def _passage(self, turns: float) -> float | None:
-        """When the drive has made so many turns [s], if that is in the last piece."""
+        """Time at which the drive has made so many turns [s], if that is in the last piece."""
         if self._piece is None:
             return None
         curve, ends, turned = self._piece
@@ -168,7 +168,7 @@ class Mean:
     revolutions: int = 0  #: of which it is
 
     def shown(self, scale: float = 1.0) -> str:
-        """Both for people, times a scale; the mean alone where the width is not known."""
+        """Mean and half width times a scale as text; the mean alone if the width is unknown."""
         text = f'{scale * self.mean:.6g}'
         known = math.isfinite(self.half_width)
         return f'{text} +- {scale * self.half_width:.2g}' if known else text

@@ -28,7 +28,7 @@ _BRANCHES = TOLERANCES.branches
 _TRIES = 256
 _RANK = 1e-9
 _OPENING = 1e-9
-"""Of the largest rate times the size: what rounding may open a loop with."""
+"""Share of the largest rate times the size by which rounding may open a loop."""
 
 
 class Assembly(NamedTuple):
@@ -45,7 +45,7 @@ class Assembly(NamedTuple):
 
 
 def assemble(plan: ScenePlan) -> Assembly:
-    """Where a machine without clearance is at the start.
+    """Assemble a machine without clearance at its start.
 
     Drives, and coordinates set by `initial`, are where they should be; the rest lies near `guess`.
     """
@@ -132,7 +132,7 @@ def rates_of_points(plan: ScenePlan) -> dict[str, float]:
 
 
 def _apart(loop: FourBarLoop, angle: float) -> str:
-    """Why a four-bar cannot be assembled with its crank at an angle [rad]."""
+    """Reason why a four-bar cannot be assembled with its crank at an angle [rad]."""
     sides = dict(zip((GROUND, *loop.links), loop.linkage.lengths, strict=True))
     longest = max(sides, key=lambda link: sides[link])
     others = sum(sides.values()) - sides[longest]

@@ -1,4 +1,4 @@
-"""From a scene to its machine, refusing what no machine can be."""
+"""Machines from scenes, with refusal of impossible ones."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from mechanism_sim.tolerances import TOLERANCES
 from mechanism_sim.units import QuantityValue, counted
 
 _MARGIN = 0.01
-"""Of the way between the limits, at either: at a limit itself two ways lead on."""
+"""Share of the range next to each limit that is left out: at a limit two branches meet."""
 _MECHANISM = TOLERANCES.mechanism
 
 
 def build(name: str, scene: Scene, questions: tuple[str, ...] = ()) -> Machine:
-    """The machine of a scene; `questions` are doubts about what its file says."""
+    """Build the machine of a scene; `questions` are plausibility warnings about its file."""
     with scene_errors(name):
         machine = Machine(name, _with_swing(scene), questions)
         _check_freedom(machine)

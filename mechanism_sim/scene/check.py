@@ -60,7 +60,7 @@ _SHOCKS = 'acceleration', 'force'
 
 @dataclass(frozen=True)
 class GapStart:
-    """How a gap starts."""
+    """Initial state of a gap."""
 
     joint: str
     open: float  #: [m]; negative: pressed in
@@ -112,7 +112,7 @@ class Report:
     """Limits [rad, m] of a drive at constant speed that comes to one on either side"""
 
     def to_json(self) -> dict[str, object]:
-        """As a plain dictionary."""
+        """Report as a plain dictionary."""
         found = asdict(self)
         return found if self.range else {k: x for k, x in found.items() if k != 'range'}
 
@@ -201,7 +201,7 @@ def _range(machine: Machine) -> dict[str, tuple[float, float]]:
 
 
 def _contacts(machine: Machine) -> str:
-    """Where parts may part and meet, in words."""
+    """Describe which parts may separate and meet."""
     said = ['joints have clearance'] if machine.plan.clearances else []
     return ', '.join([*said, *(['links meet stops or each other'] if machine.touching else [])])
 
@@ -260,7 +260,7 @@ def _left_out(machine: Machine, loose: Mapping[str, ClearanceSpec]) -> list[str]
 
 
 def _starts(machine: Machine) -> dict[str, GapStart]:
-    """How all gaps start."""
+    """Initial states of all gaps."""
     if not machine.level.dynamic:
         return {}
     equations, state = machine.equations, machine.initial_state()

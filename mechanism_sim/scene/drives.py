@@ -73,7 +73,7 @@ def read_drives(names: Names) -> dict[str, DrivePart]:
 
 
 def drive_key(names: Names, coordinate: str) -> str:
-    """Where the scene says what moves a driven coordinate."""
+    """Path in the scene of the drive of a coordinate."""
     return f'drives.{coordinate}' if coordinate in names.scene.drives else 'drive'
 
 
@@ -316,7 +316,7 @@ def _profile_laws(
 
 
 def _place(law: DriveLaw, t: float) -> Fraction:
-    """Where a law has its coordinate at a time [s], with all turns [rad or m]."""
+    """Position of a law at a time [s], with all turns [rad or m]."""
     turns, (place, *_) = law.about(Fraction(t))
     return turns * TWO_PI + Fraction(place)
 

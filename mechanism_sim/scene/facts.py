@@ -19,7 +19,7 @@ _BOUNDS = {'gt': '>', 'ge': '>=', 'lt': '<', 'le': '<='}
 
 
 class Facts(NamedTuple):
-    """Of one key.
+    """Facts about one key.
 
     Attributes
     ----------

@@ -36,9 +36,9 @@ from mechanism_sim.units import (
 _OF_POINT = {'x': 'm', 'y': 'm', 'vx': 'm/s', 'vy': 'm/s'}
 """Names in formulas of loads for the point at which they act, with units."""
 TIME = 't'
-"""Its name in formulas."""
+"""Name of the time in formulas."""
 _TO_DEGREES = 12.0
-"""Of an angle in the argument of a table: ratios of gears are below, 57.3 for degrees is not."""
+"""Factor on an angle in a table's argument: ratios of gears are below, 57.3 is not."""
 _OF_SPRING = {'length': 'm', 'angle': 'rad', 'rate': ''}
 """Names in formulas of springs for themselves: these are no names of states."""
 

@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Level(Enum):
-    """How much mechanics a scene needs; the value is what people read."""
+    """Level of mechanics that a scene needs; the value is its text for the user."""
 
     KINEMATIC = 'kinematic'
     INVERSE_DYNAMICS = 'inverse dynamics'

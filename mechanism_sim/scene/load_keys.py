@@ -16,7 +16,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 from mechanism_sim.planar.protocols import ForceElement
 
 Elements = Callable[[Mechanism], list[ForceElement]]
-"""From a tree of the mechanism to its force elements."""
+"""Function from a tree of the mechanism to its force elements."""
 
 
 class ElementKeys(Part):

@@ -110,13 +110,13 @@ class Machine(Rich):
 
     @cached_property
     def fingerprint(self) -> str:
-        """Of all that rules the motion, in a few letters."""
+        """Fingerprint of all that determines the motion, in a few letters."""
         content = self.scene.to_document(exclude=_SILENT)
         return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
     @cached_property
     def drive(self) -> MainDrive:
-        """Its main drive."""
+        """Main drive of the machine."""
         return MainDrive(self.plan, self)
 
     # --- its start, and how much mechanics it needs ---------------------------------------------
@@ -351,17 +351,17 @@ class MainDrive:
 
     @cached_property
     def repetition(self) -> Repetition:
-        """After how many of its turns all is as before."""
+        """Period of the machine in turns of this drive."""
         return repetition(self.machine.rigid.nominal, self.period)
 
     @cached_property
     def row(self) -> int:
-        """Of its effort among those of all drives, in which prescribed ones come first."""
+        """Row of its effort among those of all drives, in which prescribed ones come first."""
         return self.machine.physics.driven.index(self.plan.main)
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """Its laws, in the order in which they take over."""
+        """Laws of the drive, in the order in which they take over."""
         return self.plan.laws[self.plan.main]
 
     @property
@@ -409,7 +409,7 @@ class MainDrive:
         return [self.law, *takewhile(lambda law: law.valid_from < end, later)]
 
     def time_of(self, revolutions: float) -> float:
-        """When it has turned so far [s]."""
+        """Time at which the drive has made so many revolutions [s]."""
         t = next(self.times_of([revolutions]), None)
         if t is None:
             main = self.plan.main
@@ -419,7 +419,7 @@ class MainDrive:
         return t
 
     def times_of(self, revolutions: Iterable[float]) -> Iterator[float]:
-        """When it has turned by rising numbers of revolutions [s], as far as it ever does."""
+        """Times at which the drive has made rising numbers of revolutions [s], while it does."""
         main = self.plan.main
         if not isinstance(self.law, DriveLaw):
             raise InputError(

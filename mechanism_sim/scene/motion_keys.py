@@ -93,7 +93,7 @@ class MotionProfile(Part):
 
     @classmethod
     def units(cls) -> tuple[str, str]:
-        """Of what turns, and of what slides."""
+        """Units of a rotation and of a displacement."""
         raise NotImplementedError
 
     @model_validator(mode='after')
@@ -145,7 +145,7 @@ class MotionProfile(Part):
 
     @property
     def unit(self) -> str:
-        """In which it is given; empty if nothing says."""
+        """Unit in which the quantity is given; empty if it is open."""
         if self.given:
             return next((x.unit for _, x in self.given if x.unit), '')
         wanted = [
@@ -226,7 +226,7 @@ class PositionPart(MotionProfile):
 
     @classmethod
     def units(cls) -> tuple[str, str]:
-        """Of what turns, and of what slides."""
+        """Units of a rotation and of a displacement."""
         return 'rad', 'm'
 
     def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:
@@ -271,7 +271,7 @@ class SpeedPart(MotionProfile):
 
     @classmethod
     def units(cls) -> tuple[str, str]:
-        """Of what turns, and of what slides."""
+        """Units of a rotation and of a displacement."""
         return 'rad/s', 'm/s'
 
     def _check_points(self, points: Sequence[tuple[float, QuantityValue]]) -> None:

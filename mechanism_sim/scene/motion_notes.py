@@ -75,7 +75,7 @@ def _swung(
 def _notes_of_swung(
     linkage: FourBar | SliderCrank, crank: str, by: str, through: float
 ) -> list[str]:
-    """Of a linkage whose first link another one swings: a toggle, say, or a second four-bar."""
+    """Notes on a linkage whose first link another one swings: a toggle, a second four-bar."""
     kind = 'slider-crank'
     if isinstance(linkage, FourBar):
         kind = f'Grashof: {classify(linkage.lengths)}'
@@ -107,7 +107,7 @@ def mobility_notes(mechanism: Mechanism, q: Mapping[str, float]) -> Iterator[str
 
 
 def _four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
-    """How the links of a four-bar move, and how well the coupler moves the rocker."""
+    """Notes on the motion of a four-bar's links, and on its transmission angle."""
     spare = float(excess(linkage.lengths))
     compared = f'{abs(spare):.6g} m {"less" if spare > 0 else "more"} than'
     lines = change_points(linkage)
@@ -145,7 +145,7 @@ def _four_bar_notes(linkage: FourBar, crank: str, rocker: str) -> list[str]:
 
 
 def _slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
-    """How the links of a slider-crank move, and how well the rod moves the slider."""
+    """Notes on the motion of a slider-crank's links, and on its transmission angle."""
     if linkage.turns == 'crank':
         first = f'slider-crank: the {crank} can turn fully, stroke {linkage.stroke:.6g} m'
         if linkage.offset:
@@ -169,7 +169,7 @@ def _slider_crank_notes(linkage: SliderCrank, crank: str) -> list[str]:
 
 
 def _transmission(least: float, greatest: float, limited: str) -> str:
-    """Of the linkage, whose drive may go less far; `limited` is a crank that cannot turn."""
+    """Note on the transmission angle; `limited` names a crank that cannot turn fully."""
     low, high = math.degrees(least), math.degrees(greatest)
     note = f'transmission angle: {low:.4g} to {high:.4g} deg'
     if limited:

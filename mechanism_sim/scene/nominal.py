@@ -74,7 +74,7 @@ class Nominal:
 
     @cached_property
     def reach(self) -> float:
-        """How far from its start a single drive is followed [rad, m].
+        """Range from its start over which a single drive is followed [rad, m].
 
         A turn where all is as before after one; a slider as far as it never goes between links.
         """

@@ -321,7 +321,7 @@ class ScenePlan(Names):
         return Kinematics(self.loose, self.loop_closures, ())
 
     def loops(self, held: Sequence[str]) -> Kinematics:
-        """Those closures as numbers, with some coordinates given."""
+        """Closures of the ideal mechanism as numbers, with some coordinates given."""
         return self._loops.holding(held)
 
 

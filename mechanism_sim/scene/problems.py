@@ -123,13 +123,13 @@ def _names_file(problem: ErrorDetails, model: type[BaseModel]) -> bool:
 
 
 def _of_file(models: Iterable[type[BaseModel]], value: Any) -> str:
-    """How a file is named, if a value is the name of one."""
+    """Advice on how to name a file, if a value is the name of one."""
     reads = any(m.of_files for m in models if issubclass(m, Part))
     return named_file(value) if reads else ''
 
 
 def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
-    """How to write a value that stands alone: under the first key that takes it or its entries."""
+    """Advice on how to write a value that stands alone: under the first key that takes it."""
     listed = isinstance(value, list | tuple)
     alone = ', not of values alone' if listed else ''
     if listed and value and isinstance(value[0], dict):
@@ -153,7 +153,7 @@ def _instead(models: Iterable[type[BaseModel]], value: Any) -> str:
 
 
 def _named_entry(entries: Sequence[Any]) -> str:
-    """How the first of some entries of a list is written below its name, which it may have."""
+    """Advice on how to write the first entry of a list below its name."""
     first = entries[0] if entries and isinstance(entries[0], Mapping) else {}
     named = next((key for key in _NAMES if isinstance(first.get(key), str)), '')
     rest = next((f'{key}: ...' for key in first if key != named), '...')

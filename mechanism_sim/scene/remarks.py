@@ -36,7 +36,7 @@ from mechanism_sim.units import to_si, written
 _GYRATION = 30.0
 """Radius of gyration over the size of a link, and of size over radius: a bar has 0.29."""
 _ODD = 300.0
-"""Of masses and sizes over their medians, either way."""
+"""Ratio of masses and sizes to their medians, or its inverse, that is odd."""
 _OTHER_UNIT = 100.0
 """Of a length over the median of those that are written in other units, either way.
 
@@ -54,7 +54,7 @@ _FASTEST = 3e4
 _ANGLES = 'start_angle', 'axis', 'phase'
 """Keys of angles, beside the coordinates in `guess` and `initial.position`."""
 _ROUND = 0.9
-"""Of a turn: what is followed up to about one, and is so far from its start, does not swing."""
+"""Share of a turn: an angle followed that far from its start does not swing."""
 _NO_FORCES = 'masses are missing, or forces have no limit, and so none are computed'
 
 
@@ -141,7 +141,7 @@ def _length_question(where: str, text: str, middle: float) -> str:
 def _lengths(
     part: Any, where: str, of_links: bool = False
 ) -> Iterator[tuple[str, str, str, float]]:
-    """Of lengths and points in a part of a scene: path, text, its unit, and value [m].
+    """Lengths and points in a part of a scene: path, text, its unit, and value [m].
 
     Numbers without a unit are in metres; elsewhere than in links they may be anything.
     """
@@ -374,7 +374,7 @@ def _start(machine: Machine) -> Iterator[str]:
 
 
 def no_forces(machine: Machine) -> str:
-    """Why a kinematic machine has none."""
+    """Reason why a kinematic machine has no forces."""
     return _NO_FORCES if machine.scene.outputs.forces else 'outputs.forces is false'
 
 

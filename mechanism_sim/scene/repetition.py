@@ -1,4 +1,4 @@
-"""After how many turns of its drive a machine is as before: gears, belts, cams, tables."""
+"""Period of a machine in turns of its drive, with gears, belts, cams and tables."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from mechanism_sim.scene.plan import ScenePlan, keeps_speed
 MOST = 12
 """Turns of the drive up to which it is looked whether a machine repeats itself."""
 WHOLE = 1e-6
-"""Of a turn or a table: so near to a whole one, an angle in degrees of six digits is meant."""
+"""Tolerance for whole turns, or tables: angles in degrees have six digits."""
 _CENTRED = 1e-9
-"""Of the size of the machine: what is so near to the centre of a wheel is there."""
+"""Share of the machine's size within which a point is at the centre of a wheel."""
 PROSE = 'title', 'description', 'tables'
 _GEOMETRY = 'links', 'joints', 'gears'
 
 
 @dataclass(frozen=True)
 class Repetition:
-    """How often the main drive turns until all of a machine is as before.
+    """Period of a machine in turns of the main drive.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ def calls_of_angles(
 
 
 def repetition(nominal: Nominal, period: float) -> Repetition:
-    """After how many turns of the main drive a machine without clearance is as before.
+    """Period of a machine without clearance in turns of the main drive.
 
     Where speeds of drives repeat themselves over time: after how many periods of the main drive,
     in which all drives come back or turn round.
@@ -190,7 +190,7 @@ def _by_turns(nominal: Nominal, period: float) -> Repetition:
 def _turned(
     nominal: Nominal, laws: Sequence[Law], period: float, main_alone: bool
 ) -> Iterator[dict[str, float]]:
-    """How far links have turned [rad] after one turn of the main drive, two, and so on."""
+    """Rotations of links [rad] after one turn of the main drive, two, and so on."""
     if main_alone:
         yield from ({nominal.plan.main: TWO_PI * n} for n in range(1, MOST + 1))
         return
@@ -213,7 +213,7 @@ def is_whole(spans: float) -> bool:
 
 
 def _span(plan: ScenePlan, function: str) -> float:
-    """After which a function of an angle [rad], or of the time [s], repeats itself."""
+    """Period of a function of an angle [rad], or of the time [s]."""
     if function in formula.PERIODIC:
         return TWO_PI
     points = plan.scene.tables[function].points

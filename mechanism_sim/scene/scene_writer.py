@@ -35,7 +35,7 @@ TEMPLATES = {'four_bar': 'four_bar_clearance', 'linkage': 'slider_crank_engine'}
 SCHEMA = 'mechanism_sim.schema.json'
 """Schema that editors read, if it lies beside the scene."""
 WIDTH, COLUMN = 99, 40
-"""Of the file, and where comments begin."""
+"""Width of the file, and column of comments."""
 
 _UNBROKEN = '\N{NO-BREAK SPACE}'
 

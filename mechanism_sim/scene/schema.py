@@ -350,7 +350,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
         return self.kind_keys.carrier(machine)
 
     def place(self, machine: Any) -> str:
-        """Its place, in words."""
+        """Place of the sensor in words."""
         return self.kind_keys.place(machine)
 
     def check(self, machine: Any, where: str) -> None:
@@ -374,7 +374,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
 
     @property
     def unit(self) -> str:
-        """Of its samples."""
+        """Unit of the samples."""
         return QUANTITIES[self.measures]
 
     @model_validator(mode='before')
@@ -435,7 +435,7 @@ class SensorPart(*SENSORS.values(), metaclass=PartMaker):  # type: ignore[misc]
         return self
 
     def chain(self) -> Instrument:
-        """Its transfer functions, sampling and noise."""
+        """Measurement chain: transfer functions, sampling and noise."""
         return Instrument(**{x.name: getattr(self, x.name) for x in fields(Instrument)})
 
     def inertial_unit(self, machine: Any, name: str) -> InertialUnit:
@@ -526,7 +526,7 @@ class DrivePart(Part, metaclass=PartMaker):
 
 
 StartValue = QuantityValue | tuple[float, float]
-"""Of a coordinate, or of a point."""
+"""Start of a coordinate, or of a point."""
 _StartPlace = Annotated[StartValue, si_or_point('m', 'rad', 'm')]
 _StartPace = Annotated[StartValue, si_or_point('m/s', 'rad/s', 'm/s')]
 

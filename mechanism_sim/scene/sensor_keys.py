@@ -44,7 +44,7 @@ class SensorKeys(Part):
         raise NotImplementedError
 
     def place(self, machine: Any) -> str:
-        """Its place, in words."""
+        """Place of the sensor in words."""
         raise NotImplementedError
 
     def trigger_in(self, machine: Any) -> int:
@@ -84,7 +84,7 @@ class OnLinkKeys(SensorKeys):
     needs: ClassVar[tuple[str, ...]] = ('link',)
 
     def carrier(self, machine: Any) -> str:
-        """Its link."""
+        """Link that carries the sensor."""
         return str(self.link)
 
     def check(self, machine: Any, where: str) -> None:

@@ -42,7 +42,7 @@ def begin(
     drive: Array,
     pace: float,
 ) -> tuple[Array, Array]:
-    """Which way a driven mechanism leaves a singular position: the position, and dq/du there.
+    """Branch on which a driven mechanism leaves a singular position: q and dq/du there.
 
     Of the branches that meet there, the one that comes nearest to the guess; if the guess does
     not tell, one on which no joint stands still; then that on which the rates change least.
@@ -85,7 +85,7 @@ def begin(
 
 
 def _idle(mechanism: Mechanism, found: Branch) -> Array:
-    """How many joints (B,) do not move on each branch."""
+    """Numbers of joints (B,) that do not move on each branch."""
     slopes = found.at(np.linspace(-1.0, 1.0, 5) * found.width[:, None])[1]
     rate = dict(zip(mechanism.coordinates, slopes, strict=True)) | {GROUND: 0.0 * slopes[0]}
     moves = [
@@ -99,7 +99,7 @@ def _idle(mechanism: Mechanism, found: Branch) -> Array:
 
 
 def _bend(found: Branch, scale: Array) -> Array:
-    """How far (B,) the branches come off their tangents."""
+    """Largest deviations (B,) of the branches from their tangents, in scaled coordinates."""
     shift = np.linspace(-1.0, 1.0, 9) * 0.3 * found.width.min()
     place, _, _ = found.at(np.repeat(shift[None], len(found.width), axis=0))
     middle, slope, _ = found.at(np.zeros((len(found.width), 1)))

@@ -1,4 +1,4 @@
-"""Where a machine starts: its pins at the centre of their bushings, or pressed against them.
+"""Initial configuration: pins at the centre of their bushings, or pressed against them.
 
 ``centred``: the nominal mechanism, pins at the centre, in flight. ``seated``: each pin rests on
 its bushing in the direction of the nominal force of the first-named on the second-named link;

@@ -192,7 +192,7 @@ def _refined(
 
 
 def _missed(tree: Mechanism, targets: Sequence[StartTarget], q: Array) -> float:
-    """By how much targets are missed altogether [m]."""
+    """Distance by which targets are missed altogether [m]."""
     return math.hypot(*(x for t in targets for x in t.of(tree, q)[0] - np.array(t.value)))
 
 

@@ -26,7 +26,7 @@ class Planar(NamedTuple):
 
 
 def pose_and_velocity(machine: Machine, link: str) -> tuple[Planar, Planar]:
-    """Those of a link at the start."""
+    """Initial pose and velocity of a link."""
     mechanism, (q, v) = machine.mechanism, _start(machine)
     place, rate = mechanism.trace((link, (0.0, 0.0)), q, v)[:, :, 0]
     frame, _ = mechanism.frame(link)

@@ -165,7 +165,7 @@ _SAID = {
     'rad': 'SI units, an angle in rad',
     'rad/s': 'SI units, rotation in rad/s',
 }
-"""How a column is read of which no unit is known, by the first of those that it may have."""
+"""Assumed reading of a column without unit, by the first of its possible units."""
 
 
 def _points_of(
@@ -239,7 +239,7 @@ def _alike(said: str, asked: str) -> bool:
 
 
 def allowed_file(where: str, folder: Path, name: str) -> Path:
-    """Where a file is, with all links followed: in the folder of the scene, or in one allowed.
+    """Resolved path of a file in the folder of the scene, or in an allowed one.
 
     They are searched in this order; a file below none of them is refused.
     """

@@ -52,7 +52,7 @@ def without_mass(names: Names, link: str, rotor: LinkExtension | None) -> Body:
 
 
 def _stiffness_along(names: Names, link: str) -> float | None:
-    """Of what holds a link along the axes [N/m]; None if no bearing lets it move there."""
+    """Stiffness that holds a link along the axes [N/m]; None if no bearing lets it move there."""
     given = names.scene.links[link].tilt
     stopped = any(
         joint.clearance and joint.clearance.axial and link in dict(names.ends(name))

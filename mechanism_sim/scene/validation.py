@@ -32,12 +32,12 @@ from mechanism_sim.scene.plan import announce
 from mechanism_sim.scene.start import check_apart
 
 _ROUNDING = 1e-9
-"""Of the size of the machine: by so much nothing overlaps."""
+"""Share of the machine's size within which nothing overlaps."""
 _PLAYS = 10.0
 """Plays of loose joints, all together, by which they may give way."""
 _INSTANTS = 2001
 _TURNS = 16
-"""Of a steady drive, whose way is tried."""
+"""Turns of a steady drive that are tried."""
 TURN = 2.0 * math.pi
 _PACE = 2.0 * TURN
 """[rad/s] of the drive where it is tried out; in sizes of the machine if it slides."""
@@ -209,7 +209,7 @@ def _try_way(machine: Machine, duration: float) -> None:
 
 
 def way_of(laws: Sequence[Law], duration: float) -> Way:
-    """Where prescribed laws lead from the start of a run to its end."""
+    """Least and greatest value of prescribed laws from the start of a run to its end."""
     seen = []
     for law, begin, end in ends(laws, duration):
         if begin <= end:
@@ -222,7 +222,7 @@ def way_of(laws: Sequence[Law], duration: float) -> Way:
 
 
 def _value(law: Law, t: float) -> float:
-    """Where a prescribed coordinate is [rad, m]."""
+    """Value of a prescribed coordinate at a time [rad, m]."""
     assert isinstance(law, DriveLaw)  # noqa: S101 - it is prescribed
     value = float(polynomial.polyval(t - law.reference_time, law.coefficients))
     return value + law.turns * TURN
@@ -281,7 +281,7 @@ def _try_loops(machine: Machine, duration: float) -> None:
 
 
 def _stopped(machine: Machine, run: NominalRun, duration: float) -> str:
-    """Why a single drive cannot go on for so long, and its limits; nothing if it can."""
+    """Reason why a single drive cannot go on for so long, with its limits; else empty."""
     try:
         _advance(run, duration)
     except InputError as error:
@@ -357,7 +357,7 @@ def _check_stops(machine: Machine, duration: float) -> None:
 
 
 def _span(machine: Machine, duration: float) -> float:
-    """As much of a run [s] as need be tried."""
+    """Part of a run to be tried [s]."""
     plan = machine.plan
     laws = (law for c in plan.prescribed for law in plan.laws_until(c, duration))
     last = max(law.valid_from for law in laws)

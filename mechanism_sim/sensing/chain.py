@@ -60,7 +60,7 @@ class Amplifier(Part):
     """Of the Butterworth filter."""
 
     def transfer(self) -> Rational:
-        """Of both filters; at the corner frequencies 3 dB are lost."""
+        """Transfer function of both filters; at the corner frequencies 3 dB are lost."""
         low = _butterworth(self.low_pass, self.low_pass_order, 'lowpass')
         return _butterworth(self.high_pass, self.high_pass_order, 'highpass') * low
 
@@ -85,7 +85,7 @@ class AntiAlias(Part):
     """Of the filter."""
 
     def transfer(self) -> Rational:
-        """Of the filter."""
+        """Transfer function of the filter."""
         return _butterworth(self.frequency, self.order, 'lowpass')
 
 
@@ -178,7 +178,7 @@ class Instrument:
         }
 
     def transfer(self) -> Rational:
-        """Of acceleration [m/s^2] to what is sampled [m/s^2, m/s or m]."""
+        """Transfer function of acceleration [m/s^2] to the sampled signal [m/s^2, m/s or m]."""
         product = Rational()
         for stage in self.stages().values():
             product = product * stage

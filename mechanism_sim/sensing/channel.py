@@ -25,7 +25,7 @@ from mechanism_sim.sensing.chain import Instrument, half_sine
 _TOUCH = 1e-12
 """[turns] nearer than this to an angle is on it: a drive may rest there."""
 _FARTHEST = 0.49
-"""Of a sampling period: so far at most jitter moves a sample, that none overtakes another."""
+"""Largest jitter, in sampling periods, so that no sample overtakes another."""
 BLOCK = 256
 """Samples of a block without a trigger."""
 _MOST = 100_000_000
@@ -66,7 +66,7 @@ class DirectSource:
         raise NotImplementedError
 
     def impulses(self, motion: Motion) -> Array:
-        """None (m, 1)."""
+        """Impulses: zero, (m, 1)."""
         return np.zeros((len(motion), 1))
 
 
@@ -80,7 +80,7 @@ class Block(NamedTuple):
 
     @property
     def overloads(self) -> int:
-        """How many samples were cut."""
+        """Number of samples cut at full scale."""
         return int(self.cut.sum())
 
 
@@ -204,7 +204,7 @@ class Channel:
         return blocks
 
     def samples(self, final: bool = False) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-        """When the samples of `blocks` are due [s], they, and which were cut: (N,) each."""
+        """Due times [s], values and overload marks of the samples of `blocks`, (N,) each."""
         for block in self.blocks(final):
             since = np.arange(len(block.samples)) / self.instrument.sample_rate
             yield block.time + since, block.samples, block.cut
@@ -355,7 +355,7 @@ class Sampler:
                 self._start = None
 
     def _offset(self, count: int) -> Array:
-        """How much later than due the next samples are taken [s]."""
+        """Delays of the next samples after their due times [s]."""
         missing = count - len(self._offsets)
         if missing > 0:
             most = _FARTHEST / self._rate
@@ -365,7 +365,7 @@ class Sampler:
 
 
 class LevelPassage:
-    """When a sum of coordinates passes an angle, in either direction; a run may begin on it.
+    """Passages of a sum of coordinates through an angle, in either direction.
 
     Parameters
     ----------
@@ -411,7 +411,7 @@ def _floor(turns: ArrayLike) -> NDArray[np.int64]:
 
 
 def _find_passages(powers: Array, level: int, may_turn: bool) -> list[float]:
-    """Where on [0, 1] a polynomial that begins at a level passes from one integer to the next."""
+    """Positions in [0, 1] at which a polynomial passes from one integer to the next."""
     knots = [1.0]
     if may_turn:
         rate = Polynomial(powers).deriv().convert(kind=Chebyshev, domain=[0.0, 1.0])
@@ -428,7 +428,7 @@ def _find_passages(powers: Array, level: int, may_turn: bool) -> list[float]:
 
 
 def _root(powers: Array, value: int, begin: float, end: float) -> float:
-    """Where a polynomial has a value; at an end if rounding moves it out."""
+    """Position at which a polynomial has a value; an end if rounding moves it out."""
 
     def excess(x: float) -> float:
         return float(polyval(x, powers)) - value

@@ -41,7 +41,7 @@ class JointView:
         return int(self.observed.position.shape[1])
 
     def trajectory(self, link: str, at: Vector2 | None = None) -> Trajectory:
-        """How a link moves: its displacement if a guide carries it, else its angle."""
+        """Trajectory of a link: its displacement if a guide carries it, else its angle."""
         if link in self.mechanism.sliding:
             return self._coordinate(link)
         return self.turning(link, at)
@@ -100,7 +100,7 @@ class JointView:
 
     @property
     def foot(self) -> Array:
-        """Where the force acts (2, N) [m]: at the joint's point on the second-named link.
+        """Point of action of the force (2, N) [m]: the joint's point on the second-named link.
 
         A higher pair presses at a point that wanders: there it is the foot of the joint's point on
         the force's line of action, or the point itself without a force.

@@ -212,7 +212,7 @@ class InertialUnit:
             channel.take(motion)
 
     def readings(self, final: bool = False) -> list[Readings]:
-        """Those of full blocks, or all that is left; each is given once."""
+        """Readings of full blocks, or of all that is left if `final`; each is given once."""
         found = []
         blocks = (channel.blocks(final) for channel in self._channels)
         for x, y, angle, rate in zip(*blocks, strict=True):

@@ -51,7 +51,7 @@ class SoundMaterial:
 
 @dataclass(frozen=True)
 class Listener:
-    """Where the ear is, from the joint that knocks, in the plane of the machine."""
+    """Position of the listener relative to the impacting joint, in the plane of the machine."""
 
     distance: float = 1.0  #: [m]
     direction: float = 0.0  #: [rad] from the x axis
@@ -117,7 +117,7 @@ def half_sine_response(poles: Array, residues: Array, duration: float, t: Array)
 
 
 def contact_time(mass: float, radius: float, speed: float) -> float:
-    """How long a Hertzian contact of steel lasts [s].
+    """Duration of a Hertzian impact of steel [s].
 
     From ``mass x'' = -4/3 E sqrt(radius) x^(3/2)``, E being the modulus of two equal materials.
 

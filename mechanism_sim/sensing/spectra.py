@@ -314,7 +314,7 @@ class TurnSegments:
 
     @property
     def text(self) -> str:
-        """How many turns there are, as '30 turns' or '15 times 2 turns'."""
+        """Number of turns as text, as '30 turns' or '15 times 2 turns'."""
         count = len(self.values)
         return f'{count} times {self.turns} turns' if self.turns > 1 else f'{count} turns'
 

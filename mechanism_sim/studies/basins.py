@@ -1,4 +1,4 @@
-"""Which response a start, or a pair of parameters, leads to."""
+"""Basins of attraction: the response to which a start, or a pair of parameters, leads."""
 
 from __future__ import annotations
 

@@ -45,11 +45,11 @@ DIRECTIONS = 'up', 'down'
 _NOTHING: dict[str, Any] = {'period': 0, 'impacts': 0.0, 'points': [], 'returns': []}
 START = 'start'
 _RETURN = 1e-2
-"""Of what the clearances leave free: sections that come back so near are the same."""
+"""Share of the free travel in clearances within which sections are the same."""
 ONE = 5.0 * _RETURN
 """Likewise: those that two runs come to are of one response."""
 _OF_RANGE = 1e-4
-"""Of the range of a rate or displacement in all sections: likewise."""
+"""Share of the range of a rate or displacement in all sections, likewise."""
 APART = 0.381966
 """Of a turn before its end: where it is seen whether the motion comes back. Machines often begin
 where something strikes, and at that very instant rates have two values."""
@@ -64,16 +64,16 @@ near to where they settle, and their sections fill a diagram together."""
 _SEEN = 4
 """Turns at least, over which a transient is compared with as many before."""
 _SETTLED = 1e-3
-"""Of the distance within which sections are the same: what may be left of a transient."""
+"""Share of the distance within which sections are the same: remainder of a transient."""
 _PATIENT = 8
-"""As many turns as are planned, times this, are waited for what still converges."""
+"""Factor on the planned turns for motions that still converge."""
 _EVEN, _FALLEN, _STEADY = 0.8, 0.8, 0.95
 """Of a decay: how its shares agree, in logarithms, what it leaves, and in how many turns it goes
 on. Where nothing repeats, it must do so."""
 _CLEAR = 10.0
 """Distance of two turns of a period over what is left of the transient, at least."""
 _BENT = 0.5
-"""Of a step from one response to the next: what steps of one branch differ by, at most."""
+"""Largest difference between steps from response to response on one branch, relative."""
 _SEEN_AHEAD, _NUDGE = 2, 1e-5
 """Where a run begins on the course of the responses before: turns that are compared, and of
 the distance within which sections are the same, how far off it begins. That is seen to grow where
@@ -82,7 +82,7 @@ what that foretells has become unstable."""
 
 @dataclass(frozen=True)
 class SectionPlan:
-    """Where sections are taken, and when.
+    """Sections of a motion: their quantities, and the turns at which they are taken.
 
     Attributes
     ----------
@@ -341,7 +341,7 @@ def follow(
 def _starts(
     state: State | None, shift: Array | None, step: Array | None
 ) -> Iterator[tuple[State | None, int]]:
-    """Where a run may begin, the best first, and the turns that tell whether it has settled.
+    """Starts of a run, the best first, and the turns that tell whether it has settled.
 
     Where a machine cannot begin as the one before ended, it begins as its scene says.
 
@@ -372,7 +372,7 @@ class _Trend:
             self._before = [ends]
 
     def step(self) -> Array | None:
-        """How positions and rates change besides those of the start (2 f,), at the next value.
+        """Extrapolated change of positions and rates at the next value, beside the start's (2 f,).
 
         None where the responses are not those of one branch, or do not repeat.
         """
@@ -624,7 +624,7 @@ class _SectionAccumulator:
         return self._period(states[-(looked + 1) :])
 
     def _fall(self, states: Array, p: int) -> _Fall | None:
-        """How the change in p turns dies out, or grows, over the later half, if all the time."""
+        """Decay or growth of the change in p turns over the later half, if it is monotonic."""
         m = p * max(-(-_SEEN // p), (len(states) // 2 - p) // (4 * p))
         if len(states) < 4 * m + p:
             return None
@@ -643,12 +643,12 @@ class _SectionAccumulator:
         return _Fall(share, left, bool(even or steady))
 
     def _near(self, states: Array) -> Array:
-        """How near sections are the same (2 f,)."""
+        """Tolerances within which sections count as equal (2 f,)."""
         near = _RETURN * self._scale
         return np.maximum(near, np.where(self._turns, 0.0, _OF_RANGE * np.ptp(states, axis=0)))
 
     def _off(self, states: Array, p: int) -> Array:
-        """By how much sections differ from those p turns before (N - p, 2 f)."""
+        """Deviations of sections from those p turns before (N - p, 2 f)."""
         return np.abs(without_turns(states[p:] - states[:-p], self._turns))
 
     def _period(self, states: Array) -> int:

@@ -66,7 +66,7 @@ def overloads_of(sensor: str) -> str:
 
 
 def of_converters(machine: Machine, windows: WindowsPart | None) -> list[ResultColumn]:
-    """How many samples are cut, of each sensor that has a range; of those in windows, if any."""
+    """Columns of the numbers of cut samples, for each sensor that has a range."""
     sensors, what = machine.scene.sensors, ' of its windows' if windows else ''
     return [
         ResultColumn(overloads_of(name), '', f'samples{what} cut at the end of the range')

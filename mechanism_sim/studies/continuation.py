@@ -31,16 +31,16 @@ from mechanism_sim.studies.periodic import PoincareMap, without_turns
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 _RESIDUAL = 1e-10
-"""Of a period: largest change of an angle, or of a rate over the speed of the crank."""
+"""Residual of a period: change of an angle, or of a rate over the crank's speed."""
 _ROUNDING = 1e-12
-"""Of a state, in the same measure; a period makes it grow."""
+"""Rounding of a state, in the same measure; a period makes it grow."""
 _ROUNDS = 12
 _FASTER = 0.2
-"""Of a residual, to which a step of Newton's method must bring it with derivatives of before."""
+"""Ratio of residuals that a step of Newton's method must reach with old derivatives."""
 _FIRST, _LONGEST, _LEAST = 0.02, 0.1, 1e-6
 """Steps; the range of the parameter is 1. Many impacts a period graze one after the other."""
 _BEYOND = 0.01
-"""Of the range: how far behind a grazing impact what follows is looked for."""
+"""Share of the range behind a grazing impact within which what follows is looked for."""
 _TURNED = 0.9
 """Cosine between the tangents of neighbours, at least."""
 _MOST = 400
@@ -53,11 +53,11 @@ _CLOSE = 0.1
 _STEEP = 2e3
 """Multiplier of an impact that all but grazes; nearer, rounding is larger than its speed."""
 _HALVED = 0.1
-"""Of the largest change in half a period along a branch: nearer to a flip, rounding decides."""
+"""Share of the largest half-period change on a branch below which rounding decides a flip."""
 _BENT = 0.1
-"""Of what changes between neighbours on a branch: how far it is from a parabola, at most."""
+"""Largest deviation of neighbours on a branch from a parabola, relative to their change."""
 _STABLE = 1e-7
-"""Of a multiplier, by which its size must be below 1."""
+"""Margin by which the size of a multiplier must be below 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class BranchPoint:
 
 
 class BranchEvent(NamedTuple):
-    """Where a branch turns, loses its stability or ends.
+    """Fold, loss of stability or end of a branch.
 
     Attributes
     ----------
@@ -497,7 +497,7 @@ def _between(
 
 
 def _grazing(shooting: _Shooting, orbits: list[_Orbit]) -> BranchEvent | None:
-    """Where a branch grazes soon behind these fixed points, if that is why it ends."""
+    """Grazing soon behind these fixed points, if it ends the branch; else None."""
     values = np.array([orbit.value for orbit in orbits[-_SEEN:]])
     if len(values) < 3:
         return None
@@ -629,6 +629,6 @@ def _places(branch: ResponseBranch, value: float, turns: Array) -> Iterator[tupl
 
 
 def _ways(a: Array, b: Array, turns: Array) -> Iterator[Array]:
-    """From each state of one period to those of another, which begins at each of its turns."""
+    """Differences of the states of one period to another's, which begins at each of its turns."""
     for k in range(len(b)):
         yield without_turns(np.roll(b, k, axis=0) - a, turns)

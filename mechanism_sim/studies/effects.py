@@ -61,7 +61,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Exceedance:
-    """Which share of runs exceeds limits, with its 95 % interval (Clopper and Pearson).
+    """Share of runs that exceed limits, with its 95 % interval (Clopper and Pearson).
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ _ALIKE = 1e-12
 
 
 def exceedances(plan: SweepPlan, rows: Sequence[Row]) -> list[Exceedance]:
-    """Which share of the runs exceeds the limits of each measure of the sweep."""
+    """Shares of the runs that exceed the limits, of each measure of the sweep."""
     found, independent = [], _independent(plan)
     for name, (least, limit) in plan.limits.items():
         y = np.array([number(row, name) for row in rows])[independent]

@@ -259,7 +259,7 @@ def _hits(trials: Trials, place: float, wanted: float) -> bool:
 
 
 def _extreme(trials: Trials, places: Array, figures: Array) -> Found:
-    """Where the figure is least, or greatest, to about half of the digits of the value."""
+    """Value at which the figure is least or greatest, to about half of its digits."""
     (parameter,), sign = trials.parameters, trials.goals[0].sign
     k = int(np.nanargmin(sign * figures))
     best, figure = places[k], float(figures[k])

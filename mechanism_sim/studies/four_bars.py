@@ -36,7 +36,7 @@ from mechanism_sim.units import argument
 
 _STARTS, _STEPS = 1 << 11, 40
 _REACH = 8.0
-"""Of points and centres from the first position, in sizes of all."""
+"""Greatest distance of points and centres from the first position, in sizes of all."""
 _SAME = 1e-5
 _DYADS, _NEAR = 48, 10
 """Points that are combined, if exact and if near to circles only."""
@@ -159,7 +159,7 @@ def _guided(poses: Array, transmission: float) -> list[PathFourBar]:
 
 
 def _lengths(centres: Array, pins: Array) -> Array:
-    """Of ground, crank, coupler and rocker, as means over the positions."""
+    """Lengths of ground, crank, coupler and rocker, as means over the positions."""
     arms = np.abs(pins - centres[:, None]).mean(axis=1)
     return np.array([
         abs(centres[1] - centres[0]), arms[0], np.abs(pins[1] - pins[0]).mean(), arms[1],
@@ -172,7 +172,7 @@ def _side(pins: Array, centre: complex) -> Array:
 
 
 def _defect(lengths: Array, pins: Array, centres: Array, transmission: float) -> str:
-    """Why a four-bar does not serve: circuit, branch or order; empty if it does."""
+    """Defect of a four-bar: of circuit, branch, order or transmission; empty if none."""
     if lengths.min() < 1e-3 * lengths.max() or not full_turns(lengths)[0]:
         return 'have no turning crank'
     if abs(np.sign(_side(pins, centres[1])).sum()) < pins.shape[1]:

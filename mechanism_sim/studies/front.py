@@ -30,7 +30,7 @@ def undominated(costs: Array, excess: Array) -> list[int]:
 
 
 def _layers(costs: Array) -> Array:
-    """How many layers of better designs are above each (N,), by costs (N, K)."""
+    """Rank of each design (N,) by costs (N, K): the number of layers that dominate it."""
     one, other = costs[:, None], costs[None]
     below: Array = np.all(one <= other, axis=2) & np.any(one < other, axis=2)
     above = below.sum(axis=0)

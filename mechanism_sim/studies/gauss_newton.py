@@ -40,10 +40,10 @@ from mechanism_sim.sensing.spectra import autocorrelation
 from mechanism_sim.studies.parameters import Parameter
 
 LEVEL = 0.95
-"""Of confidence, for all parameters together."""
+"""Level of confidence, for all parameters together."""
 
 _FIRST, _LONGER = 1.0 / 128.0, 2.0
-"""Of the signal: the first window; and by how much each is longer."""
+"""Share of the signal in the first window, and growth of windows."""
 _LEAST_LONGER = 1.15  # after windows that are refused: each is longer by the root of the last
 _ENOUGH = 0.04  # of a range: limits so close need no further impacts, whose runs are dear
 _STEP = 0.1  # of a standard deviation: step of differences
@@ -54,7 +54,7 @@ _STARTS, _BEGUN = 32, 8  # values that are tried, and from how many of them step
 _GROWN = 4  # how many of these are followed into longer windows
 _TRIED = 3  # places around what a window says from which steps begin in the next
 _RENEWED, _FALLS = 4, 0.9
-"""How often a first fit is made more exact, while its residuals fall at least to this share."""
+"""Most refinements of a first fit, while its residuals fall at least to this share."""
 _BLOCKS = 32  # of the residuals of a window
 _SIGMAS = 6.0  # by which a mean square of noise is hardly ever off
 _OUTLIER = 8.0  # root mean squares that no sample of noise reaches
@@ -63,9 +63,9 @@ _RANGE = 12.0  # information of a uniform distribution of width 1
 _EDGE = 1e-9  # of a range, beyond its ends: bounds have a width
 _STEPS = 10  # at most, in a window
 _ROUGH, _SPARE = 0.5, 0.01
-"""By which a sum of squares, over the variance, may exceed the least: in between, at the end."""
+"""Excess of a sum of squares over the least, by the variance: in between, at the end."""
 _GOOD, _LIKE = 0.1, 0.8
-"""Of the promised fall of the sum of squares: a step is taken; derivatives are still good."""
+"""Shares of the predicted fall of squares: of an accepted step; for valid derivatives."""
 
 _EXACT = 1e-9  # of a signal: what is left of one without noise that runs give exactly
 
@@ -168,13 +168,13 @@ class LeastSquares:
         return True
 
     def values(self, place: Array) -> list[float]:
-        """Of the parameters at shares of their ranges."""
+        """Values of the parameters at shares of their ranges."""
         scaled = (self.low + self.width * place).tolist()
         return [p.value(x) for p, x in zip(self.parameters, scaled, strict=True)]
 
     @property
     def _scales(self) -> list[float]:
-        """By which residuals of signals are compared before anything is known of them."""
+        """Initial scales of the residuals of signals."""
         return [m.noise or float(np.std(m.samples)) or 1.0 for m in self.measurements]
 
     def _first(self) -> float:
@@ -265,7 +265,7 @@ class LeastSquares:
         return fit
 
     def _sizes(self, fit: WindowFit, noise: Sequence[float] = ()) -> list[float]:
-        """Of residuals, at least of the noise, and of rounding where a signal has none at all."""
+        """Scales of residuals, at least the noise, and rounding for a signal without residual."""
         least = [_EXACT * scale for scale in self._scales]
         noise = noise or least
         return [max(one) for one in zip(fit.sizes.tolist(), least, noise, strict=True)]
@@ -372,7 +372,7 @@ class LeastSquares:
         return WindowFit(u, part, found, slopes)
 
     def _residuals(self, place: Array, part: float) -> list[Array]:
-        """Of each signal in a window; infinite if the run fails."""
+        """Residuals of each signal in a window; infinite if the run fails."""
         return self._of_runs(place, part, (), lambda m, run, t, y: m.of_run(run, t) - y)
 
     def _slopes(
@@ -417,7 +417,7 @@ class LeastSquares:
         paths: Sequence[str],
         take: Callable[[Measured, Piece, Array, Array], Array],
     ) -> list[Array]:
-        """From each signal, with the run of its machine at a place up to the end of the window."""
+        """Take values of each signal, with its machine's run at a place up to the window's end."""
         given = {p.path: x for p, x in zip(self.parameters, self.values(place), strict=True)}
         times = [_until(m, part) for m in self.measurements]
         runs: dict[int, Piece | None] = {}

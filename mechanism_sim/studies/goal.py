@@ -135,7 +135,7 @@ class CycleTrial:
 
     @property
     def fingerprint(self) -> str:
-        """Of what is computed, in a few letters."""
+        """Fingerprint of the computation, in a few letters."""
         texts = [[m.text, [f.path for f in m.figures]] for m in self.measures]
         content = json.dumps([self.content, texts, self.how], sort_keys=True, default=str)
         return hashlib.sha256(content.encode()).hexdigest()[:16]

@@ -149,12 +149,12 @@ class Design:
     features: Array
 
     def select(self, low: Array, high: Array) -> Design:
-        """Those in a box."""
+        """Simulations within a box."""
         inside = ((self.places >= low) & (self.places <= high)).all(axis=1)
         return Design(self.places[inside], self.features[inside])
 
     def join(self, other: Design) -> Design:
-        """Both."""
+        """Simulations of both designs."""
         return Design(
             np.concatenate([self.places, other.places]),
             np.concatenate([self.features, other.features]),
@@ -278,7 +278,7 @@ def _share(r: Array, samples: Array) -> float:
 
 
 def _reason(part: float, window: float, whole: float, sure: bool) -> str:
-    """Of how much was compared; that runs follow it, only where they do."""
+    """Describe the compared part of the signals, and that runs follow it, only if they do."""
     if part >= 1.0:
         return 'runs follow the whole signal' if sure else 'the whole signal was compared'
     first = f'the first {window:.4g} s of {whole:.4g} s'
@@ -317,7 +317,7 @@ class Identification:
         self.high = np.array([p.to_scale(p.high) for p in parameters])
 
     def explore(self, low: Array, high: Array, count: int) -> Design:
-        """So many simulations spread over a box on the parameters' scales."""
+        """Carry out `count` simulations spread over a box on the parameters' scales."""
         sobol = qmc.Sobol(len(low), rng=self._random)
         unit = sobol.random_base2(math.ceil(math.log2(count)))[:count]
         places = low + (high - low) * unit

@@ -58,7 +58,7 @@ from mechanism_sim.tables import Column, Table
 from mechanism_sim.units import to_si_like
 
 PLACES = 180
-"""Of a surface, evenly from angle 0 on, whose depths are followed."""
+"""Number of places of a surface, evenly from angle 0 on, whose depths are followed."""
 OWN = {'clearance': 'm', 'depth': 'm'}
 """Figures of worn bearings that a condition may name, the largest of all or of one joint."""
 _ROUNDEST = 0.3  # of the clearance: least radius of what the pin's centre runs along, in runs
@@ -75,7 +75,7 @@ _CONDITION = re.compile(r'\s*(.+?)\s*([<>])\s*([^<>]+)')
 
 
 class Until(NamedTuple):
-    """When a life ends: a figure passes a limit."""
+    """Condition for the end of a life: a figure passes a limit."""
 
     figure: str
     above: bool
@@ -83,7 +83,7 @@ class Until(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> Until:
-        """Of text such as ``clearance > 0.5 mm``."""
+        """Condition of text such as ``clearance > 0.5 mm``."""
         if not (found := _CONDITION.fullmatch(text)):
             raise InputError(
                 f"--until '{text}': write a figure and its limit, as 'clearance > 0.5 mm' or "
@@ -94,7 +94,7 @@ class Until(NamedTuple):
 
 @dataclass(frozen=True)
 class LifePlan:
-    """How the life is followed.
+    """Settings for the simulation of a life.
 
     Attributes
     ----------
@@ -189,7 +189,7 @@ class Life:
         return every
 
     def table(self) -> Table:
-        """These columns as arrays."""
+        """Columns of the life as a table of arrays."""
         return Table.of(self.columns())
 
 
@@ -214,7 +214,7 @@ def life(
     show: Callable[[str], None] | None = None,
     **how: Any,
 ) -> Life:
-    """How long the bearings of a machine last, and how they and its motion change until then.
+    """Predict the life of a machine's bearings, and how they and its motion change until then.
 
     Each bearing with ``clearance.wear`` wears; a cycle is a turn of the drive.
 
@@ -259,7 +259,7 @@ def life(
 def _kept(
     table: str | Path | None, plan: str, restart: bool
 ) -> AbstractContextManager[FinishedRows]:
-    """Where rows of runs are kept: beside a table, or nowhere."""
+    """Store of the rows of finished runs: a journal beside a table, or in memory only."""
     return Journal(Path(table), plan, restart, 'life') if table else nullcontext(FinishedRows())
 
 
@@ -328,7 +328,7 @@ class _Runs:
         self.count, self.note = 0, ''
 
     def rates(self, depths: dict[str, Array], cycles: float, last: Array) -> _Rates:
-        """Of the machine with these depths."""
+        """Rates of wear of the machine with these depths."""
         if self._show:
             self._show(
                 f'{cycles:.3g} cycles, clearance {1e3 * last.max():.4g} mm, run {self.count}'
@@ -527,7 +527,7 @@ class _End:
         return self.until.figure.partition('.')[0] in OWN
 
     def past(self, stage: LifeStage) -> float:
-        """How far a stage is beyond the limit."""
+        """Amount by which a stage exceeds the limit; negative before it."""
         name = self.until.figure.partition('.')[0]
         depths = [*stage.depths.values()]
         if name == 'clearance':
@@ -550,7 +550,7 @@ class _End:
         return (_NEAR * self.doubt(now) - self.past(now)) / rate if rate > 0.0 else math.inf
 
     def doubt(self, stage: LifeStage) -> float:
-        """How far a figure of a bearing may be off [m]; 0 of others."""
+        """Uncertainty of a bearing's figure [m]; 0 of other figures."""
         doubts = (stage.error + stage.scatter)[list(self.chosen)]
         return float(doubts.max()) if self.own else 0.0
 
@@ -659,7 +659,7 @@ def _fastest(rates: _Rates) -> Array:
 
 
 def _between(depths: Mapping[str, Array]) -> Array:
-    """How much deeper each bearing may be beside its deepest places than there [m].
+    """Bound on extra depth of each bearing beside its deepest sampled places [m].
 
     Twice the height of a parabola through three places.
     """

@@ -1,4 +1,4 @@
-"""From which speed of the drive on followers leave their cams: where ideal contacts would pull."""
+"""Lift-off speeds of followers from their cams, at which ideal contacts become tensile."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class LiftOff:
 
 
 def lift_offs(machine: Machine, progress: Callable[[str], None] = lambda _: None) -> list[LiftOff]:
-    """For every cam without a groove: its least contact force, and the speed that ends it.
+    """Least contact force of every cam without a groove, and its lift-off speed.
 
     The motion is that of the machine without any play; at other speeds rates scale with the speed
     and accelerations with its square. Speeds from a hundredth to a hundred times that of the scene

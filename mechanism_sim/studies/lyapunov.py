@@ -22,11 +22,11 @@ from mechanism_sim.scene import Machine, Source, load_scene
 from mechanism_sim.studies.periodic import PoincareMap
 
 _DIGITS = 16.0
-"""With which a run begins."""
+"""Digits at the start of a run."""
 _ALIGNING = 10
 """Turns until any directions have turned to those that grow most."""
 _LOST = 64.0 * float(np.finfo(float).eps)
-"""Of the largest growth in a turn, and at least of 1: what of a direction is rounding."""
+"""Share of the largest growth in a turn, or of 1, below which a direction is rounding."""
 _WINDOW = 64
 """Segments, after each of which errors of the steps join those of the run so far."""
 
@@ -131,7 +131,7 @@ def lyapunov(
 
 @dataclass(frozen=True)
 class Horizon:
-    """How long digits of one run hold.
+    """Prediction horizon of one run: the time for which its digits hold.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def check_horizon(machine: Machine) -> None:
 
 
 def horizon(run: Solution) -> Horizon:
-    """How far errors of the size of the tolerance grow along a run, by its exact derivatives.
+    """Prediction horizon: growth of tolerance-sized errors along a run by exact derivatives.
 
     Errors E of free coordinates and rates, over the ranges of these, go on as ``J E`` from window
     to window, and steps add theirs: ``E E' = J E E' J' + rtol^2``.

@@ -89,7 +89,7 @@ class Roots(tuple[complex, ...]):
 
     @property
     def time_constants(self) -> tuple[float, ...]:
-        """Of a motion that does not oscillate [s]: ``-1/s``, negative if it grows, longest first.
+        """Time constants of a motion without oscillation [s]: ``-1/s``, negative if it grows.
 
         Empty for an oscillation, and for a rigid-body mode, whose root is zero.
         """
@@ -137,7 +137,7 @@ class NormalMode:
 
     @property
     def time_constants(self) -> tuple[float, ...]:
-        """In which it falls to 1/e where it does not oscillate [s]; see `Roots.time_constants`."""
+        """Time constants of decay to 1/e without oscillation [s]; see `Roots.time_constants`."""
         return self.roots.time_constants
 
 

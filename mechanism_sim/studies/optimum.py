@@ -28,13 +28,13 @@ from mechanism_sim.studies.trials import HELD, Aims, Trials
 from mechanism_sim.tables import Column
 
 _REACHED = 1e-9
-"""Of the range of a measure: what is left there is reached."""
+"""Share of the range of a measure within which a goal is reached."""
 _STARTS = 3
 """Best places from which a search goes on until one has reached the goals."""
 _ENDED = 1e-8
-"""Of the limits: places that a search no longer tells apart."""
+"""Share of the limits within which a search does not distinguish places."""
 _AT_END = 1e-6
-"""Of the limits: values that least squares leave beside one of them belong to it."""
+"""Share of the limits within which values of least squares are at a limit."""
 _ACTIVE, _FLAT = 1e-7, 1e-5
 """Distance from a limit that is none, and slope of a cost that is none."""
 
@@ -117,7 +117,7 @@ class Optimum:
 
 
 class Budget(NamedTuple):
-    """How much is tried.
+    """Budget of an optimisation.
 
     Attributes
     ----------

@@ -211,7 +211,7 @@ def _read(machine: Machine, content: Mapping[str, Any], path: str, text: Any) ->
 
 
 def _value(scene: Scene, path: str) -> Any:
-    """Of a quantity its number, of a point the first of its coordinates."""
+    """Number of a quantity, or the first coordinate of a point."""
     place, _ = value_at(scene, path)
     if isinstance(place, QuantityValue):
         return place.value

@@ -1,4 +1,4 @@
-"""From a sweep file to runs, every scene checked before the first of them starts."""
+"""Plans of sweeps: from a file to runs, with all scenes checked before the first run."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ _RADIAL = '.clearance.radial'
 
 @dataclass(frozen=True)
 class Extent:
-    """How long every run of a sweep is: `revolutions`, or a `duration` [s].
+    """Length of every run of a sweep: `revolutions`, or a `duration` [s].
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Run:
 
     @property
     def stem(self) -> str:
-        """Of the names of its files."""
+        """Stem of the names of its files."""
         return f'run_{self.index:05d}'
 
 
@@ -170,7 +170,7 @@ class SweepPlan:
 
     @property
     def fingerprint(self) -> str:
-        """Of what is to be computed, in a few letters."""
+        """Fingerprint of the computation, in a few letters."""
         content: list[Any] = [self.columns, [[run.key, dict(run.values)] for run in self.runs]]
         content += [self.measures] if self.measures else []
         if self.windows:  # what measures does not rule the motion, but the windows

@@ -175,7 +175,7 @@ def response(
 def _frame_response(
     machine: Machine, source: HarmonicSource, quantities: Sequence[str], frequency: Array
 ) -> FrequencyResponse:
-    """That of a frame on springs to a load on itself."""
+    """Frequency response of a frame on springs to a load on itself."""
     assert source.frame  # noqa: S101 - the caller looked
     name, load = source.frame
     known = {c: k for c, (frame, k) in frames.coordinates_of(machine).items() if frame == name}

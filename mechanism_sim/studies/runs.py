@@ -140,7 +140,7 @@ def _is_unguarded() -> bool:
 
 
 def cores() -> int:
-    """How many processes this one may use at once."""
+    """Number of processor cores available to this process."""
     return len(os.sched_getaffinity(0))
 
 

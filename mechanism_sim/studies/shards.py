@@ -55,11 +55,11 @@ class Shard:
 
     @property
     def count(self) -> int:
-        """How many windows there are by now."""
+        """Number of windows written so far."""
         return int(pq.read_metadata(self.file).num_rows) if self.file.exists() else 0
 
     def overloads(self) -> dict[str, int]:
-        """How many samples of its windows were cut, by sensors that have a range."""
+        """Numbers of cut samples in the windows, by sensors that have a range."""
         if OVERLOADS not in self.schema.names or not self.file.exists():
             return {}
         table = pq.read_table(self.file, columns=['sensor', OVERLOADS])
@@ -259,7 +259,7 @@ class _ShardSensor:
         return self.count >= self._most
 
     def windows(self, final: bool) -> Iterator[SampleWindow]:
-        """Those that are complete by now, as far as they are wanted."""
+        """Yield the windows completed by now, until enough of them are made."""
         for window in self.cutter.cut(self.channel.blocks(final)):
             if not self.done:
                 yield window

@@ -30,7 +30,7 @@ _NO_FOLDERS = {*tables.ENDINGS} - {'.parquet'}
 
 @dataclass(frozen=True)
 class SweepSummary:
-    """How a sweep went; `cpu_time` [s] is that of the runs computed now, over all workers."""
+    """Summary of a sweep; `cpu_time` [s] is that of the runs computed now, over all workers."""
 
     sweep: str
     table: str
@@ -182,7 +182,7 @@ def _tasks(plan: SweepPlan, bags: Path | None, windows: Path | None) -> list[Swe
 
 
 def _bag_folder(plan: SweepPlan, table: Path, bags: str | None) -> Path | None:
-    """Where runs are to be recorded, if they are."""
+    """Folder for the bags of runs; None if none are recorded."""
     if not bags and not plan.bags:
         return None
     folder = Path(bags) if bags else table.with_suffix('.bags')
@@ -192,7 +192,7 @@ def _bag_folder(plan: SweepPlan, table: Path, bags: str | None) -> Path | None:
 def _window_folder(
     plan: SweepPlan, table: Path, windows: str | None, restart: bool
 ) -> Path | None:
-    """Where windows are to be written, if there are any; what is there of this sweep stays."""
+    """Folder for windows; None without windows. Windows of this sweep in it stay."""
     if not plan.windows:
         if windows:
             raise InputError(f"--windows {windows}: the sweep has no key 'windows'")

@@ -40,22 +40,22 @@ _TRIED, KEPT = 60, 5
 """Curves from which least squares go on, and solutions that are shown."""
 _POLISHED = 20
 _EXACT = 1e-6
-"""Of the size of a path: distances that no machine has."""
+"""Share of the size of a path: deviations below those of any machine."""
 _PHASES = 48
 _COMPARED = 12
 """Points of an open path that are compared with arcs."""
 _LARGEST = 30.0
-"""Of lengths, and of the point from the crank pin, in sizes of the path."""
+"""Greatest lengths, and distance of the point from the crank pin, in sizes of the path."""
 _MARGIN, _WEIGHT = 0.01, 10.0
-"""Of the transmission angle [rad] beyond its limit, and of its cosine beside distances."""
+"""Margin of the transmission angle [rad]; weight of violated limits beside distances."""
 _LONGEST, _FARTHEST = 12.0, 3.0
-"""Of lengths in cranks, or cranks in lengths; of the point in couplers."""
+"""Greatest ratio of lengths to the crank, either way; of the point to the coupler."""
 _LEAST_TURN = 0.3
 """[rad] of the crank along a path; pieces that are found begin with half a radian or more."""
 _NEAR = 1e-6
 """Weight of unknowns, less those where least squares begin: it moves exact points by 1e-12."""
 _STEP = 1e-6
-"""Of central differences: the third root of the rounding."""
+"""Step of central differences: the third root of the rounding."""
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def worst_transmission(transmission: tuple[float, float]) -> float:
 
 
 def unlike(found: Iterable[PathFourBar]) -> list[PathFourBar]:
-    """Those whose lengths are not those of one before."""
+    """Four-bars whose lengths differ from those of all before."""
     kept: list[PathFourBar] = []
     for one in found:
         if all(not np.allclose(one.lengths, k.lengths, rtol=1e-3) for k in kept):
@@ -191,7 +191,7 @@ def _between(curves: Array, places: Array) -> Array:
 
 
 def _alike(z: Array, way: Array, even: Array) -> NDArray[np.intp]:
-    """Which curves have Fourier descriptors most like those of a closed path."""
+    """Indices of the curves whose Fourier descriptors are most like those of a closed path."""
     at = np.arange(_PLACES) / _PLACES
     path = np.interp(at, np.append(way, 1.0), np.append(z, z[0]))
     own, theirs = (np.fft.fft(x)[..., _HARMONICS] for x in (path, even))
@@ -283,7 +283,7 @@ class _Fit:
         return np.asarray(np.nan_to_num(both, nan=10.0))
 
     def beyond(self, shapes: Array) -> Array:
-        """By how much transmission angles and proportions (7, ...) are beyond their limits."""
+        """Excess of transmission angles and proportions (7, ...) over their limits."""
         ground, coupler, rocker = shapes[:3]
         ends = np.array([(ground - 1.0) ** 2, (ground + 1.0) ** 2])
         cosines = (coupler**2 + rocker**2 - ends) / (2.0 * coupler * rocker)
@@ -293,7 +293,7 @@ class _Fit:
         return np.asarray(np.maximum(every, 0.0))
 
     def short(self, angles: Array) -> float:
-        """By how much the crank turns too little: a small piece of a huge curve is any arc."""
+        """Shortfall of the crank's rotation: a small piece of a huge curve is any arc."""
         return float(max(0.0, _WEIGHT * (_LEAST_TURN - abs(angles[-1] - angles[0]))))
 
     def slopes(self, x: Array) -> Array:

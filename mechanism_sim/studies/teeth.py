@@ -53,7 +53,7 @@ class Choice(NamedTuple):
 
     @property
     def teeth(self) -> int:
-        """Of all gears."""
+        """Total number of teeth."""
         return sum(s.driver + s.driven for s in self.stages)
 
 

@@ -26,7 +26,7 @@ from mechanism_sim.studies.row import SweepTask
 from mechanism_sim.studies.runs import DONE, FinishedRows, Row, Show, Workers
 
 BENT = 0.1
-"""Of three deviations of a measure: so far from a straight line, first order is not enough."""
+"""Relative deviation of a measure from a straight line beyond which first order fails."""
 _TAIL = 0.00135  # of a normal distribution beyond three deviations
 
 
@@ -90,12 +90,12 @@ class FirstOrder:
 
     @property
     def rows(self) -> list[Row]:
-        """Of the nominal run."""
+        """Rows of the nominal run."""
         return [{s.measure: s.nominal for s in self.stacks} | {'status': DONE}]
 
     @property
     def effects(self) -> list[Effect]:
-        """Of each factor from its lower to its upper end, as full runs have it."""
+        """Effects of each factor from its lower to its upper end, as full runs have them."""
         found = []
         for s in self.stacks:
             for c, f in zip(s.contributions, self.plan.factors, strict=True):

@@ -20,13 +20,13 @@ from mechanism_sim.tables import Column
 
 EXACT, DIFFERENCES, NONE = 'exact', 'differences', 'none'
 _STEP = 1e-7
-"""Of differences, as part of the limits: the root of the error of measures."""
+"""Step of differences, as part of the limits: the root of the error of measures."""
 _AWAY = 1e6
-"""Of the range of a measure, where a machine cannot run."""
+"""Distance from a goal, in ranges of a measure, assumed where a machine cannot run."""
 _WHOLE = 1000
 """Combinations of values of lists that are tried one and all."""
 HELD = 1e-9
-"""Of the size of a limit: what exceeds it by less is rounding."""
+"""Share of the size of a limit by which an excess is rounding."""
 
 
 def _row(trial: CycleTrial, values: dict[str, Any]) -> Row:
@@ -142,7 +142,7 @@ class Trials:
         return value
 
     def off(self, place: float, wanted: float) -> float:
-        """How far the first measure at a place is from a value: 0 if by rounding only."""
+        """Difference of the first measure at a place from a value; 0 within rounding."""
         off = self.figure(place) - wanted
         key = json.dumps([self.parameters[0].at(place)])
         rounding = self._rows.rows[key].get('rounding', [0.0])[0]  # none in older journals

@@ -92,7 +92,7 @@ class Cutter:
 
     @property
     def next_start(self) -> float:
-        """No window that is still to come begins before this time [s]."""
+        """Bound on the starts of later windows: none begins before this time [s]."""
         return self._start + (self._index - 2) / self._rate
 
     def cut(self, blocks: Iterable[Block]) -> Iterator[SampleWindow]:

@@ -15,7 +15,7 @@ from mechanism_sim.thesis.experiment import Experiment, Interval, Repeats, mm, r
 
 MORE, LESS, UNDECIDED = 'more', 'less', 'not decided'
 SAME = 'the same'
-"""Of two figures of which [SB] says so: intervals can speak against it, but not decide for it."""
+"""Verdict on two figures that [SB] calls equal: intervals can only speak against it."""
 
 
 class Comparison(NamedTuple):
@@ -89,7 +89,7 @@ _MEANS = _Figure(
 
 
 def claims(found: Experiment) -> list[Claim]:
-    """Those for which there are runs."""
+    """Claims for which there are runs."""
     made = [*_by_restitution(found), *_by_clearance(found), *_by_speed(found), *_in_time(found)]
     return [claim for claim in made if claim.comparisons]
 

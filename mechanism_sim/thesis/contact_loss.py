@@ -102,7 +102,7 @@ class ClearanceLink:
     damping: Callable[[Array], Array] | None = None
 
     def felt(self, angle: Array, speed: float) -> tuple[Array, Array]:
-        """At crank angles (N,) the mass m [kg], and H over the speed of the crank [kg/rad]."""
+        """Mass m [kg] at crank angles (N,), and H over the speed of the crank [kg/rad]."""
         m, transport = self.inertia(angle)
         if self.damping is not None:
             transport = transport + self.damping(angle) / speed
@@ -161,7 +161,7 @@ class ClearanceLink:
 
 @dataclass(frozen=True)
 class PinFollowing:
-    """How a free clearance link fared from its start on."""
+    """Contact of a free clearance link from its start to the first loss of contact."""
 
     turned: float | None  #: [rad] of the crank until contact was lost; None if it was not
     angle: float | None  #: [rad] of the crank then, in [0, 2 pi)

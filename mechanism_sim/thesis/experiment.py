@@ -74,12 +74,12 @@ class BearingContact(NamedTuple):
 
 
 def rpm(speed: float) -> str:
-    """Of a speed [rad/s], without its unit."""
+    """Format a speed [rad/s] in rpm, without unit."""
     return f'{speed * 30.0 / math.pi:.4g}'
 
 
 def mm(radial: float) -> str:
-    """Of a clearance [m], without its unit."""
+    """Format a clearance [m] in mm, without unit."""
     return f'{1e3 * radial:.4g}'
 
 
@@ -112,27 +112,27 @@ class Interval(NamedTuple):
 
     @classmethod
     def over(cls, values: Sequence[float] | Array) -> Interval:
-        """Of the mean of independent values; of one alone there is no interval."""
+        """Interval of the mean of independent values; without width for one value alone."""
         return cls.of_ratio(np.asarray(values, float), np.ones(len(values)))
 
     @classmethod
     def of_ratio(cls, x: Array, per: Array) -> Interval:
-        """Of the sum of some values over that of others, in pairs."""
+        """Interval of the ratio of the sums of paired values."""
         return cls(*ratio(x, per, CONFIDENCE))
 
     @classmethod
     def of_quotient(cls, x: Array, y: Array) -> Interval:
-        """Of the mean of independent values over that of others."""
+        """Interval of the ratio of the means of independent values."""
         return cls(*quotient(x, y, CONFIDENCE))
 
     @property
     def low(self) -> float:
-        """Its lower end."""
+        """Lower end of the interval."""
         return self.mean - self.half_width
 
     @property
     def high(self) -> float:
-        """Its upper end."""
+        """Upper end of the interval."""
         return self.mean + self.half_width
 
     def above(self, other: Interval) -> bool:
@@ -141,7 +141,7 @@ class Interval(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Of a reconstruction: against what the instrument could show at all, and the truth."""
+    """Errors of a reconstruction: against the instrument's ideal reading, and the truth."""
 
     of_shown: Error
     of_truth: Error
@@ -240,7 +240,7 @@ class IdealRuns:
         self._samples: dict[tuple[str, float, str, Instrument], Array] = {}
 
     def record(self, of: Record) -> Record:
-        """Its run from the start of another to its end."""
+        """Run of the ideal mechanism over the time of another run."""
         machine = ideal_machine(of.machine)
         key = machine.fingerprint, of.end
         if key not in self._records:
@@ -382,7 +382,7 @@ class Repeats:
 
     @property
     def condition(self) -> Condition:
-        """Of all of them."""
+        """Condition of all these runs."""
         return self.trials[0].condition
 
     @property
@@ -391,7 +391,7 @@ class Repeats:
         return self.trials[0]
 
     def mean(self, figure: Callable[[Trial], float]) -> Interval:
-        """Of a figure, over the starts; of one start without an interval."""
+        """Mean of a figure over the starts; without interval for one start."""
         return Interval.over([figure(x) for x in self.trials])
 
     def shown(self, link: str = 'coupler') -> Interval:
@@ -418,7 +418,7 @@ class Repeats:
 
     def times(self, figure: Callable[[Trial], float], other: Repeats,
               of: Callable[[Trial], float]) -> Interval:  # fmt: skip
-        """How many times as large a figure is here as another is there, in the means.
+        """Ratio of the mean of a figure here to that of another figure there.
 
         Two figures of the same runs are taken in pairs; other runs are independent.
         """
@@ -454,12 +454,12 @@ class Experiment:
 
     @cached_property
     def counted(self) -> Counter[BearingContact]:
-        """How many runs there are of each bearing."""
+        """Numbers of runs by bearing."""
         return Counter(x.condition.bearing for x in self.trials)
 
     @cached_property
     def bearing(self) -> BearingContact:
-        """Of the machine that is measured; of equal numbers of runs, the one read first."""
+        """Bearing with the most runs, taken as the measured one; the first read of equals."""
         return self.counted.most_common(1)[0][0]
 
     @cached_property
@@ -474,12 +474,12 @@ class Experiment:
 
     @property
     def speeds(self) -> list[float]:
-        """At which it was run [rad/s], the slowest first."""
+        """Speeds of the runs [rad/s], the slowest first."""
         return sorted({speed for speed, _ in self.measured}, key=pace)
 
     @property
     def clearances(self) -> list[float]:
-        """With which it was run [m]."""
+        """Clearances of the runs [m]."""
         return sorted({radial for _, radial in self.measured})
 
     @property
@@ -502,7 +502,7 @@ class Experiment:
 
     @property
     def assumed(self) -> Repeats:
-        """Of these the one nearest to what [SB] assumes: dry, no friction, restitution 1."""
+        """Bearing nearest to the assumptions of [SB]: dry, no friction, restitution 1."""
         return self.bearings[0]
 
     def alpha(self, of: Repeats | None = None) -> Interval:
@@ -523,7 +523,7 @@ class Experiment:
 
 
 _LimitErrors = Mapping[tuple[str, str], Mapping[str, Errors]]
-"""By (quantity, link) and method."""
+"""Errors by (quantity, link) and method."""
 
 LIMITS = 2.0, 0.2
 """[Hz] lower limits of the Brüel & Kjær 2635 for acceleration. [SB] does not say which was set."""

@@ -100,7 +100,7 @@ def _numbered(found: Experiment) -> Iterator[tuple[str, Chart]]:
 
 
 def _unlike_chapter_8(group: Repeats) -> tuple[float, float]:
-    """How far a bearing is from the second one of [SB] 8: dry, restitution 0.5, no friction."""
+    """Differences from the second bearing of [SB] 8: dry, restitution 0.5, no friction."""
     bearing = group.condition.bearing
     return bearing.viscosity + bearing.friction, abs(bearing.restitution - 0.5)
 

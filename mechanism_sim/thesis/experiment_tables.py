@@ -64,7 +64,7 @@ class ExperimentTable(NamedTuple):
     rows: Sequence[tuple[str, ...]]
 
     def markdown(self) -> str:
-        """As Markdown, with all columns in line but the last, which may be long."""
+        """Table as Markdown, with all columns in line but the last, which may be long."""
         lines = [self.columns, *self.rows]
         widths = [max(len(line[k]) for line in lines) for k in range(len(self.columns))]
         widths[-1] = 0
@@ -92,7 +92,7 @@ def render(found: Experiment) -> str:
 
 
 def summary(found: Experiment) -> str:
-    """Which runs there are, which of them are compared, and why."""
+    """Summary of the runs, of those that are compared, and of the reasons."""
     lines = [
         f'{len(found.trials)} runs of {len(found.groups)} conditions; '
         f'"+-" is the {100.0 * CONFIDENCE:g} % confidence interval of means over {_starts(found)}',
@@ -219,7 +219,7 @@ def _bearings(found: Experiment) -> ExperimentTable:
 
 
 def _steps(found: Experiment) -> ExperimentTable:
-    """From the machine that [SB] assumes, step by step, to those that it may have measured."""
+    """Table of steps from the machine that [SB] assumes to the possible measured ones."""
     if found.assumed is found.reference:
         return ExperimentTable('steps', '', (), [])
     assumed, reference = found.assumed, found.reference

@@ -111,7 +111,7 @@ def with_tips(
 
 
 def peaks(values: Array, level: float) -> list[int]:
-    """Where values are highest among neighbours and, for all that is known, may pass a level."""
+    """Indices of local maxima that may pass a level between samples."""
     left, here, right = values[:-2], values[1:-1], values[2:]
     with np.errstate(invalid='ignore'):
         reach = here + (here - np.minimum(left, right))
@@ -323,7 +323,7 @@ class ForceCycle:
 
 
 def length(a: Array) -> Array:
-    """Of N vectors (2, N): (N,)."""
+    """Lengths (N,) of vectors (2, N)."""
     return np.asarray(np.hypot(a[0], a[1]))
 
 

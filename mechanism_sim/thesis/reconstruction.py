@@ -1,4 +1,4 @@
-"""From the readings of accelerometers on links back to the angular motion of the links ([SB] 7.2).
+"""Reconstruction of the links' angular motion from accelerometer readings ([SB] 7.2).
 
 Readings are in the direction `across` of a scene's sensors: along v(angle) = (-sin, cos), which is
 counterclockwise. Arrays are (N,) over time, SI units and radians.
@@ -22,7 +22,7 @@ from mechanism_sim.errors import InputError
 
 _Band = tuple[float, float]
 Weight = Callable[[Array], NDArray[np.complex128] | Array]
-"""From frequencies (K,) [Hz] to factors (K,)."""
+"""Weight: a function from frequencies (K,) [Hz] to factors (K,)."""
 
 
 def crank_pin(
@@ -150,7 +150,7 @@ def by_filter(
 
 
 class Error(NamedTuple):
-    """How far an estimate is from the truth.
+    """Error of an estimate.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ from mechanism_sim.strict_json import plain
 from mechanism_sim.studies.runs import Call, Row, Show, Workers
 
 _SAME = 1e-9
-"""Of times until contact is lost: a difference that symmetrical starts may have by rounding."""
+"""Tolerance of times until contact is lost: symmetrical starts differ by rounding."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class StartAngle:
 
     @property
     def lost_at(self) -> float:
-        """Where the crank is when contact is first lost [rad], in [0, 2 pi); nan if it is kept."""
+        """Crank angle at the first loss of contact [rad], in [0, 2 pi); nan if contact is kept."""
         if math.isinf(self.followed):
             return math.nan
         return (self.angle + self.sense * 2.0 * math.pi * self.followed) % (2.0 * math.pi)
@@ -75,7 +75,7 @@ def starts(
 
 
 def _follow(name: str, scene: Scene, revolutions: float) -> Row:
-    """When contact is first lost in any joint [s], and the impacts of the run."""
+    """Time of the first loss of contact in any joint [s], and number of impacts of the run."""
     machine, changes = Machine(name, scene), list[ModeChange]()
     run = stream(machine, revolutions=revolutions)
     run.finish([lambda piece: changes.extend(piece.modes)])

@@ -151,7 +151,7 @@ class Rebuilt:
         }
 
     def _one(self, reading: Array, weighed: bool) -> Array:
-        """By the outermost sensor, as [SB]; gravity is taken off if `weighed`."""
+        """Angular acceleration by the outermost sensor, as [SB]; without gravity if `weighed`."""
         gravity = self._gravity if weighed else (0.0, 0.0)
         return angular.angular_acceleration(
             reading, self._at[0], self._angle, self._joint, gravity
@@ -258,7 +258,7 @@ def swings(
     turns: tuple[int, int],
     first: tuple[int, int],
 ) -> dict[str, LinkMotion]:
-    """Both links in some turns of the crank.
+    """Motion of both links in some turns of the crank.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ def under_limit(
 
 
 class _Signals(NamedTuple):
-    """Of the sensors across a link.
+    """Signals of the sensors across a link.
 
     Attributes
     ----------
@@ -340,7 +340,7 @@ class _Signals(NamedTuple):
 
     @property
     def time(self) -> Array:
-        """Of the samples that are chosen [s]."""
+        """Times of the chosen samples [s]."""
         return np.asarray(self.chosen / self.bare.sample_rate)
 
 
@@ -411,7 +411,7 @@ def steps(record: Record, turns: tuple[int, int], mesh: float) -> Array:
 def _deviations(
     record: Record, rows: list[int], turns: tuple[int, int]
 ) -> list[tuple[float, ...]]:
-    """Of each row, the deviation of means over the steps `MESHES` in some turns [rad/s^2].
+    """Deviations (per row) of means over the steps `MESHES` in some turns [rad/s^2].
 
     The finest steps are evaluated; coarser ones are made of them.
     """

@@ -107,7 +107,7 @@ class Frame(Part):
 
     @property
     def receptance(self) -> Receptance:
-        """Its poles and residues; it must be held."""
+        """Receptance of the frame by poles and residues; the frame must be held."""
         return receptance(self.M, self.C, self.K)
 
     @property

@@ -33,7 +33,7 @@ class FourierSeries:
 
     @property
     def frequencies(self) -> Array:
-        """Of the harmonics [rad/s]: j w, where [V] eqs. 6.128 to 6.133 have w in all of them."""
+        """Frequencies of the harmonics [rad/s]: j w, where [V] eqs. 6.128 to 6.133 have w."""
         return self.frequency * np.arange(1.0, len(self.amplitudes) + 1.0)
 
     def __call__(self, t: ArrayLike) -> Array:
@@ -44,7 +44,7 @@ class FourierSeries:
 
 
 def known_harmonics(count: int) -> int:
-    """How many harmonics of the forces tell what the vibration leaves out beyond `count`."""
+    """Number of force harmonics for the error of leaving out those beyond `count`."""
     return max(_MORE, 2 * count)
 
 
@@ -151,7 +151,7 @@ class SteadyVibration:
 
 
 def _inverses(Z: ComplexArray) -> ComplexArray:
-    """Of matrices (N, n, n); infinite where one is singular."""
+    """Inverses of matrices (N, n, n); infinite where one is singular."""
     try:
         return np.asarray(np.linalg.inv(Z))
     except np.linalg.LinAlgError:

@@ -20,7 +20,7 @@ from mechanism_sim.numerics.rational import Modes, Rational
 _DEFECTIVE = 1e5
 """Condition of the eigenvectors from which on poles are taken for a multiple one."""
 _APART = 1e-10
-"""By which part damping is changed then: poles move apart by the square root of it."""
+"""Relative change of damping then: poles move apart by the square root of it."""
 _MEET = 1e-5
 """A pole of a chain that is nearer than this to one of the system, relative to their size, makes a
 double one with it, of which two halves are moved so far apart: what changes is of second order.
@@ -60,7 +60,7 @@ def _eigen(C: Array, K: Array) -> tuple[ComplexArray, ComplexArray]:
 
 
 def through(system: Receptance, M: Array, outputs: Array, chain: Rational) -> Modes:
-    """From the forces on a system to what comes out of a chain that measures an acceleration.
+    """Modes from the forces on a system to the output of a chain that measures an acceleration.
 
     Parameters
     ----------

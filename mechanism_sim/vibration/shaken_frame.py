@@ -28,9 +28,9 @@ from mechanism_sim.planar.shaking import ShakingForce
 from mechanism_sim.vibration.frame import Frame
 
 _UNRESOLVED = 1e-6
-"""Of the largest force: higher harmonics of a piece must be smaller."""
+"""Share of the largest force below which higher harmonics of a piece must be."""
 _ROUNDING = 1e-12
-"""Of the largest rate of a coordinate: smaller steps of it are none."""
+"""Share of the largest rate of a coordinate below which its steps are none."""
 
 
 class Forces(Protocol):

@@ -1,4 +1,4 @@
-"""How programs end: at signals, at any moment, and with who started them. Real processes."""
+"""Ends of programs: at signals, at any moment, and with the parent process. Real processes."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_a_signal_says_what_is_kept_of_work(work):
 
 
 def handles(pid: int, number: int) -> bool:
-    """Whether a process has a handler of a signal."""
+    """True if a process has a handler of a signal."""
     with open(f'/proc/{pid}/status', encoding='utf-8') as status:
         return bool(int(status.read().split('SigCgt:')[1].split()[0], 16) >> (number - 1) & 1)
 
@@ -140,7 +140,7 @@ def test_a_command_that_still_imports_ends_so_too(number, after):
 
 
 def test_a_command_that_is_done_ends_at_once_but_for_who_still_works():
-    """What was imported is not taken down; exit functions run, threads are waited for."""
+    """No teardown of imported modules; exit functions run, threads are waited for."""
     text = (
         f'{FOLLOW}import atexit, sys, threading; from mechanism_sim.__main__ import main\n'
         'class Kept:\n'
@@ -213,7 +213,7 @@ print('goes on')
 
 
 def runs(pid: int) -> bool:
-    """Whether a process is there and has not ended."""
+    """True if a process exists and has not ended."""
     try:
         with open(f'/proc/{pid}/stat', encoding='utf-8') as stat:
             return stat.read().rpartition(')')[2].split()[0] != 'Z'

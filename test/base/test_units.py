@@ -175,7 +175,7 @@ factors = st.lists(
 
 
 def outcome(call, *arguments):
-    """What a call gives, or says."""
+    """Result of a call, or the text of its ValueError."""
     try:
         return call(*arguments)
     except ValueError as error:

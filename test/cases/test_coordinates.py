@@ -118,7 +118,7 @@ def test_a_six_bar_given_by_its_joints_moves_between_its_limits(tmp_path):
 
 
 def test_limits_of_a_six_bar_agree_with_the_determinant_of_its_loops():
-    """Where the Jacobian of the sought angles is singular, by bisection of the determinant."""
+    """Zeros of the Jacobian's determinant of the sought angles, by bisection."""
     machine = ms.load_scene(str(INPUTS / 'six_bar.yaml'))
     ends = machine.nominal.drive_range
     kinematics = machine.nominal.motion.kinematics

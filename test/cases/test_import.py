@@ -183,7 +183,7 @@ def test_an_arc_of_pylinkage_is_a_swing_between_its_ends():
 
 
 def arc(folder, **changed):
-    """The same file with other keys of the driven link."""
+    """Machine of the file with other keys of the driven link."""
     data = json.loads((INPUTS / 'import' / 'pylinkage_arc.json').read_text())
     next(x for x in data['links'] if x['id'] == 'crank').update(changed)
     file = folder / 'arc.json'

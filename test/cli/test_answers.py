@@ -1,4 +1,4 @@
-"""What the command line answers: times with units, endings, ports, suggestions, logs."""
+"""Answers of the command line: times with units, endings, ports, suggestions, logs."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ def uncommented(text: str) -> str:
 
 
 def filled(data):
-    """The same with empty parts as such: a key above comments only has nothing behind it."""
+    """Data with empty parts as such: a key above comments only has nothing behind it."""
     if isinstance(data, dict):
         return {key: {} if value is None else filled(value) for key, value in data.items()}
     return data

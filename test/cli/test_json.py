@@ -1,4 +1,4 @@
-"""What `--json` prints is JSON as its standard has it, for every command and every outcome."""
+"""Output of `--json` is JSON by its standard, for every command and every outcome."""
 
 import json
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ LOOSE = 'four_bar_clearance'
 
 
 def strict(text):
-    """What a text means to a parser that knows no NaN."""
+    """Parse a text as JSON without NaN."""
 
     def refuse(name):
         raise ValueError(name)

@@ -1,4 +1,4 @@
-"""What it costs to start: every command and node of a machine pays it."""
+"""Cost of starting, which every command and node of a machine pays."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_expressions_too_large_to_be_compared_are_compiled_once() -> None:
 
 
 def first_steps(**environment: str) -> str:
-    """What a process says that compiles something."""
+    """Output of a process that compiles something."""
     env = {k: v for k, v in os.environ.items() if k != 'HEYOKA_CACHE_DIR'} | environment
     done = subprocess.run(
         [sys.executable, '-c', FIRST_STEPS], env=env, capture_output=True, text=True, check=False

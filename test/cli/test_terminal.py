@@ -1,4 +1,4 @@
-"""What a terminal sees beside the results: progress and colours; and that nobody else does."""
+"""Output to a terminal beside the results, progress and colours, and to nothing else."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def terminal(*names: str) -> Iterator[io.BytesIO]:
 def at_a_terminal(
     *args: str, streams: tuple[str, ...] = ('stderr',), program: Program = main
 ) -> str:
-    """What a terminal sees of a command that ends well."""
+    """Output at a terminal of a command that ends well."""
     with terminal(*streams) as seen, pytest.raises(SystemExit) as ended:
         program(args)
     assert ended.value.code == 0

@@ -212,7 +212,7 @@ def turned(points, centre, angle):
 
 
 def overlap(one, two, hole=False):
-    """How deep corners of a polygon lie in another one at most, or stick out of a hole [m]."""
+    """Largest depth of a polygon's corners in another one, or outside of a hole [m]."""
     inside = Polygon([*two, two[0]]).contains_points(one)
     side, depth = np.roll(two, -1, axis=0) - two, 0.0
     for point in one[inside != hole]:

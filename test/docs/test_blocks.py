@@ -1,4 +1,4 @@
-"""What README and docs say can be typed is run; what it prints is compared with what they show."""
+"""Blocks of README and docs are run, and their output compared with what the pages show."""
 
 from __future__ import annotations
 

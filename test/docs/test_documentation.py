@@ -1,4 +1,4 @@
-"""What the pages about mechanisms say is so: scenes, messages, pictures."""
+"""Agreement of the pages with scenes, messages and pictures."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ TABLE = re.compile(
 
 
 def alike(shown: str, said: str) -> bool:
-    """The same words, and numbers within a factor of three.
+    """True for the same words, and numbers within a factor of three.
 
     Lines that tell how fast it went may have any numbers.
     """

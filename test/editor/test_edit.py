@@ -56,7 +56,7 @@ def leaves(data: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, .
 
 
 def placed(data: Any, path: tuple[str, ...], value: Any) -> Any:
-    """The same data with another value, by plain Python."""
+    """Data with another value at a path, by plain Python."""
     data = copy.deepcopy(data)
     here = data
     for part in path[:-1]:

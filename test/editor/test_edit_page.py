@@ -93,7 +93,7 @@ drive: {coordinate: cam_1, speed: 60 rpm}
 
 
 def same(hand: Hand, name: str, written: str, folder: Path) -> None:
-    """What was drawn, saved, is what was written by hand, and both run alike to the last bit."""
+    """Assert that a saved drawing equals a text by hand, with runs alike to the last bit."""
     hand.save(name)
     file = folder / 'written.yaml'
     file.write_text(written)

@@ -229,7 +229,7 @@ class Editor:
         self.socket.send(json.dumps({'type': kind, **more}))
 
     def until(self, condition):
-        """What the page is told first of which something is so."""
+        """First message to the page for which a condition holds."""
         while True:
             heard = json.loads(self.socket.recv(TIMEOUT))
             if condition(heard):
@@ -333,7 +333,7 @@ def deaf(tmp_path):
 
 
 def ends(act) -> bool:
-    """Whether something comes to its end; it is waited for only if it does not."""
+    """True if an action comes to its end within 20 s."""
     thread = Thread(target=act, daemon=True)
     thread.start()
     thread.join(20.0)

@@ -25,7 +25,7 @@ def frictionless(A, b):
 
 
 def newton_impulses(A, rate, restitution):
-    """The same of contacts that strike."""
+    """Normal impulses of frictionless contacts in impact."""
     laws = [ImpactLaw(e) for e in restitution]
     return [blow.normal for blow in simultaneous_impact(*padded(A, rate), laws)]
 

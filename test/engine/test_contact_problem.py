@@ -1,4 +1,4 @@
-"""What an instant does to contacts, of bodies that are nothing but masses and directions."""
+"""Contacts at an instant, of bodies that are nothing but masses and directions."""
 
 import math
 
@@ -194,7 +194,7 @@ def block(slope, mu, slip=0.0):
 
 
 def rested(c, modes, given=None, booked=0, touching=None):
-    """What `come_to_rest` says and sets: it, the modes, who begins, who is drawn, the log."""
+    """Results of `come_to_rest`: it, modes, starts of slip, drawn gaps, the log."""
     m = len(c.value)
     modes, begins, drawn = np.array(modes), *np.zeros((2, m), dtype=bool)
     given = np.zeros(m, dtype=np.int64) if given is None else np.array(given)

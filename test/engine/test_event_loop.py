@@ -733,7 +733,7 @@ def test_a_flight_that_begins_at_rest_and_ends_at_once_is_seen_to_end():
 
 
 def number(least, most):
-    """What a scene takes: between bounds, and nothing smaller than it allows but 0."""
+    """Numbers that a scene accepts: between bounds, and 0 instead of too small ones."""
     return st.floats(least, most).map(lambda x: x if abs(x) >= SMALLEST else 0.0)
 
 

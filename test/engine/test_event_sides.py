@@ -79,7 +79,7 @@ def solved(name):
 
 
 def boundaries(solution):
-    """Where segments meet, with what is representable next to it: times, segments of the rule."""
+    """Ends of segments with neighbouring floats: times, and segments by the rule."""
     curve = solution.motion.curve
     start = np.unique(curve.start)[1:]
     t = np.unique([np.nextafter(start, 0.0), start, np.nextafter(start, 1.0)])

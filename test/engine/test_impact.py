@@ -532,7 +532,7 @@ def test_the_example_of_the_page_where_slip_turns():
 
 
 def violations(A, b, mu, x, slip=None):
-    """How far x is from Coulomb's law and complementarity, per unit of what cancels."""
+    """Violation of Coulomb's law and complementarity by x, per unit of what cancels."""
     m = len(mu)
     x = np.asarray(x)
     w = A @ x + b

@@ -141,7 +141,7 @@ def test_a_tight_pin_beside_rubbing_joints_is_the_limit_of_a_loose_one():
 
 
 def residuals(solution, mu):
-    """What is left of Newton's, Euler's and Coulomb's laws of rod and piston, in N and N m."""
+    """Residuals of Newton's, Euler's and Coulomb's laws of rod and piston, in N and N m."""
     t = np.linspace(0.0, solution.duration, 203)[1:-1]
     now = solution.sample(t)
     sizes = {n: np.hypot(now[f'reaction.{n}.x'], now[f'reaction.{n}.y']) for n in PINS}

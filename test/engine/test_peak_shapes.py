@@ -1,4 +1,4 @@
-"""How long peaks of loads last, and what impulse they carry: pulses of known shape."""
+"""Durations and impulses of peaks of loads: pulses of known shape."""
 
 import itertools
 import math

@@ -40,7 +40,7 @@ def eccentricity(sample: Any) -> Any:
 
 @pytest.fixture
 def eager(monkeypatch):
-    """What is said from ten million steps to come on is said from ten thousand on."""
+    """Lower the number of steps to come at which advice is given, to ten thousand."""
     monkeypatch.setattr(thin_films, '_FILMS', thin_films._FILMS._replace(many=1e4))
 
 

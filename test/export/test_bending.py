@@ -1,4 +1,4 @@
-"""How elastic links are drawn: bent, magnified by a factor that is stated, in one piece."""
+"""Drawing of elastic links: bent, magnified by a stated factor, in one piece."""
 
 from __future__ import annotations
 

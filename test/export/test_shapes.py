@@ -52,7 +52,7 @@ def named(machine):
 
 
 def in_triangles(corners, point, spare):
-    """Whether a point is in one of triangles (n, 3, 2), or so near to one."""
+    """True if a point is in one of triangles (n, 3, 2), or so near to one."""
     way = np.roll(corners, -1, axis=1) - corners
     to = point - corners
     side = way[..., 0] * to[..., 1] - way[..., 1] * to[..., 0]

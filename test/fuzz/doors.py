@@ -1,4 +1,4 @@
-"""What pages, files and names bring to the editor and to tables: a client that means no good.
+"""Hostile pages, files and names for the editor and tables.
 
 ``python test/fuzz/doors.py --messages 20000 --seed 0`` edits in a folder on a disk of a megabyte,
 which is full half of the time (as root; else on the disk there is), and prints figures; its exit
@@ -125,7 +125,7 @@ def disk(folder: Path):
 
 
 def obstruct(folder: Path, outside: Path) -> None:
-    """What lies in the way of names: folders, pipes, links in circles and elsewhere."""
+    """Obstruct names by folders, pipes, links in circles and links to elsewhere."""
     (folder / 'sub').mkdir()
     (folder / 'sub.yaml').mkdir()
     os.mkfifo(folder / 'pipe.yaml')
@@ -137,7 +137,7 @@ def obstruct(folder: Path, outside: Path) -> None:
 
 
 class Saves:
-    """What was saved: texts of files, by the messages of the editor in the order they came.
+    """Texts of saved files, by the messages of the editor in the order they came.
 
     A state may come at any time, of a run that ended as of a process that began anew. The text
     that was saved is therefore that of the first state after the sentence that says so: the
@@ -326,7 +326,7 @@ class Client:
             self._keep(said)
 
     def _said(self) -> str:
-        """What came to standard error since the last look."""
+        """New text on standard error since the last call."""
         said = self._errors.read_text(errors='replace')[self._read :]
         self._read += len(said)
         return said
@@ -376,7 +376,7 @@ def most_held(pid: int) -> float:
 
 
 def name_of(pid: int) -> str:
-    """What lists of processes show of it: a process of the editor says there what it does."""
+    """Name of a process in lists of processes, where one of the editor states its role."""
     with suppress(OSError):
         return Path(f'/proc/{pid}/comm').read_text().strip()
     return ''

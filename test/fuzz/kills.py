@@ -149,7 +149,7 @@ def find(mark: str, head: subprocess.Popen[str], victim: str) -> int | None:
 
 
 def takes_signals(pid: int) -> bool:
-    """Whether a process handles or holds SIGTERM."""
+    """True if a process handles or holds SIGTERM."""
     status = Path(f'/proc/{pid}/status').read_text('utf-8')
     masks = [int(status.split(f'{name}:')[1].split()[0], 16) for name in ('SigCgt', 'SigBlk')]
     return bool((masks[0] | masks[1]) >> (signal.SIGTERM - 1) & 1)
@@ -272,7 +272,7 @@ def read_and_recover(bag: Path, found: Kill) -> None:
 
 
 def draw(dice: random.Random, span: float) -> tuple[str, str, int, float, str]:
-    """What is killed, how, and when; `span` [s] is what a run of a second takes."""
+    """Draw what is killed, how, and when; `span` [s] is what a run of a second takes."""
     kind = dice.choices(('run', 'sweep', 'view'), (70, 15, 15))[0]
     if kind == 'run':
         victim = dice.choices(('head', *NODES), (4, 2, 2, 2, 1))[0]

@@ -65,7 +65,7 @@ NUMBERS = (
 
 
 def all_numbers_good(value: Any, own: bool, field: str = '', unknown: bool = False) -> bool:
-    """Whether all stamps are times, and numbers of this package those of a machine."""
+    """True if all stamps are times, and numbers of this package those of a machine."""
     if isinstance(value, float):
         return not own or abs(value) <= 1e60 or (unknown and math.isnan(value))
     if isinstance(value, np.ndarray):
@@ -83,7 +83,7 @@ def all_numbers_good(value: Any, own: bool, field: str = '', unknown: bool = Fal
 
 
 def is_message(data: bytes, kind: str) -> bool:
-    """Whether bytes are a good message, by rosbags and the rule above."""
+    """True if bytes are a good message, by rosbags and the rule above."""
     if data[:2] != b'\x00\x01':
         return False
     message_class(kind)  # before rosbags takes its own
@@ -364,7 +364,7 @@ class Stranger:
             self.alive.popleft().undeclare()
 
     def asks(self, name: str, kind: str, **fields: Any) -> bool:
-        """Whether a service answers, and how long that takes."""
+        """True if a service answers; the time that takes is recorded."""
         where = next(key for key in self.services if key.startswith(f'{self.domain}/{name}/'))
         began = time.monotonic()
         attachment = struct.pack('<qqB16s', 1, time.time_ns(), 16, bytes(16))
@@ -384,7 +384,7 @@ class Stranger:
         return bool(found)
 
     def state(self) -> bool:
-        """Whether the drive says how it is."""
+        """True if the drive reports its state."""
         kind = 'simulation_interfaces/srv/GetSimulationState'
         return self.asks('get_simulation_state', kind)
 
@@ -414,11 +414,11 @@ class Watched:
         self.memory = 0.0  # [MB]
 
     def going(self) -> bool:
-        """Whether it has not ended."""
+        """True while it has not ended."""
         return self.process.poll() is None
 
     def look(self) -> None:
-        """How much memory each of its processes has had."""
+        """Record the memory of each of its processes."""
         pids = [self.process.pid]
         for pid in pids:
             try:

@@ -64,7 +64,7 @@ def damaged(dice, data):
 
 
 def rewritten(dice, source, path):
-    """The same bag with sound checksums around damaged messages, types or metadata."""
+    """Copy of a bag with sound checksums around damaged messages, types or metadata."""
     with source.open('rb') as stream, path.open('wb') as out:
         reader, writer = make_reader(stream), Writer(out)
         writer.start('ros2', 'mechanism_sim')

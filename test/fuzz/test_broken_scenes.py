@@ -41,7 +41,7 @@ def no_hang():
 
 
 def answered(load, path):
-    """Whether a file is taken; else one sentence that can be printed says why not."""
+    """True if a file is accepted; else it is refused in one printable sentence."""
     signal.setitimer(signal.ITIMER_PROF, HANG)
     try:
         load(str(path))

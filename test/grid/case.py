@@ -1,4 +1,4 @@
-"""What a case of the grid is, and what is asserted of its run."""
+"""Cases of the grid, and what is asserted of their runs."""
 
 from __future__ import annotations
 
@@ -251,7 +251,7 @@ def _where(error: BaseException) -> str:
 
 
 def _to_plain(value: Any) -> Any:
-    """The same without numbers of NumPy, as a file has it."""
+    """Value without numbers of NumPy, as a file has it."""
     if isinstance(value, Mapping):
         return {k: _to_plain(x) for k, x in value.items()}
     if isinstance(value, (list, tuple)):

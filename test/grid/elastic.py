@@ -52,7 +52,7 @@ def _elastic(random: Random, k: int) -> Draft:
 
 
 def beam(random: Random, driven: bool) -> dict[str, Any]:
-    """What a scene says of an elastic link of some 0.1 m: no load of these machines bends it far.
+    """Keys of an elastic link of some 0.1 m, which no load of these machines bends far.
 
     Its stiffness is that of bars of some mm; with its mass its modes are 5 times as fast as the
     drive, or more.

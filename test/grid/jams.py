@@ -1,4 +1,4 @@
-"""Whether a run that ended in a jam had to: every mode of every contact is tried.
+"""Confirmation of jams at the end of a run: every mode of every contact is tried.
 
 The engine solves complementarity problems by pivoting. Here each combination of modes is a set of
 linear equations, whose solution is held against the inequalities of Coulomb and Signorini: first
@@ -35,7 +35,7 @@ _SLACK = 1e-9  # of the largest term: rounding of an inequality
 
 
 def confirm_jam(machine: Machine, error: RunError) -> bool:
-    """Whether no mode of contact is consistent where a run ended because contacts jam."""
+    """True if no mode of contact is consistent where a run ended because contacts jam."""
     said = re.search(r'jams .*?at t = ([-+.\de]+) s', str(error))
     if not said or not machine.level.dynamic:
         return False
@@ -74,7 +74,7 @@ def confirm_jam(machine: Machine, error: RunError) -> bool:
 
 
 def confirm_bending(machine: Machine, error: RunError) -> bool:
-    """Whether a run of elastic links broke down where their mass matrix became singular.
+    """True if a run of elastic links broke down where their mass matrix became singular.
 
     Their kinetic energy is of second order in bends and their rates: it is positive only while
     these are small. It is so here by the expressions of the matrix, from which no step was made.
@@ -88,7 +88,7 @@ def confirm_bending(machine: Machine, error: RunError) -> bool:
 
 
 def confirm_straight(machine: Machine, error: RunError) -> bool:
-    """Whether a rope is about to be straight where a run says that it leaves its pulley.
+    """True if a rope is about to be straight where an error says that it leaves its pulley.
 
     There the pulley's rim touches the line between the points beside it, which is drawn here from
     the places of these points alone, of the motion that came before.
@@ -126,7 +126,7 @@ def _definite(machine: Machine, at: float) -> float:
 
 
 def jams(A: Array, b: Array, v: Array, friction: Sequence[float]) -> bool:
-    """Whether neither forces nor an impact without collision let m touching contacts go on.
+    """True if neither forces nor an impact without collision free m touching contacts.
 
     Parameters
     ----------

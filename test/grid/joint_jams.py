@@ -1,4 +1,4 @@
-"""Whether friction in ideal joints lets no forces go on: all modes of contacts and joints.
+"""Jams with friction in ideal joints: all modes of contacts and joints are tried.
 
 That friction grows with forces that it is a part of. Here each combination of modes is a set of
 equations with roots of squares, which SciPy solves from several places; the engine follows its own
@@ -92,7 +92,7 @@ class JointForces:
         return found
 
     def laws(self, x: Array, modes: Modes, touching: Sequence[int], friction: Array) -> Array:
-        """What is zero in some modes of contacts that touch, then of joints; other forces are."""
+        """Residuals of the laws in some modes of touching contacts, then of joints."""
         left, a, b = x.copy(), self.accelerations(x), self.bounds(x)
         scale = max(1.0, float(np.abs(self._start[: self.rows]).max(initial=0.0)))
         for i, mode, mu in zip(touching, modes, friction, strict=False):
@@ -111,7 +111,7 @@ class JointForces:
 def no_forces(
     run: EventLoop, system: System, touching: Sequence[int], rates: Array, friction: Array
 ) -> bool:
-    """Whether no forces obey Newton, Signorini and Coulomb.
+    """True if no forces obey Newton, Signorini and Coulomb.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _obeys(
     friction: Array,
     slips: Sequence[float],
 ) -> bool:
-    """Whether forces of some modes press, hold and slide as they may."""
+    """True if forces of some modes satisfy the inequalities of contact and friction."""
     a, b, m = f.accelerations(x), f.bounds(x), len(touching)
     small, weak = _SLACK * np.abs(a).max(initial=1.0), _SLACK * np.abs(x).max(initial=1e-6)
     for k, mode in enumerate(modes):

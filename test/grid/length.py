@@ -73,7 +73,7 @@ def moved(snapshot: Snapshot, machine: Machine, time: Fraction, turns: int) -> S
 
 
 def defects(machine: Machine, duration: float) -> Iterator[str]:
-    """What is wrong with a machine far from its start, after many turns, or driven slowly.
+    """Yield defects of a machine far from its start, after many turns, or driven slowly.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def _shifts(machine: Machine) -> tuple[Fraction, int]:
 
 
 def _steady(machine: Machine) -> bool:
-    """Whether one drive turns it evenly, for ever."""
+    """True if one drive turns the machine evenly, for ever."""
     law = machine.drive.law
     alone = len(machine.plan.laws) == 1 and len(machine.drive.laws) == 1
     if not (alone and isinstance(law, DriveLaw) and law.degree == 1 and not law.straight):

@@ -141,7 +141,7 @@ def linkage(random: Random, size: float = 1.0) -> tuple[Scene, Poses, int]:
 def add_gears(
     random: Random, scene: Scene, poses: Poses, freedom: int
 ) -> tuple[Scene, Poses, int]:
-    """The same with gears, or a gear and a rack, on links that have a common carrier."""
+    """Scene with gears, or a gear and a rack, on links that have a common carrier."""
     sliding: list[Any] = []
     turning: list[Any] = []
     for joint in scene['joints'].values():
@@ -184,7 +184,7 @@ def add_gears(
 
 
 def add_drives(random: Random, scene: Scene, poses: Poses, freedom: int) -> Scene:
-    """The same with drives: as many prescribed ones as there are freedoms, or fewer.
+    """Scene with drives: as many prescribed ones as there are freedoms, or fewer.
 
     Others are moved by a torque or a force, or by nothing.
     """

@@ -246,7 +246,7 @@ def _draft(random: Random, k: int) -> Draft:
 
 
 def _judge(random: Random, k: int, _: Machine, solution: Solution) -> dict[str, float]:
-    """How far quantities at the end are off."""
+    """Errors of quantities at the end."""
     right = _MAKERS[k % len(_MAKERS)](random)[1]
     table = solution.sample(np.array([solution.duration]), *right.names)
     seen = np.array([table[name][0] for name in right.names])

@@ -85,7 +85,7 @@ def misalignment(random: Random, radial: float, length: float) -> dict[str, Any]
 
 
 def lean(random: Random, normal: float) -> dict[str, Any]:
-    """What a scene says of a link that leans, with its moment of inertia about its normal."""
+    """Keys of a link that tilts, with its moment of inertia about its normal."""
     along, thick = normal * random.uniform(0.02, 0.98), normal * decades(random, -3.0, 0.0)
     return {
         'stiffness': decades(random, 1.7, 3.5),  # less, and forces topple it

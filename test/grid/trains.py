@@ -101,7 +101,7 @@ def train(random: Random, kind: str = 'ideal') -> Scene:
 
 
 def body(random: Random) -> Scene:
-    """What a link weighs."""
+    """Mass properties of a link."""
     return {
         'mass': float(random.uniform(0.2, 2.0)),
         'inertia': float(random.uniform(1e-4, 2e-3)),

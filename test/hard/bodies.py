@@ -55,7 +55,7 @@ def residual(balance: Energy | None) -> float:
 
 
 def relative_residual(solution: Solution) -> float:
-    """The same over the energy at hand, from the drive and through impacts."""
+    """Residual over the energy at hand, from the drive and through impacts."""
     e = solution.energy or Energy(math.nan, 0.0, 0.0, math.inf)
     exchanged = sum(i.normal_impulse * i.approach_speed for i in solution.impacts)
     return e.residual / (abs(e.initial) + abs(e.drive_work) + exchanged)

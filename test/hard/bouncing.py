@@ -125,7 +125,7 @@ def sliding_to_rolling() -> list[Figure]:
     'Coulomb: it stays at rest up to tan(slope) = mu; beyond it slides at g (sin - mu cos).',
 )
 def block_on_an_incline() -> list[Figure]:
-    """How far it goes within one second where it should rest, and the error where it slides."""
+    """Displacement within one second where it should rest, and error where it slides."""
     mu = 0.4
     moved = slid = 0.0
     for excess in (-0.1, -1e-6, -1e-12, 1e-6, 1e-3, 0.1):

@@ -1,4 +1,4 @@
-"""What a hard case is, and how all of them are run."""
+"""Hard cases, and how all of them are run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Figure:
 
     @property
     def ok(self) -> bool:
-        """Whether the bound is kept; a figure that is not a number never does."""
+        """True if the bound is kept; a figure that is not a number never keeps it."""
         return abs(self.value) <= self.bound
 
 
@@ -59,7 +59,7 @@ class Outcome:
 
     @property
     def ok(self) -> bool:
-        """Whether it ran to the end and every bound is kept."""
+        """True if it ran to the end and every bound is kept."""
         return not self.failure and all(figure.ok for figure in self.figures)
 
 

@@ -81,7 +81,7 @@ def measure_block(instrument: Instrument, motion: Motion) -> Array:
 def step_response(
     stages: Sequence[State], count: int, jump: float, at: int, rate: float = RATE
 ) -> Array:
-    """What stages in series give for 1 m/s^2 from rest and a jump at a sample, by ``expm``."""
+    """Output of stages in series for 1 m/s^2 from rest and a jump at a sample, by ``expm``."""
     A, B, C, D = connect_in_series(stages)
     n = len(A)
     step = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) / rate)
@@ -390,7 +390,7 @@ def cut_anywhere() -> list[Figure]:
 
 
 def passages(drive: dict[str, object], angle: float, last: float) -> Array:
-    """When the crank of the thesis, without loose bearings, passes an angle [s]."""
+    """Times at which the crank of the thesis, without loose bearings, passes an angle [s]."""
     machine = load_scene('four_bar_nominal', {'drive': drive})
     motion = simulate(machine, duration=last).motion
     index = machine.mechanism.coordinates.index(machine.plan.main)

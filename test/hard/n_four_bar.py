@@ -93,7 +93,7 @@ def _figures(windows: int) -> list[Figure]:
     'The equation of the one freedom that is left while all rods are parallel, by DOP853.',
 )
 def windows_in_a_line() -> list[Figure]:
-    """Where the rods are after ten seconds, for N = 1, 2, 5."""
+    """Positions of the rods after ten seconds, for N = 1, 2, 5."""
     return [figure for windows in (1, 2, 5) for figure in _figures(windows)]
 
 
@@ -102,5 +102,5 @@ def windows_in_a_line() -> list[Figure]:
     'The equation of the one freedom that is left while all rods are parallel, by DOP853.',
 )
 def forty_windows_in_a_line() -> list[Figure]:
-    """Where the rods are after ten seconds, for N = 40."""
+    """Positions of the rods after ten seconds, for N = 40."""
     return _figures(40)

@@ -1,4 +1,4 @@
-"""What cannot be imported is refused in one sentence."""
+"""Refusals of imports in one sentence."""
 
 from __future__ import annotations
 

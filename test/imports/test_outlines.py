@@ -1,4 +1,4 @@
-"""What of a drawing is an outline, and what of it cannot be one."""
+"""Outlines in drawings, and curves that cannot be one."""
 
 from __future__ import annotations
 

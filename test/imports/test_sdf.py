@@ -1,4 +1,4 @@
-"""What an SDF has where it says nothing, by its specification."""
+"""Defaults of SDF, by its specification."""
 
 from __future__ import annotations
 

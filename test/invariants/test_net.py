@@ -1,4 +1,4 @@
-"""What the package computes is what its record says (`net.py`), until a commit says otherwise."""
+"""Results of the package equal their record (`net.py`), until a commit says otherwise."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def differences(part: str, name: str, new: object) -> str:
-    """What differs, a line each; empty if nothing does."""
+    """Differences from the record, a line each; empty if there are none."""
     same = net.same_bits(RECORD)
     return '\n'.join(net.compare(part, name, RECORD[part][name], new, same))
 

@@ -28,7 +28,7 @@ def balance(solution):
 
 
 def asked_for(machine, angle, speed):
-    """What the follower of `cam` does and needs at an angle of its shaft turning at a speed.
+    """Motion and torque of the follower of `cam` at an angle of its shaft at a speed.
 
     From its law, its pressure angle and virtual power alone.
 

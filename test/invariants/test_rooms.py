@@ -1,4 +1,4 @@
-"""What the engine loads, where tests stand; imports of rooms are checked by import-linter."""
+"""Modules that the engine loads, and places of tests; import-linter checks the rooms."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def loaded_by(lines, folder):
 
 @pytest.fixture(scope='module')
 def loaded(tmp_path_factory):
-    """What commands of a scene and then of a recorded run load."""
+    """Modules that commands of a scene and then of a recorded run load."""
     folder = tmp_path_factory.mktemp('rooms')
     file = folder / 'run.mcap'
     write_bag(file, simulated('four_bar_clearance', duration=0.02))

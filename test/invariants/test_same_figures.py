@@ -1,4 +1,4 @@
-"""The same figure is the same number wherever it is asked for.
+"""Equality of a figure wherever it is asked for.
 
 A cycle, ``solve --measure``, a column of a sweep, statistics, and a bag that is read back.
 """

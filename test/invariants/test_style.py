@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ FILES = sorted(
 )
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 MOST_METHODS, MOST_ATTRIBUTES = 25, 20
+WITHOUT_SUBJECT = re.compile(r' *r?"""(How|Where|Which|Who|Why|That|Those|Its?|As|Of|So) ')
 
 
 def attributes(node: ast.ClassDef) -> set[str]:
@@ -41,7 +43,7 @@ NAMED = re.compile(
 
 
 def may_be_large(text: str) -> bool:
-    """Whether a class of a file may have too many methods or attributes."""
+    """True if a class of a file may have too many methods or attributes."""
     found = list(CLASS.finditer(text))
     for k, this in enumerate(found, 1):
         after = (x.start() for x in found[k:] if len(x[1]) <= len(this[1]))
@@ -74,6 +76,17 @@ def test_titles_are_noun_phrases_or_imperatives(words):
         if line.strip().removeprefix('r').startswith(f'"""{words} ')
     ]
     assert not found, f"begin them otherwise than with '{words}'"
+
+
+def test_titles_have_their_subject():
+    """Titles of modules, classes and functions, which readers of an index see alone."""
+    found = []
+    for path in FILES:
+        lines = path.read_text(encoding='utf-8').splitlines()
+        for before, line in pairwise([':', *lines]):
+            if before.endswith(':') and WITHOUT_SUBJECT.match(line):
+                found.append(f'{path.relative_to(ROOT)}: {line.strip()}')
+    assert found == []
 
 
 def test_classes_are_small():

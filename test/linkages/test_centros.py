@@ -56,7 +56,7 @@ def line(p, q):
 
 
 def same(p, q):
-    """Whether two homogeneous points are one."""
+    """True if two homogeneous points are one."""
     p, q = np.array(p, float), np.array(q, float)
     return np.linalg.norm(np.cross(p, q)) < 1e-10 * np.linalg.norm(p) * np.linalg.norm(q)
 

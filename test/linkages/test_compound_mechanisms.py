@@ -62,7 +62,7 @@ def place(machine, seen, link, point):
 
 
 def meet(first, second, near, far, side):
-    """Where circles about two points meet: on the left of the way between them (1), or right."""
+    """Intersection of circles about two points: left (1) of the line between them, or right."""
     line = second - first
     r = np.abs(line)
     x = (near**2 + r**2 - far**2) / (2.0 * r)

@@ -43,7 +43,7 @@ def lengths_of(joints):
 
 
 def closes(lengths, th2):
-    """Whether compasses about crank pin and rocker pivot meet."""
+    """True if circles about crank pin and rocker pivot meet."""
     ground, crank, coupler, rocker = lengths
     d = np.abs(ground - crank * np.exp(1j * th2))
     return (d <= coupler + rocker) & (coupler <= d + rocker) & (rocker <= d + coupler)

@@ -1,4 +1,4 @@
-"""What nodes do with the middleware, for any back end: prints what came of it as JSON.
+"""Use of the middleware by nodes, for any back end: prints the results as JSON.
 
 Run by test_parity.py in a process of its own for each back end.
 """

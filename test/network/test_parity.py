@@ -70,7 +70,7 @@ OUTCOME = {
 
 @pytest.fixture(scope='module', params=['zenoh', 'rclpy'])
 def outcome(request):
-    """What the script says on a back end."""
+    """Output of the script on a back end."""
     if request.param == 'rclpy' and find_spec('rclpy') is None:
         pytest.skip('rclpy is not installed')
     network = Network()

@@ -49,7 +49,7 @@ class Graph:
         self.processes: list[Process] = []
 
     def environment(self, backend: str) -> dict[str, str]:
-        """What makes a process a peer of this graph on ``zenoh`` or on ``rclpy``."""
+        """Environment that makes a process a peer of this graph on ``zenoh`` or on ``rclpy``."""
         kept = {n: v for n, v in os.environ.items() if not n.startswith(('ZENOH_', VARIABLE))}
         own = {VARIABLE: 'zenoh', 'MECHANISM_SIM_ROUTER': self.endpoint}
         if backend == 'rclpy':
@@ -63,7 +63,7 @@ class Graph:
         return self.processes[-1]
 
     def ros2(self, *arguments: str) -> str:
-        """What a command of ROS says."""
+        """Output of a command of ROS."""
         done = subprocess.run(
             ['ros2', *arguments], env=self.environment('rclpy'), timeout=PATIENCE,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,

@@ -1,4 +1,4 @@
-"""What is taken for good by its likeness to a good message is good when it is decoded, too."""
+"""Messages accepted by likeness to a good message are good when decoded, too."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What reaches whom: slow subscribers, late joiners, machines side by side, on every back end."""
+"""Delivery: slow subscribers, late joiners, machines side by side, on every back end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What viewers show: markers against other messages of a run, layouts against its topics."""
+"""Displays of viewers: markers against other messages of a run, layouts against topics."""
 
 from __future__ import annotations
 

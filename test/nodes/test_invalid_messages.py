@@ -1,4 +1,4 @@
-"""What strangers send, from processes of their own, and what comes of it."""
+"""Invalid messages from foreign processes, and their treatment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who goes on of runs that begin at the same time, by every order in which they see each other."""
+"""Selection among simultaneous runs, by every order in which they see each other."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mechanism_sim.nodes import partners
 
 
 class Context:
-    """What `Partners` remembers when it was joined."""
+    """Context of a node in which `Partners` remembers when it was joined."""
 
 
 class Beginner:

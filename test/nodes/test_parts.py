@@ -160,7 +160,7 @@ def readings(scene, overrides=(), duration=None, count=499):
 
 
 def reading(*args, **options):
-    """The same of the one joint."""
+    """Reading of the one joint."""
     (found,) = readings(*args, **options)
     return found
 

@@ -71,7 +71,7 @@ def test_the_manifest_says_what_pip_says_and_names_every_package_of_messages():
 
 
 def installed(page: str) -> list[str]:
-    """What a page of the documentation installs by pip, in its first such line."""
+    """Packages that a page of the documentation installs by pip, in its first such line."""
     line = re.search(r'^pip install ((?:.*\\\n)*.*)$', page, re.MULTILINE)
     assert line is not None
     return shlex.split(line[1].replace('\\\n', ' '))
@@ -278,7 +278,7 @@ def ros2(env: dict[str, str], *args: str, timeout: float = TIMEOUT) -> tuple[int
 
 
 def share() -> Path:
-    """Where colcon put what is not code."""
+    """Folder into which colcon put the data files."""
     prefixes = os.environ['AMENT_PREFIX_PATH'].split(os.pathsep)
     folders = [Path(prefix, 'share', 'mechanism_sim') for prefix in prefixes]
     return next(folder for folder in folders if folder.is_dir())

@@ -33,7 +33,7 @@ def problem(rng, m, kind):
 
 
 def residual(A, b, mu, x):
-    """How far x is from the laws of all contacts, relative to what cancels."""
+    """Violation of the laws of all contacts by x, relative to what cancels."""
     m, w = len(mu), A @ x + b
     force = np.abs(x).max() + 1e-300
     size = (np.abs(A).sum(axis=1) * force + np.abs(b)).max() + 1e-300

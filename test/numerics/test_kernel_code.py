@@ -29,7 +29,7 @@ class Pair(NamedTuple):
 
 
 def compiled(function, *args):
-    """What the machine code of a function returns."""
+    """Result of the machine code of a function."""
     types = machine_code.types_of(args)
     assert isinstance(function, FunctionType)
     return machine_code.code_of(function, types, _function_of, None).bind(*args)()

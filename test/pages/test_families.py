@@ -36,7 +36,7 @@ def chosen(page, member):
 
 
 def cursor(page, chart):
-    """Where the cursor of a chart stands, along its axis."""
+    """Position of the cursor of a chart along its axis."""
     return page.evaluate(
         """(chart) => {
           const plot = document.querySelector(`figure[data-chart="${chart}"] .plot`);

@@ -93,7 +93,7 @@ class Page:
         return found
 
     def at(self, values: dict[str, float]):
-        """The same machine by the engine."""
+        """Plan of the same machine by the engine."""
         reader = SliderReader(self.machine, np.array([self.data['q']]).T)
         content = self.machine.scene.to_document()
         return ScenePlan(check_scene('page', content, reader._overrides(values)))

@@ -72,7 +72,7 @@ def interpreter() -> str:
 
 
 def shown(folder: Path, live: Live, batches: list[dict], seconds: float) -> list[dict]:
-    """What a page shows, 60 times a second."""
+    """Frames of a page, 60 times a second."""
     modules(folder)
     (folder / 'page.mjs').write_text(DRIVER, encoding='utf-8')
     given = {'stage': live.stage.to_json(), 'batches': batches, 'seconds': seconds}
@@ -91,7 +91,7 @@ def modules(folder: Path) -> None:
 
 
 def node(file: Path, given: str = '') -> list[dict]:
-    """What a program says, in JSON."""
+    """Output of a program, in JSON."""
     done = subprocess.run(
         [interpreter(), str(file)], input=given, capture_output=True, text=True, check=False,
         timeout=TIMEOUT,
@@ -125,7 +125,7 @@ def test_rounding_noise_is_zero(tmp_path):
 
 
 def batches_of(pace: float, seconds: float, lost: tuple[float, float] = (0.0, 0.0)):
-    """What a view sends of a run at a pace; messages within `lost` [s] never come."""
+    """Batches that a view sends of a run at a pace; messages within `lost` [s] never come."""
     machine = ms.load_scene('four_bar_clearance')
     names = machine.physics.coordinates, machine.physics.clearances
     live, run, found = Live(describe(machine)), machine.start(), []

@@ -1,4 +1,4 @@
-"""What a page is made of, by other formulas: places, forces, instants; and what is refused."""
+"""Contents of a page by other formulas: places, forces, instants; and refusals."""
 
 from __future__ import annotations
 

@@ -28,12 +28,12 @@ def record():
 
 @pytest.fixture(scope='module')
 def true(record):
-    """Where the frame is (3, N), by its own equations."""
+    """Position of the frame (3, N), by its own equations."""
     return record.machine.oscillator('frame').take(record.history)(T).position
 
 
 def moved(turn, to, cog):
-    """How far a centre of gravity goes [m] by a turn [rad] about the origin and a shift."""
+    """Displacement of a centre of gravity [m] by a turn [rad] about the origin and a shift."""
     c, s = math.cos(turn), math.sin(turn)
     return np.array(to) + np.array([[c, -s], [s, c]]) @ cog - cog
 

@@ -59,7 +59,7 @@ def started(*args: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def address_of(view: subprocess.Popen[str]) -> str:
-    """What `view --json` prints."""
+    """Address that `view --json` prints."""
     assert view.stdout is not None
     text = ''
     while '}' not in text:

@@ -21,7 +21,7 @@ SCENES = [
 
 
 def varied(value, factor):
-    """The same with each number times a factor; what is zero becomes a small number."""
+    """Value with each number times a factor; what is zero becomes a small number."""
     match value:
         case dict():
             pairs = value.items()

@@ -205,7 +205,7 @@ def test_signals_of_before_one_block_for_all_sensors_name_what_reads_them(tmp_pa
 
 
 def within_first_chunk(data: bytes) -> int:
-    """Where the first chunk has just begun, and nothing of it can be read."""
+    """Offset just within the first chunk, of which nothing can be read."""
     offset = len(MCAP0_MAGIC)
     while data[offset] != Opcode.CHUNK:
         offset += 9 + int.from_bytes(data[offset + 1 : offset + 9], 'little')

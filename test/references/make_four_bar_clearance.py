@@ -305,7 +305,7 @@ class Contact:
 
 @dataclass
 class Run:
-    """What a run leaves behind."""
+    """Results of a run."""
 
     impacts: list = field(default_factory=list)
     modes: list = field(default_factory=list)

@@ -57,7 +57,7 @@ class Valve:
         )
 
     def wall(self, t, _):
-        """Where the follower touches, and how fast that goes."""
+        """Position of the follower's contact, and its rate."""
         return self.cam(t)[:2]
 
     def pull(self, t, side):

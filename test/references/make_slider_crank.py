@@ -347,7 +347,7 @@ class Run:
         self.states.append([float(x) for x in row])
 
     def prepare(self):
-        """What `watch` has to know of corners which have just bounced, risen or turned."""
+        """Data for `watch` on corners which have just rebounded, risen or turned."""
         acceleration, _, _, _, gap, N, T = self.forces(self.q, self.u, self.closed)
         rate, slip = N @ self.u, T @ self.u
         bending = N @ acceleration + self.model.contacts(self.q, self.u)[3]
@@ -468,7 +468,7 @@ class Run:
             self.modes.append((self.t, self.closed))
 
     def decide(self, corners):
-        """Which of the corners at rest on a wall stay there, and how they slip."""
+        """Corners at rest on a wall that stay there, and their slips."""
         J, bias = self.model.joints(self.q, self.u)
         _, N, T, no, to = self.model.contacts(self.q, self.u)
         slip, options = T @ self.u, {}
@@ -845,7 +845,7 @@ def reference(case):
 
 
 def discontinuity(flores):
-    """What a slider turned by 1e-6 rad at the start of the paper does instead."""
+    """Results for a slider turned by 1e-6 rad at the start, beside the paper's."""
     near = solve(Case('', 0.021, th3=1e-6))
     at = [round(x / SAMPLE) for x in (0.002, 0.005, 0.01, 0.02)]
     return {

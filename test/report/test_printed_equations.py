@@ -581,13 +581,13 @@ def test_printed_text_alone_gives_accelerations_and_drive_forces(variant):
 
 
 def outside(machine, time):
-    """What loads ask for beside the motion."""
+    """Values that loads need beside the motion."""
     names = machine.nominal.inverse_dynamics.outside
     return [np.array([[time if name == 'time' else 0.0] for name in names])] if names else []
 
 
 def pressed_in(machine, q):
-    """The same with the rocker turned until the pin is 10 micrometres deep."""
+    """Coordinates with the rocker turned until the pin is 10 micrometres deep."""
     system = machine.equations.system
     for angle in np.linspace(0.0, 2e-3, 2001):
         moved = q + angle * (np.array(system.coordinates) == 'rocker')

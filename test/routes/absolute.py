@@ -64,7 +64,7 @@ class Absolute:
         return np.array(found)
 
     def link(self, x, name):
-        """Where the link's frame is, and the three columns of its pose."""
+        """Position of the link's frame, its angle, and the first of three columns of its pose."""
         if name == GROUND:
             return np.zeros(2), 0.0, None
         i = 3 * self.names.index(name)
@@ -151,7 +151,7 @@ class Absolute:
         return J
 
     def touching(self, x, j):
-        """Where the drawn profile of a cam touches the follower, and its normal there.
+        """Contact of the drawn profile of a cam with the follower, and the normal there.
 
         The curve drawn for the piece of the law around the present angle is differentiated as a
         Chebyshev series; along a complex step it goes on linearly.
@@ -185,7 +185,7 @@ class Absolute:
         return origin + turned(turn, place), turned(turn, n)
 
     def pitch_point(self, x, j):
-        """Where gears roll on each other, the line of centres, and the tangent of their angle.
+        """Pitch point of gears, the line of centres, and the tangent of their angle.
 
         The pitch point divides the centre distance as the numbers of teeth, inside or outside;
         the normal of the flanks is tangent to the base circle.
@@ -202,7 +202,7 @@ class Absolute:
         return a + radius * n, n, np.sqrt(radius**2 - base**2) / base
 
     def parting(self, x, j, force):
-        """What flanks that press with a tangential force do to the second along the centres.
+        """Separating force on the second along the centres, of flanks with a tangential force.
 
         It presses an external gear towards its axis, an internal one away from it.
         """
@@ -211,7 +211,7 @@ class Absolute:
         return place, abs(force) * slope * np.sign(j.waves[0]) * from_first * n
 
     def drive_row(self, x, coordinate):
-        """How a driven coordinate changes with the poses."""
+        """Derivatives of a driven coordinate with respect to the poses."""
         if coordinate not in self.mechanism.displacements:
             return self.spin(x, coordinate)
         return self.slide(x, self.mechanism.tree_joints[coordinate])[1]
@@ -337,7 +337,7 @@ def loads_of(scene):
 
 
 def differences(machine, solution, t):
-    """How far reactions and drive forces of a run are from those of the second route, at times t.
+    """Differences of reactions and drive forces of a run from the second route, at times t.
 
     What a loose joint transmits is taken from the run, as a load on both links.
 

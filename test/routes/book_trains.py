@@ -47,7 +47,7 @@ def differential(teeth: Mapping[str, int]) -> Train:
 
 
 def planets_fit(sun: int, planet: int, ring: int, planets: int) -> bool:
-    """Whether equal planets can be mounted at equal angles between sun and ring.
+    """True if equal planets can be mounted at equal angles between sun and ring.
 
     The shafts coincide, N5 = N2 + 2 N4 (no profile shift), the teeth of all planets find their
     spaces, (N2 + N5)/planets is an integer, and neighbours do not touch (addenda of one module).

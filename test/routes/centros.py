@@ -35,7 +35,7 @@ class Centre(NamedTuple):
 
     @property
     def point(self) -> tuple[float, float]:
-        """Where it is [m]; infinite or NaN if it is not in the plane."""
+        """Position [m]; infinite or NaN if it is not in the plane."""
         return (self.x / self.w, self.y / self.w) if self.w else (float('inf'), float('inf'))
 
 

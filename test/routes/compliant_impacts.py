@@ -44,7 +44,7 @@ def true_restitution(law: CompliantLaw) -> float:
 
 
 def impact_duration(law: Hertz, mass: float, approach: float) -> float:
-    """How long a free impact without damping lasts [s].
+    """Duration of a free impact without damping [s].
 
     ``2 d/v0`` times the integral of ``1/sqrt(1 - x^(n+1))``, x = 0..1 (Johnson 11.4);
     ``2.9433 d/v0`` for n = 3/2.

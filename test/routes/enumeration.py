@@ -75,7 +75,7 @@ def _solve(A: list[list[float]], b: list[float]) -> list[float] | None:
 
 
 class Grip(Enum):
-    """What a contact does: it carries no force, or sticks, or slips along or against +t."""
+    """State of a contact: no force, or sticking, or slip along or against +t."""
 
     OPEN = 'open'
     STICK = 'stick'
@@ -147,7 +147,7 @@ def solve_frictional_lcp(
 
 
 class _State(NamedTuple):
-    """What one contact may do. Its load is p, or |q| of a rough one that slips."""
+    """Possible state of one contact. Its load is p, or |q| of a rough one that slips."""
 
     grip: Grip | None  # None: frictionless, slips as it likes
     ray: tuple[float, float]  # p and q per unit of load

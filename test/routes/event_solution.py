@@ -106,7 +106,7 @@ class Step(NamedTuple):
 
 @dataclass
 class Motion:
-    """What was found."""
+    """Solution of a machine: its impacts and changes of mode."""
 
     machine: Machine
     impacts: list[Impact] = field(default_factory=list)
@@ -144,7 +144,7 @@ class Motion:
 
 
 def apart(motion, impacts, joints, hard):
-    """How far another solution's impacts are from those here, both in order of time.
+    """Deviations of another solution's impacts from those here, both in order of time.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class LooseFourBar(NamedTuple):
         return np.concatenate([q, _solved(*self._arms(q), v)])
 
     def _arms(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How the pin moves in the bushing with either angle."""
+        """Derivatives of the pin's position in the bushing by both angles."""
         of_coupler = self.coupler * np.array([-np.sin(q[0]), np.cos(q[0])])
         return of_coupler, self.rocker * np.array([np.sin(q[1]), -np.cos(q[1])])
 

@@ -62,7 +62,7 @@ def test_an_axis_at_an_angle_reads_its_parts_along_and_across(scene, sensor):
 
 @pytest.fixture(scope='module')
 def bags(tmp_path_factory):
-    """The same run in one process and in one for each node."""
+    """Bags of a run in one process, and with a process for each node."""
     folder = tmp_path_factory.mktemp('bags')
     options = ['--revolutions', '2', '--set', 'sensors.rocker.imu=true']
     for name, processes in (('one', []), ('many', ['--processes'])):

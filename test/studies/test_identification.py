@@ -33,7 +33,7 @@ LIMITS = {
 
 
 def recorded(truth, scene, count=25000, seed=77, sensor='rocker'):
-    """What a machine with these values is heard to do, taken for the machine of a scene."""
+    """Record of a machine with these values, taken for the machine of a scene."""
     machine = ms.load_scene(SCENE, scene)
     samples = SensorRecord(machine, sensor, 0.0, np.zeros(count)).repeat(truth, seed)
     return SensorRecord(machine, sensor, 0.0, samples)

@@ -1,4 +1,4 @@
-"""What studies keep on disk when a signal ends them."""
+"""Data that studies keep on disk when a signal ends them."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ def mass_point(radial, mass):
 
 
 def turned_plane(cycle, by):
-    """The same machine seen from another frame."""
+    """Force cycle of the same machine seen from another frame."""
     R = np.array([[np.cos(by), -np.sin(by)], [np.sin(by), np.cos(by)]])
     return ForceCycle.resolved(lambda p: R @ cycle.curve(p, 0), cycle.speed)
 

@@ -44,7 +44,7 @@ def on_frame(scene, overrides=(), **frame):
 
 
 def shaking_of(machine):
-    """What shakes its frame, for one listener."""
+    """Excitation of its frame, for one listener."""
     return Shaking(machine.frame('frame'), forces_on(machine, 'frame'))
 
 

@@ -1,4 +1,4 @@
-"""What the vibration library says, against energy, geometry and solutions in pieces."""
+"""The vibration library against energy, geometry and solutions in pieces."""
 
 from __future__ import annotations
 

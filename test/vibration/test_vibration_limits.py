@@ -1,4 +1,4 @@
-"""Where closed forms cancel: critical damping, resonance, repeated and vanishing frequencies.
+"""Cancellation in closed forms: critical damping, resonance, repeated frequencies.
 
 The reference is the matrix exponential in 60 digits of mpmath.
 """
@@ -50,7 +50,7 @@ def exact(M, C, K, t, start, force=None, w=0.0):
 
 
 def of_one(o, t, start, force=None, w=0.0):
-    """The same for one oscillator, from just those numbers it is made of."""
+    """Solution for one oscillator, from just those numbers it is made of."""
     wn, a, m = (mp.mpf(float(x)) for x in (o.natural_frequency, o.decay_rate, o.mass))
     return exact([[m]], [[2 * a * m]], [[m * wn**2]], t, start, force, w)
 

@@ -1,4 +1,4 @@
-"""Tools for what gives way: links that bend, and a frame on springs under the machine."""
+"""Tools for compliant parts: elastic links, and a frame on springs under the machine."""
 
 from __future__ import annotations
 

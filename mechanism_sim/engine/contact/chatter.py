@@ -1,4 +1,4 @@
-"""When to stop counting the bounces of a contact."""
+"""Cut-off of Zeno chatter: when the impacts of a contact are no longer resolved."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _CHATTER = TOLERANCES.chatter
 
 
 class ChatterRule:
-    """When to stop counting bounces and let the pin follow.
+    """Criterion that ends Zeno chatter and lets the contact follow.
 
     A contact that bounces with rebound speed v against a steady approach d rises to
     ``h = v^2/(2 d)``; all bounces still to come displace the rest of the mechanism by about
@@ -49,7 +49,7 @@ class ChatterRule:
 
 @kernel
 def left_out(allowed: float, resolved: float, restitution: float) -> float:
-    """Rise [m] of a bounce that ends a chatter, see `ChatterRule`."""
+    """Rise [m] below which the impacts of a chatter are left out, see `ChatterRule`."""
     lost = 1.0 - restitution
     least = resolved if lost > _CHATTER.elastic else _CHATTER.roundings * resolved
     return max(allowed * lost, least)
@@ -64,7 +64,7 @@ def ends(rise: float, rebound: float, acceleration: float, depth: float) -> bool
 
 @kernel
 def remaining_time(rebound: float, acceleration: float, restitution: float) -> float:
-    """How long [s] the bounces last from a rebound [m/s] on, under a steady acceleration.
+    """Duration of the remaining chatter [s] after a rebound [m/s] at a constant acceleration.
 
     Flights of ``2 v/|d|``, each shorter than the one before by the factor e.
     """

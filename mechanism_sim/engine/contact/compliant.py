@@ -54,7 +54,7 @@ class CompliantLaw(ABC):
         return self.stiffness * depth**self.exponent * (self.relief(rate, approach) / approach)
 
     def relief(self, rate: Quantity, approach: Quantity) -> Quantity:
-        """``v0 + a delta'`` [m/s]: where it is negative, the force would be.
+        """Rate ``v0 + a delta'`` of the sign of the force [m/s]: negative if tensile.
 
         The bodies then part faster than the material recovers, and no longer press. It comes back
         to depth zero in the meantime, and what it had stored is lost; pressed again before, it
@@ -102,7 +102,7 @@ class Hertz(CompliantLaw):
 
     @property
     def damping(self) -> float:
-        """Nothing."""
+        """Damping coefficient: zero, as the contact is elastic."""
         return 0.0
 
     def normal_force(self, depth: Quantity, rate: Quantity, approach: Quantity) -> Quantity:
@@ -110,7 +110,7 @@ class Hertz(CompliantLaw):
         return self.stiffness * depth**self.exponent
 
     def relief(self, rate: Quantity, approach: Quantity) -> Quantity:
-        """``v0`` [m/s]: it never pulls."""
+        """Rate ``v0`` of the sign of the force [m/s]: it never becomes tensile."""
         return approach
 
 

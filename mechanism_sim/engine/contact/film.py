@@ -51,7 +51,7 @@ class FilmShape(NamedTuple):
 
 
 class JournalMotion(NamedTuple):
-    """How a journal moves in its bushing, in axes that do not turn. All are heyoka expressions."""
+    """Motion of a journal in its bushing, in non-rotating axes, as heyoka expressions."""
 
     x: hy.expression  #: [m] Q, from bushing centre to journal centre
     y: hy.expression

@@ -49,7 +49,7 @@ class Hypothesis(Enum):
 
     @property
     def code(self) -> int:
-        """Its number in arrays."""
+        """Number of the hypothesis in arrays."""
         return list(Hypothesis).index(self)
 
 

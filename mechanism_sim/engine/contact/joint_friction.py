@@ -80,6 +80,7 @@ def friction_impulses(friction: JointFrictionProblem, x: Array, start: Array) ->
                     if friction.walls[t] * force >= 0.0:
                         bound += friction.coefficients[t] * math.sqrt(square)
                 first = friction.ends[t]
+            # slip under all present impulses, and the impulse that ends it, cut to its bound
             slip = free[j]
             for i in range(k):
                 slip += compliance[r + j, i] * every[r + i]
@@ -101,7 +102,7 @@ def friction_impulses(friction: JointFrictionProblem, x: Array, start: Array) ->
 def with_friction(
     c: ContactProblem, friction: JointFrictionProblem, x: Array, start: Array
 ) -> Array:
-    """Let contacts feel the friction that their impulses (r,) make: as a part of these.
+    """Add the friction that impulses (r,) of contacts cause in joints, in proportion to them.
 
     Its impulses grow with theirs: what one of these does is from now on done with its share.
 

@@ -58,7 +58,7 @@ class ContactProblem(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Below what contacts count as at rest, or as touching."""
+    """Limits below which contacts count as at rest, or as touching."""
 
     touching: float  #: [m] gaps smaller than this count as closed
     tie: float  #: [m] what approaches so near strikes at the same instant
@@ -69,7 +69,7 @@ class Limits(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """When an impact happens, and how fast all is."""
+    """Time of an impact, and the rates there."""
 
     time: float  #: [s]
     drives: Array  #: (p,) rates of the drives [rad/s]
@@ -85,7 +85,7 @@ class Resting(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """How many there are of what a `ContactProblem` is made of."""
+    """Sizes of the parts of a `ContactProblem`."""
 
     gaps: int
     rows: int
@@ -95,13 +95,13 @@ class Layout(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Of all terms, which are kept behind each other, see `problem_of`."""
+        """Number of all terms, which are stored one after another, see `problem_of`."""
         m, r, f, p, compliant = self
         return 2 * m + 3 * r + r * (f + r + p) + compliant
 
 
 class ContactArrays(NamedTuple):
-    """Of what `problem_of` makes the contact problem: far fewer arrays to hand to a kernel."""
+    """Arrays from which `problem_of` makes a contact problem: few to pass to a kernel."""
 
     terms: Array  #: one row of all terms, as ``System.contact_function`` writes them
     layout: Layout
@@ -316,6 +316,8 @@ def impact_of_all(
                 rate[r] = 0.0
         e[k] = 0.0 if c.closed[i] or rate[k] >= 0.0 else c.restitution[i]
         mu[k], hypothesis[k] = c.friction[i], c.hypothesis[i]
+    # first with restitution; contacts whose rebound would be the last of a chatter then get e = 0,
+    # and the impact is solved again, as their impulses change those of the others
     x, after, found = impulses(A, rate, e, mu, hypothesis)
     ended, again = np.zeros(n, dtype=np.bool_), False
     for k in range(n):
@@ -344,13 +346,14 @@ def impact_of_all(
         resting[i] = low or after[k] <= max(-_IMPACTS.rebound * rate[k], stays)
         rests = rests or resting[i] or c.closed[i]
         if not resting[i]:
+            # a root near the start of a long step is lost: the rebound's return bounds the next
             horizon = min(horizon, horizon_of(after[k], c.acceleration[i]))
     return ImpactOutcome(rests, horizon, count, True)
 
 
 @kernel
 def slip_of(c: ContactProblem, gap: int, still: float) -> int:
-    """Which way a contact with friction slides, 0 if not at all: not faster than `still`."""
+    """Direction of slip of a contact with friction, 1 or -1; 0 if it is not above `still`."""
     if c.friction[gap] == 0.0:
         return 0
     speed = c.rate[len(c.value) + gap]
@@ -387,6 +390,8 @@ def press(
             mu[k] = min(c.friction[rows[k]], _IMPACTS.rough)
     # what slides no farther than rounding reaches may as well be at rest
     slow = max(limits.still, math.sqrt(2.0 * limits.touching * largest(c.free_acceleration)))
+    # slow slips count as none at first; if the forces then drive a contact against its true slip,
+    # the slips are taken as they are
     for still in (slow, limits.still):
         for k in range(n):
             i = rows[k]
@@ -414,7 +419,7 @@ def press(
 
 @kernel
 def book_rest(c: ContactProblem, limits: Limits, kept: Mask, drives: Array, row: Array) -> None:
-    """Add to an impact in the log what it takes to bring rows to rest that nearly are.
+    """Add to an impact in the log the work that brings almost resting rows to rest.
 
     The energy that this loses is ``-w . x/2`` with the rates w before it and its impulses x.
 
@@ -531,7 +536,7 @@ def come_to_rest(
     begins: Mask,
     drawn: Mask,
 ) -> Rest:
-    """Of the contacts without normal speed, those that are pressed together stay closed.
+    """Bring contacts without normal speed to rest: those pressed together stay closed.
 
     Parameters
     ----------
@@ -570,11 +575,13 @@ def come_to_rest(
     if len(last):
         book_rest(c, limits, kept, drives, last[0])
     begins[:] = begin(c, limits, grips, kept)
+    # whether positions or rates of kept rows need a projection before the run goes on
     off = False
     for r in range(len(kept)):
         if kept[r]:
             off = off or abs(c.rate[r]) > limits.bare
             off = off or (r < m and abs(c.value[r]) > limits.touching)
+    # accelerations under these forces decide which open gaps are drawn shut
     for r in range(len(kept)):
         gained = 0.0
         for k in range(len(kept)):

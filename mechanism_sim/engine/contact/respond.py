@@ -58,7 +58,7 @@ UNSOLVED, JAMMED, SHOCK = -1, -2, -3
 slide is to be stopped by an impact without collision. The last two go on with `RESTS`."""
 
 NEEDS = ('', *('contact_function',) * 5, *('projection',) * 2, 'watch')
-"""By stage, the function of the state that is evaluated before."""
+"""Function of the state that is evaluated before each stage."""
 
 (STAGE, GUARD, IMPACTS, CHANGES, TAKEN, TRIES, HELD, DRAWS, BEGINS, ROUNDS, AGAIN, WATCHED,
  GUARDS, SMOOTH, RELATIONS, SIZE, LAYOUT) = range(17)  # fmt: skip
@@ -98,7 +98,7 @@ class EventArrays(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """The same, taken apart."""
+    """Arrays of a run at an event, split into contact problem, limits and instant."""
 
     run: EventArrays
     c: ContactProblem
@@ -192,7 +192,7 @@ def fell(run: EventArrays) -> int:
 
 @kernel
 def _opens(run: EventArrays, gap: int) -> bool:
-    """True of an open gap that turns round before it closes farther than places are known.
+    """True of an open gap that reverses before it closes by more than rounding.
 
     It has just begun its flight, at zero but for rounding, where its guard falls at once. So it
     goes on to do where it is pressed shut, and drawn open, by rounding only.
@@ -208,7 +208,7 @@ def _opens(run: EventArrays, gap: int) -> bool:
 
 @kernel
 def slips(run: EventArrays) -> int:
-    """A guard of friction fell through zero: sticking gives way, sliding ends or jams."""
+    """Respond to a guard of friction: sticking changes to slip, or slip ends or jams."""
     k = run.counters[GUARD] - len(run.gaps[MODE])
     gap, sign = run.gaps[FRICTIONAL, k // 2], 1 - 2 * (k % 2)
     run.gaps[BEFORE] = run.gaps[MODE]
@@ -256,7 +256,7 @@ def _lift(run: EventArrays, gap: int) -> int:
 
 @kernel
 def _bounce(run: EventArrays, i: int) -> int:
-    """Impact of a gap without friction while all fly: `strikes` in few operations."""
+    """Impact of a frictionless gap while no other contact is closed, in few operations."""
     s = situation_of(run)
     c, limits, drives, e = s.c, s.limits, s.now.drives, s.c.restitution[i]
     rate, acceleration = min(c.rate[i], 0.0), c.acceleration[i]
@@ -351,7 +351,7 @@ def rests(run: EventArrays) -> int:
 
 @kernel
 def projected(run: EventArrays) -> int:
-    """Closures and closed contacts were brought to zero, at the state that `seen` begins with."""
+    """Continue after closures and closed contacts were projected to zero, at state `seen`."""
     size, stage = len(run.x), run.counters[STAGE]
     first = size // 2 if stage == TURNED else 0
     for k in range(first, size):
@@ -368,7 +368,7 @@ def projected(run: EventArrays) -> int:
 
 @kernel
 def _next(run: EventArrays) -> int:
-    """After contacts came to rest: those that open part, then those that are drawn shut rest."""
+    """Next stage after contacts came to rest: opening contacts part, then drawn ones rest."""
     run.counters[TRIES] = 0
     if run.marks[_PARTING].any():
         return PARTS
@@ -430,7 +430,7 @@ def _after(run: EventArrays) -> int:
 
 @kernel
 def _hold_slip(run: EventArrays, gap: int) -> None:
-    """Let a slip count as none that has ended and goes nowhere, for other contacts hold it.
+    """Suppress a slip that has ended but cannot grow, as other contacts hold it.
 
     Where two corners of a block rest on one line, the friction of one may be at its bound
     while the other sticks: then its slip is zero but for rounding, which would fall through
@@ -447,7 +447,7 @@ def _hold_slip(run: EventArrays, gap: int) -> None:
 
 @kernel
 def missed(run: EventArrays) -> int:
-    """Respond to a guard which is past zero already: the integrator would never see it fall."""
+    """Respond to a guard below zero already, whose fall the integrator cannot detect."""
     guard = _past_zero(run, -1)
     if guard < 0:
         return DONE
@@ -495,7 +495,7 @@ def look(*arrays: Any) -> int:
 
 @entry
 def look_there(state: Array, now: Array, addresses: Indices, *arrays: Any) -> int:
-    """As `look`, at the state itself; the first arguments are those of `resolve`."""
+    """Call `look` at the state itself; the first arguments are those of `resolve`."""
     run = run_of(*arrays)
     _evaluate(run, state, now, addresses, MISSED)
     return _past_zero(run, run.counters[GUARD])

@@ -75,17 +75,17 @@ class ArcClosure(HigherClosure[PinInArc]):
     """The first link's point stays on a circle of the second link."""
 
     def _apart(self, frames: Frames) -> tuple[Jet, Jet, hy.expression]:
-        """From the centre to the pin, and how far."""
+        """Vector from the centre to the pin, and its length [m]."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         return x, y, hy.sqrt(2.0 * dense((x.half_square() + y.half_square()).value))
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How far the pin is outside of the centre line [m]."""
+        """Radial distance of the pin outside of the centre line [m]."""
         x, y, r = self._apart(frames)
         away = (x.half_square() + y.half_square()).chain(r, 1.0 / r, -1.0 / (r * r * r))
         return [away - lift(dense(frames.parameters(f'{self.name}.radius', self.joint.radius)))]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The slot's wall feels the pin along the radius."""
+        """Wrench of the pin on the slot's wall, along the radius."""
         x, y, r = self._apart(frames)
         return Wrench(*(neg(mul(forces[0], div(part.value, r))) for part in (x, y)))

@@ -71,12 +71,12 @@ class Belt(Transmission):
 
     @property
     def elastic(self) -> bool:
-        """True if its strands give way, or it slips."""
+        """True if the strands are elastic, or the belt slips."""
         return self.stiffness > 0.0 or self.slips
 
     @property
     def preloaded(self) -> bool:
-        """True if both strands pull at rest and give way."""
+        """True if both strands are elastic and in tension at rest."""
         return self.stiffness > 0.0 and self.pretension > 0.0
 
     @property
@@ -127,7 +127,7 @@ class Belt(Transmission):
         return BeltClosure(self, mechanism)
 
     def elements(self, mechanism: Mechanism) -> Sequence[ForceElement]:
-        """Strands that give way, or that slip."""
+        """Force elements of elastic or slipping strands."""
         kind = SlippingBelt if self.slips else BeltForce
         return [kind(self, mechanism)] if self.elastic else []
 
@@ -153,7 +153,7 @@ class BeltClosure(TransmissionClosure):
     joint: Belt
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Of the difference of tensions: what they do to the second pulley."""
+        """Wrench of the difference of tensions on the second pulley."""
         moment = super().wrench(frames, forces).moment
         joint = self.joint
         pull = joint.sense * joint.radii[1]
@@ -164,7 +164,7 @@ class BeltClosure(TransmissionClosure):
 
 
 class _Tension(NamedTuple):
-    """The pull of a strand that gives way."""
+    """Tension of an elastic strand."""
 
     taut: Term  #: 1 where it is, else 0
     length: Term  #: [m] by which it is stretched
@@ -175,18 +175,18 @@ class _Tension(NamedTuple):
 
 @dataclass(frozen=True)
 class BeltForce:
-    """A belt whose strands give way, in the place of a joint."""
+    """Belt with elastic strands, in the place of a joint."""
 
     joint: Belt
     mechanism: Mechanism
 
     @property
     def name(self) -> str:
-        """That of the joint."""
+        """Name of the joint."""
         return self.joint.name
 
     def _stretch(self, frames: Frames) -> tuple[Term, Term]:
-        """How much longer the left strand is [m], and its rate [m/s]."""
+        """Elongation of the left strand [m], and its rate [m/s]."""
         joint, m, p = self.joint, self.mechanism, frames.parameters
         (r1, r2), s = joint.radii, joint.sense
         value: Term = p(f'{self.name}.phase', s * r2 * joint.phase)
@@ -236,7 +236,7 @@ class BeltForce:
         return _strand_wrench(self.joint, self.mechanism, frames, self._tensions(frames))
 
     def loads(self, frames: Frames) -> list[Load]:
-        """On the second pulley, and on the first, which they balance."""
+        """Loads on both pulleys, which balance each other."""
         joint, w = self.joint, self.wrench(frames)
         ux, uy = frames.position(
             self.mechanism.direction(joint.carrier, math.atan2(*joint.apart[::-1])),
@@ -251,7 +251,7 @@ class BeltForce:
         ]  # fmt: skip
 
     def power_lost(self, frames: Frames) -> Term:
-        """Power that strands take in and do not store: ``c x'^2`` of those that pull."""
+        """Power dissipated in the strands [W]: ``c x'^2`` of those in tension."""
         return add(*(
             mul(add(s.whole, neg(s.stored)), s.rate) for s in self._strands(frames)
         ))  # fmt: skip
@@ -286,7 +286,7 @@ class SlippingBelt(BeltForce):
         return mul(*self._pull(frames))
 
     def energy(self, _: Frames) -> Term:
-        """It stores none."""
+        """Stored energy: none."""
         return None
 
 

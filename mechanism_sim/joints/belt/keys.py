@@ -95,14 +95,14 @@ class BeltKeys(PhaseKeys):
         )  # fmt: skip
 
     def _held(self) -> float | None:
-        """The coefficient of friction that alone holds a belt, as if its pulleys were flat."""
+        """Coefficient of friction of a belt held by it alone, reduced to flat pulleys."""
         given = self.friction
         if given is None or given.efficiency is not None:
             return None
         return given.coefficient / math.sin(0.5 * (given.groove or math.pi))
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
-        """Of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
+        """Friction of a chain: of its efficiency e it loses ``k = 2 (1 - e)/(1 + e)`` of the pull.
 
         Half of that acts on each wheel against its turning: with the pull N they have
         ``(1 + k/2) N`` and ``(1 - k/2) N``.
@@ -115,12 +115,12 @@ class BeltKeys(PhaseKeys):
         return [FlankFriction(joint.name, mechanism, lost, arms, s * r2, joint.carrier)]
 
     def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
-        """Strands that give way, or slip."""
+        """Clearance of elastic or slipping strands: of zero width; None of others."""
         soft = self.stiffness or self._held() is not None
         return ClearanceSpec(radial=0.0, restitution=0.0) if soft else None
 
     def mounted(self, joint: Any, start: Mapping[str, float], turned: Mapping[str, int]) -> Belt:
-        """At the angle of many at which it fits; strands that give way remember the turns."""
+        """Belt at the nearest of the angles at which it fits; elastic strands count turns."""
         links = joint.first, joint.second, joint.carrier
         a, b, c = (start.get(link, 0.0) for link in links)
         one, two, three = (turned.get(link, 0) for link in links)

@@ -57,29 +57,29 @@ class SpatialPair(Transmission):
     @property
     @abstractmethod
     def radii(self) -> tuple[float, float]:
-        """At which the force acts [m]."""
+        """Radii at which the force acts [m]."""
 
     @property
     @abstractmethod
     def _teeth(self) -> tuple[tuple[int, float], tuple[int, float]]:
-        """How many there are, 0 of threads, and how much of their height is seen."""
+        """Numbers of teeth, 0 for threads, and the visible share of their height."""
 
     @abstractmethod
     def _beside(
         self, view: PairView, tangential: Array
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """Of the tangential force on the second (N,) [N] that on the first.
+        """Tangential force on the first (N,) [N], of that on the second.
 
         Then radial and axial ones on first and second.
         """
 
     @property
     def toothed(self) -> tuple[str, ...]:
-        """Both links."""
+        """Names of both links, which have teeth."""
         return self.first, self.second
 
     def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
-        """At the pitch points: tangential forces of the torques, with those beside them."""
+        """Tooth loads at the pitch points: tangential, radial and axial forces."""
         second = view.moment / self.radii[1]
         first, radial_1, axial_1, radial_2, axial_2 = self._beside(view, second)
         found = []
@@ -142,7 +142,7 @@ class BevelPair(SpatialPair):
 
     @property
     def radii(self) -> tuple[float, float]:
-        """At the middle of the teeth [m]."""
+        """Radii at the middle of the teeth [m]."""
         return self.mean_radii
 
     @property
@@ -154,7 +154,7 @@ class BevelPair(SpatialPair):
     def _beside(
         self, view: PairView, tangential: Array
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """Across the cones' common line, away from the mate: towards the shaft and the back."""
+        """Tangential, radial and axial forces: the flanks press across the cones' common line."""
         first = -float(self.ratio) * view.moment / self.radii[0]
         apart = np.abs(tangential) * math.tan(self.pressure_angle)
         (c1, s1), (c2, s2) = ((math.cos(g), math.sin(g)) for g in self.cones)

@@ -39,7 +39,7 @@ class SpatialKeys(CarrierKeys):
     """Where both of such a pair lie along their shafts; in the plane of the machine without it."""
 
     def both_teeth(self, name: str) -> tuple[int, int]:
-        """Those of both links."""
+        """Numbers of teeth of both links."""
         if isinstance(self.teeth, tuple):
             return self.teeth
         raise InputError(
@@ -97,7 +97,7 @@ class BevelKeys(SpatialKeys):
         )  # fmt: skip
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
-        """Of teeth one module high at the middle, on spur gears that roll like the cones there.
+        """Friction of teeth one module high, on spur gears that roll as the cones at mid-face.
 
         These have the cones' back radii and roll at the shafts' rates times the cosines of the
         cones (T. Tredgold).
@@ -129,10 +129,10 @@ def needed(name: str, joint: SpatialKeys, *keys: str) -> None:
 
 
 def pressure_angle_of(joint: SpatialKeys) -> float:
-    """That of the pair [rad]."""
+    """Pressure angle of the pair [rad], 20 degrees unless given."""
     return math.radians(20.0) if joint.pressure_angle is None else joint.pressure_angle
 
 
 def placed(joint: SpatialKeys) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Where both have their mates [rad], and lie along their shafts [m]."""
+    """Directions of both gears to their mates [rad], and positions along their shafts [m]."""
     return joint.facing or (0.0, math.pi), joint.along or (0.0, 0.0)

@@ -56,7 +56,7 @@ class CamPair(PlacedCam):
         return read_cam(self, view)
 
     def slides(self, link: str, mechanism: Mechanism) -> bool:
-        """As its law counts: whether the cam does, or the follower."""
+        """True if the law counts displacements: of the cam, or of the follower."""
         return self.distance.slides if link == self.first else not self.distance.swings
 
     def draw(self, draft: Draft) -> None:
@@ -67,7 +67,7 @@ class CamPair(PlacedCam):
         draft.reach((self.second, self.on_second))
 
     def covered(self) -> Sequence[LinkPoint]:
-        """Of its edges."""
+        """Points of the cam's edges."""
         return [
             (self.first, (float(x), float(y)))
             for edge in _cam_outlines(self)
@@ -88,7 +88,7 @@ class CamPair(PlacedCam):
 
     @property
     def without_forces(self) -> str:
-        """Where the velocity of the follower jumps."""
+        """Describe the jumps of the follower's velocity, which need infinite forces."""
         jumps = self.cam.corners
         more = f', and {len(jumps) - 1} more' if jumps[1:] else ''
         return f'law: {jumps[0]}{more}: no finite force gives this motion' if jumps else ''
@@ -173,7 +173,7 @@ class CamClosure(HigherClosure[CamPair]):
         return Wrench(wx, wy)
 
     def _angle(self, frames: Frames) -> Jet:
-        """Of the cam [rad], or how far it has slid [m]."""
+        """Angle of the cam [rad], or its displacement [m]."""
         joint = self.joint
         if joint.distance.slides:
             return -self._from_camshaft(frames, joint.first, joint.on_first, 'cam')[1]
@@ -184,7 +184,7 @@ class CamClosure(HigherClosure[CamPair]):
         return turned * float(joint.sense) + constant(start)
 
     def _place(self, frames: Frames) -> Jet:
-        """Of the follower: from the camshaft [m], or from the line of centres [rad]."""
+        """Position of the follower: from the camshaft [m], or from the line of centres [rad]."""
         joint = self.joint
         if not joint.distance.swings:
             return self._from_camshaft(frames, joint.second, joint.on_second, 'follower')[0]
@@ -200,7 +200,7 @@ class CamClosure(HigherClosure[CamPair]):
     def _from_camshaft(
         self, frames: Frames, link: str, at: Vector2, label: str
     ) -> tuple[Jet, Jet]:
-        """From the camshaft to a point of a link, in the frame of `followers` [m]."""
+        """Vector from the camshaft to a point of a link, in the frame of `followers` [m]."""
         px, py = frames.position(self.mechanism.point(link, at), f'{self.name}.{label}')
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
         x, y = px - ox, py - oy

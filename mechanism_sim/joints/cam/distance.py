@@ -1,4 +1,4 @@
-"""How far a follower is from its cam, as an expression of the cam's place and its own.
+"""Distance of a follower from its cam, as an expression of the positions of both.
 
 The frame is that of `followers`. With the place s of the follower (along its line [m], or the
 angle of its arm or face to the line of centres [rad]) and the place ``s0 + u`` where it touches,
@@ -260,7 +260,7 @@ def _piece(
 
 
 def _eccentric(law: Eccentric, angle: hy.expression) -> list[hy.expression]:
-    """As `Eccentric`: ``q^2 = R^2 - d^2 cos^2`` differentiated again and again."""
+    """Derivatives of `Eccentric` as expressions: ``q^2 = R^2 - d^2 cos^2`` differentiated."""
     R, d = law.radius, law.eccentricity
     c, s = d * hy.cos(angle), d * hy.sin(angle)
     q = hy.sqrt(R * R - c * c)
@@ -301,23 +301,23 @@ class PlacedCam(HigherPair):
 
     @cached_property
     def extent(self) -> float:
-        """Of the profile from the camshaft, or from the origin of a sliding cam [m]."""
+        """Largest distance of the profile from the camshaft, or a sliding cam's origin [m]."""
         law = self.cam.law
         return float(np.hypot(*self.cam.at(drawing_angles(law, extent(law) / 360)).profile).max())
 
     @property
     def arm_angle(self) -> float:
-        """Of the arm or face of a swinging follower, in its own frame [rad]."""
+        """Angle of the arm or face of a swinging follower, in its own frame [rad]."""
         return math.atan2(*self.arm[::-1])
 
     @property
     def pivot(self) -> Vector2:
-        """Of a swinging follower, in its own frame [m]."""
+        """Pivot of a swinging follower, in its own frame [m]."""
         return self.on_second[0] - self.arm[0], self.on_second[1] - self.arm[1]
 
     @cached_property
     def distance(self) -> Distance:
-        """Of the follower from the cam."""
+        """Distance of the follower from the cam."""
         return Distance(self.name, self.cam, self.beside, self.exact)
 
     @property

@@ -24,7 +24,7 @@ class _Touching(ABC):
 
     @abstractmethod
     def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """Where the follower touches a profile at points (2, N) [m] with these outward normals.
+        """Cam angles and displacements for contact at profile points (2, N) [m] and normals.
 
         Cam angles (N,) [rad], whose whole turns do not count, and displacements (N,) from the base
         circle: what `touch` gives, from the other side.
@@ -90,7 +90,7 @@ class Translating(_Rolling):
         _require(self.roller >= 0, 'the radius of a roller is not negative')
 
     def path(self, law: Law, base_radius: float, angle: Array) -> Array:
-        """As of any follower with a roller; [V] 4.66 with an offset."""
+        """Path of the roller's centre and its two derivatives; [V] 4.66 with an offset."""
         prime = base_radius + self.roller
         u, u1, u2 = (law(angle, k) for k in range(3))
         nothing = np.zeros_like(u)
@@ -105,7 +105,7 @@ class Translating(_Rolling):
         return np.array([(lowest + u, nothing + self.offset), (u1, nothing), (u2, nothing)])
 
     def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """As of any follower: the roller's centre is on its line."""
+        """Cam angles and displacements: the roller's centre lies on the follower's line."""
         centre = point + self.roller * normal
         square = (centre**2).sum(axis=0) - self.offset**2
         _require(bool((square > 0).all()), 'the line of the follower misses the profile')
@@ -154,7 +154,7 @@ class Oscillating(_Rolling):
         return float(np.arccos(cosine))
 
     def path(self, law: Law, base_radius: float, angle: Array) -> Array:
-        """As of any follower with a roller."""
+        """Path of the roller's centre on the swinging arm, and its two derivatives."""
         u, u1, u2 = (law(angle, k) for k in range(3))
         psi = self.lowest(base_radius, law.reciprocating) + u
         c, s = self.arm * np.cos(psi), self.arm * np.sin(psi)
@@ -168,7 +168,7 @@ class Oscillating(_Rolling):
         )
 
     def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """As of any follower: camshaft, pivot and the roller's centre make a triangle."""
+        """Cam angles and displacements, from the triangle of camshaft, pivot, roller's centre."""
         centre, a, b = point + self.roller * normal, self.pivot_distance, self.arm
         cosine = (a**2 + b**2 - (centre**2).sum(axis=0)) / (2.0 * a * b)
         _require(bool((np.abs(cosine) < 1.0).all()), 'the arm does not reach all of the profile')
@@ -178,7 +178,7 @@ class Oscillating(_Rolling):
         return angle, psi - self.lowest(base_radius)
 
     def motion(self, law: Law, base_radius: float, angle: Array) -> tuple[Array, Array]:
-        """Across the arm."""
+        """Direction of motion, across the arm, and its rate."""
         psi = self.lowest(base_radius, law.reciprocating) + law(angle)
         return np.array([np.sin(psi), -self.side * np.cos(psi)]), self.side * law(angle, 1)
 
@@ -265,7 +265,7 @@ class FlatFaced(_Flat):
         return h, np.array([nothing + self.tilt, nothing, nothing])
 
     def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """As of any follower: by the distance of the tangent from the camshaft."""
+        """Cam angles and displacements, from the tangent's distance from the camshaft."""
         away = (point * normal).sum(axis=0) - base_radius
         return np.arctan2(normal[1], normal[0]) - self.tilt, away / np.cos(self.tilt)
 
@@ -314,7 +314,7 @@ class OscillatingFlat(_Flat):
         return h, self.side * np.array([psi - np.pi / 2, u1, u2])
 
     def place(self, point: Array, normal: Array, base_radius: float) -> tuple[Array, Array]:
-        """As of any follower: by the distance of the tangent from the camshaft."""
+        """Cam angles and displacements, from the tangent's distance from the camshaft."""
         away = (point * normal).sum(axis=0) - self.face_offset
         sine = away / self.pivot_distance
         _require(bool((np.abs(sine) < 1.0).all()), 'the profile reaches the pivot')
@@ -323,7 +323,7 @@ class OscillatingFlat(_Flat):
         return angle, psi - self.lowest(base_radius)
 
     def motion_at(self, point: Array, rate: Array) -> tuple[Array, Array]:
-        """Across the line from the pivot."""
+        """Direction of motion at a point, across the line from the pivot, and velocity."""
         arm = point - np.array([[self.pivot_distance], [0.0]])
         direction = self.side * turned(arm)
         return direction, direction * rate

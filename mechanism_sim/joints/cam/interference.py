@@ -43,7 +43,7 @@ class CutAway:
 
 
 def find_cut_away(cam: Cam) -> list[CutAway]:
-    """Where the follower, swept over the profile, cuts its points of contact away.
+    """Find the ranges in which the follower, swept over the profile, cuts its contacts away.
 
     A knife edge never does. What is less deep than a millionth of the base radius does not count.
     Points of the profile, and positions tried, are a 1440th of the turn or stroke apart.

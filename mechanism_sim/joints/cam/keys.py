@@ -1,4 +1,4 @@
-"""From the keys of a cam to its law, its follower and the joint of both."""
+"""Keys of a cam, from which its law, its follower and the joint of both are made."""
 
 from __future__ import annotations
 
@@ -345,7 +345,7 @@ class CamKeys(PhaseKeys):
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> list[ContactFriction]:
-        """Of the follower, on both walls of a groove."""
+        """Friction of the follower; in a groove on both walls."""
         touch = joint.touch(mechanism, given.radius or 0.0)
         if not joint.grooved:
             return [ContactFriction(joint.name, mechanism, given.coefficient, touch)]
@@ -514,7 +514,7 @@ class _CamReader:
             raise InputError(f"{where}: 'groove.restitution' is missing: the clearance needs it")
 
     def _check_friction(self) -> None:
-        """A roller rubs on its pin, which must be smaller; nothing else has one."""
+        """Check the pin radius of a roller with friction; other followers have none."""
         joint, radii = self.joint, []
         if joint.friction:
             radii.append((f'{self.where}.friction', 'radius', joint.friction.radius))
@@ -532,7 +532,7 @@ class _CamReader:
                 )
 
     def _check_guide(self, guide: Guide) -> None:
-        """Keys that only one way of moving has."""
+        """Check the keys that apply to one kind of guidance only."""
         joint, where = self.joint, self.where
         if guide.swings and joint.side is None:
             raise InputError(
@@ -732,7 +732,7 @@ def _law_of_shape(given: LawPart, follower: Follower, base: float) -> Law:
 
 
 class Guide(NamedTuple):
-    """How a cam or a follower moves on the ground."""
+    """Guidance of a cam or a follower by the ground: a pivot or a straight guide."""
 
     swings: bool  #: or turns
     at: Vector2  #: [m] its pivot, or its point when its displacement is zero, in the world
@@ -742,7 +742,7 @@ class Guide(NamedTuple):
 
 
 def _find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> Guide:
-    """How a point `at` [m] of a link is carried by the ground.
+    """Find the ground joint that guides a link with the point `at` [m].
 
     Parameters
     ----------
@@ -772,7 +772,7 @@ def _find_guide(names: Names, where: str, link: str, at: Vector2, what: str) -> 
 
 
 def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
-    """For a cam that turns, `clockwise` where its angle grows."""
+    """Frame of a turning cam, `clockwise` if its angle grows in that sense."""
     if cam.arm != (0.0, 0.0):
         raise InputError('name the point where the cam turns on the ground')
     (x, y), (px, py) = cam.at, follower.at
@@ -781,7 +781,7 @@ def around(cam: Guide, follower: Guide, clockwise: bool) -> Frame:
 
 
 def along(cam: Guide, follower: Guide) -> Frame:
-    """For a cam that slides: the centre is abreast of the pivot of a swinging follower."""
+    """Frame of a sliding cam: the centre is abreast of the pivot of a swinging follower."""
     (x, y), (px, py) = cam.at, follower.at
     if follower.swings:
         way, across = rotate((px - x, py - y), -cam.axis)

@@ -45,7 +45,7 @@ class LawPiece:
         return float(p(s) + self.amplitude * self.frequency**order * np.cos(turned))
 
     def magnified(self, order: int) -> float:
-        """By what a derivative of its polynomial exceeds the value at most (V. A. Markov)."""
+        """Bound on a derivative of the polynomial, relative to its value (V. A. Markov)."""
         square, steps = self.polynomial.degree() ** 2, range(order)
         ratios = (2.0 / self.length * max(square - k**2, 0) / (2 * k + 1) for k in steps)
         return math.prod(ratios)
@@ -321,7 +321,7 @@ class Eccentric(_Circular):
             raise InputError('the eccentricity of a circular cam is positive, below its radius')
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Diagram`, for orders 0 to 3."""
+        """Derivative of the displacement of an order from 0 to 3, as of `Diagram`."""
         R, d, g = self.radius, self.eccentricity, np.asarray(angle, dtype=float)
         # q^2 = R^2 - d^2 cos^2 g, differentiated again and again
         q = np.sqrt(R**2 - (d * np.cos(g)) ** 2)
@@ -350,7 +350,7 @@ class Raised(_Circular):
             raise InputError('the eccentricity of a circular cam is positive')
 
     def __call__(self, angle: ArrayLike, order: int = 0, left: bool = False) -> Array:
-        """As `Diagram`, for all orders."""
+        """Derivative of the displacement of any order, as of `Diagram`."""
         wave = np.sin(np.asarray(angle, dtype=float) + order * math.pi / 2)
         return np.asarray(self.eccentricity * (wave + (order == 0)))
 
@@ -386,7 +386,7 @@ class Jump:
 
 
 def check_smoothness(law: Law, order: int = 2, tolerance: float = 1e-9) -> list[Jump]:
-    """Where a law misses the smoothness requirements ([V] 4.8), in the order of angles.
+    """Find violations of the smoothness requirements of a law ([V] 4.8), sorted by angle.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ class OutlineCurve(Protocol):
 
 @dataclass(frozen=True)
 class Line:
-    """From one point to another [m], the cam on the left."""
+    """Straight line from one point to another [m], the cam on the left."""
 
     start: Vector2
     end: Vector2
@@ -69,7 +69,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Arc:
-    """About a centre [m], from one angle of its outward normal to another [rad].
+    """Arc about a centre [m], from one angle of its outward normal to another [rad].
 
     The radius of a hollow arc is negative, and its angles fall.
     """
@@ -342,7 +342,7 @@ class Edge(NamedTuple):
         return cls(a, b, centre, sweep)
 
     def moved(self, origin: complex, angle: float, mirrored: bool) -> Edge:
-        """Seen from an origin, turned by an angle, then mirrored at the real axis."""
+        """Edge seen from an origin, turned by an angle, then mirrored at the real axis."""
         turn = cmath.exp(1j * angle)
 
         def place(z: complex) -> complex:
@@ -355,7 +355,7 @@ class Edge(NamedTuple):
         )
 
     def reversed(self) -> Edge:
-        """The other way round."""
+        """Edge traversed in the opposite direction."""
         return Edge(self.end, self.start, self.centre, -self.sweep)
 
     @property

@@ -58,7 +58,7 @@ class Cam:
 
     @cached_property
     def corners(self) -> list[Jump]:
-        """Where the velocity of the follower jumps, so that no finite force moves it."""
+        """Jumps of the follower's velocity, which no finite force can produce."""
         return [jump for jump in check_smoothness(self.law, 1) if jump.order == 1]
 
     @property
@@ -111,7 +111,7 @@ class Flaw:
 
 
 def find_flaws(cam: Cam, clearance: float | None = None) -> list[Flaw]:
-    """Where the profile is undercut or has a cusp, by its curvature.
+    """Find undercut and cusps of the profile by its curvature.
 
     A roller needs a pitch curve that nowhere bulges more sharply than it does itself, a face a
     profile that bulges everywhere. What is lost of the profile by it, by corners or by parts far

@@ -16,7 +16,7 @@ from mechanism_sim.planar.view import PairView, Told, Trajectory
 
 
 class CamMode(IntEnum):
-    """Where the follower is; the numbers are those of CamState.msg."""
+    """State of the follower, with the numbers of CamState.msg."""
 
     UNKNOWN = 0
     CONTACT = 1
@@ -103,7 +103,7 @@ def _touching(
 
 
 def _cam(joint: PlacedCam, view: PairView) -> tuple[Trajectory, Array]:
-    """Where the cam is, and the torque or force on it, as its law counts."""
+    """Trajectory of the cam, and the torque or force on it, in the direction of its law."""
     if joint.distance.slides:
         x, y = joint.world((0.0, -1.0))
         p, v, a = (x * px + y * py for px, py in view.path(joint.first, joint.on_first))

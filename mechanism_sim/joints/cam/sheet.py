@@ -104,7 +104,7 @@ def _per(unit: str, of: str, order: int) -> str:
 
 
 def _cam_figures(cam: Cam, speed: float) -> Iterator[PartFigure]:
-    """At a speed [rad/s] or [m/s]; at rest speeds are by radians or metres of the cam."""
+    """Figures of a cam at a speed [rad/s, m/s]; at rest per radian or metre of the cam."""
     law, follower = cam.law, cam.follower
     swings = isinstance(follower, Oscillating | OscillatingFlat)
     yield PartFigure('base_radius', cam.base_radius, 'm')
@@ -127,7 +127,7 @@ def _cam_figures(cam: Cam, speed: float) -> Iterator[PartFigure]:
 
 
 def _radii(cam: Cam) -> Iterator[PartFigure]:
-    """Of curvature: where the profile bulges most, and where it is most hollow."""
+    """Radii of curvature where the profile is most convex and most hollow."""
     roller = getattr(cam.follower, 'roller', None)
     if roller is None:
         at, least = greatest(cam.law, lambda x: -cam.at(x).curvature_radius)

@@ -1,4 +1,4 @@
-"""Where a follower touches a cam, and how the two are seen from each other ([V] 4.5).
+"""Contact of follower and cam, and the motion of each seen from the other ([V] 4.5).
 
 The frame has the camshaft at its origin and the follower above it, on the x axis; the cam turns
 clockwise. Seen from the cam, the follower goes round counterclockwise by the cam angle, and the
@@ -21,7 +21,7 @@ from mechanism_sim.joints.cam.laws import Law
 
 
 class CamTouch(NamedTuple):
-    """Where a follower touches its cam at cam angles or displacements (N,), in the cam's frame.
+    """Contact of a follower at cam angles or displacements (N,), in the cam's frame.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class CamTouch(NamedTuple):
 
 
 class FramePassage(NamedTuple):
-    """How the frame passes the cam, seen from it: per radian, or per metre if the cam slides."""
+    """Motion of the frame relative to the cam per radian, or per metre of a sliding cam."""
 
     turning: float
     velocity: Array  #: without the turning, (2, 1)
@@ -60,7 +60,7 @@ class FramePassage(NamedTuple):
         return cls(1.0 - slides, np.array([[0.0], [slides]]))
 
     def velocities(self, points: Array) -> Array:
-        """Of points (2, N) fixed to the frame."""
+        """Velocities of points (2, N) fixed to the frame."""
         return self.turning * turned(points) + self.velocity
 
     def directions(self, vectors: Array, angle: Array) -> Array:
@@ -84,5 +84,5 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def angle_between(a: Array, b: Array) -> Array:
-    """From the first to the second vectors (2, N) [rad]."""
+    """Angles from the first to the second vectors (2, N) [rad]."""
     return np.asarray(np.arctan2(cross(a, b), (a * b).sum(axis=0)))

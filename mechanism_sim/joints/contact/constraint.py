@@ -42,7 +42,7 @@ class DiscPair(HigherPair):
     end: Vector2 | None = None  #: [m] of a bar, in the frame of `second`
 
     def closure(self, mechanism: Mechanism) -> DiscClosure:
-        """They hold nothing."""
+        """Closure of the pair, which has no bilateral constraints."""
         return DiscClosure(self, mechanism)
 
     def bears(self, link: str) -> bool:
@@ -50,7 +50,7 @@ class DiscPair(HigherPair):
         return self.end is None or link == self.first
 
     def draw(self, draft: Draft) -> None:
-        """Both outlines."""
+        """Draw both outlines."""
         for (link, at), radius, end in zip(self.points, self.radii, (None, self.end), strict=True):
             if draft.first(f'disc {link} {at} {radius:.9g} {end}'):
                 draft.add('wheel', link, _outline(at, radius, end), size=radius)
@@ -59,13 +59,13 @@ class DiscPair(HigherPair):
                 draft.reach((link, end))
 
     def discs(self) -> Sequence[tuple[LinkPoint, float]]:
-        """Those of both links, and that at the end of a bar."""
+        """Discs of both links, and the disc at the end of a bar."""
         found = list(zip(self.points, self.radii, strict=True))
         return found if self.end is None else [*found, ((self.second, self.end), self.radii[1])]
 
 
 def _outline(at: Vector2, radius: float, end: Vector2 | None) -> Array:
-    """Of a disc, or of a bar (k, 2) [m]."""
+    """Outline of a disc, or of a bar (k, 2) [m]."""
     if end is None:
         return circle(radius, at)
     way = math.atan2(end[1] - at[1], end[0] - at[0])
@@ -78,14 +78,14 @@ def _outline(at: Vector2, radius: float, end: Vector2 | None) -> Array:
 
 @dataclass(frozen=True)
 class DiscClosure(HigherClosure[DiscPair]):
-    """No constraint."""
+    """Closure of a pair without bilateral constraints."""
 
     def values(self, _: Frames) -> list[Jet]:
-        """None."""
+        """Constraint values: none."""
         return []
 
     def wrench(self, _: Frames, __: Sequence[Term]) -> Wrench:
-        """None."""
+        """Wrench of the constraints: none."""
         return Wrench(None, None)
 
 
@@ -147,7 +147,7 @@ class DiscGap:
         return np.asarray(2.0 * value / (1.0 + root))
 
     def _apart(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the second's point to the first's."""
+        """Vector from the second's point to the first's [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
     def _square(self, frames: Frames, x: Jet, y: Jet) -> Jet:
@@ -166,7 +166,7 @@ class DiscGap:
     def _along(
         self, frames: Frames, x: Jet, y: Jet
     ) -> tuple[tuple[Jet, Jet], tuple[Jet, Jet], tuple[hy.expression, hy.expression]]:
-        """Of a bar, the first's middle along and across it; from its end; flags of both ends."""
+        """First's middle along and across a bar, and from its end; flags of both ends."""
         ux, uy = self._bar(frames)
         along, across = ux * x + uy * y, ux * y - uy * x
         ends = self.pair.on_second, self.pair.end or self.pair.on_second
@@ -178,7 +178,7 @@ class DiscGap:
     # --- the force ------------------------------------------------------------------------------
 
     def _nearest(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the nearest place of the second's middle or segment to the first's middle."""
+        """Vector from the nearest point of the second's middle or segment to the first's."""
         x, y = self._apart(frames)
         if self.pair.end is None:
             return x, y
@@ -201,7 +201,7 @@ class DiscGap:
         return -1.0 / dense(frames.parameters(f'{self.name}.reach', self.reach))
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the first's middle to the second, ``-Q/R``."""
+        """Normal from the first's middle to the second, ``-Q/R``."""
         x, y = self._nearest(frames)
         minus = self._minus(frames)
         return x * minus, y * minus
@@ -232,6 +232,6 @@ class DiscGap:
         return slip
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the second-named link, about its point: it acts at the first's surface."""
+        """Wrench on the second-named link, about its point; it acts at the first's surface."""
         arm = frames.parameters(f'{self.name}.first_radius', self.pair.radii[0])
         return contact_wrench(self.normal(frames), N, T, arm, self._apart(frames))

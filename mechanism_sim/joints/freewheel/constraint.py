@@ -1,4 +1,4 @@
-"""Two links that turn, or slide, one of which drives the other one way and is overrun by it.
+"""One-way clutches: two links, one of which drives the other one way and is overrun.
 
 With the rate w of the second against the first, counted in the sense in which it is driven, and
 the moment M of the first on the second, a freewheel has
@@ -25,7 +25,7 @@ from mechanism_sim.planar.view import Draft, Side
 
 @dataclass(frozen=True)
 class Freewheel(Transmission):
-    """A clutch between two links that holds one way."""
+    """A clutch between two links that transmits in one direction."""
 
     equations: ClassVar[int] = 0
     sides: ClassVar[tuple[Side, ...]] = ('right',)
@@ -37,19 +37,19 @@ class Freewheel(Transmission):
 
     @property
     def coupling(self) -> None:
-        """It keeps none."""
+        """Coupling of the links: none."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
-        """Held both ways."""
+        """Closure of the clutch as if it held in both directions."""
         return TransmissionClosure(self, mechanism)
 
 
 @dataclass(frozen=True)
 class Overrun(Wall):
-    """How far the second link is ahead of the first; of a freewheel only how fast that grows."""
+    """Lead of the second link over the first; of a freewheel only its rate."""
 
     def value(self, frames: Frames) -> Jet:
-        """A rate without value, or the way of the pawl from the last tooth that it passed [m]."""
+        """A rate without value, or the pawl's travel from the last tooth that it passed [m]."""
         joint = self.closure.joint
         assert isinstance(joint, Freewheel)  # noqa: S101 - it makes this gap
         (ahead,) = self.closure.values(frames)
@@ -66,4 +66,4 @@ class Overrun(Wall):
         return f'{self.closure.joint.second} back behind the tooth of {self.joint}'
 
     def draw(self, _: Draft) -> None:
-        """Nothing is shown of it."""
+        """Draw nothing."""

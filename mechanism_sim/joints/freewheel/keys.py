@@ -43,11 +43,11 @@ class OneWayKeys(PhaseKeys):
         )  # fmt: skip
 
     def touches(self, _: str) -> ClearanceSpec:
-        """It closes without impact."""
+        """Contact without restitution."""
         return ClearanceSpec(radial=0.0, restitution=0.0)
 
     def describe(self, joint: Any) -> str:
-        """Its effect, in words."""
+        """Describe the effect of the clutch in words."""
         way = 'clockwise' if joint.sense < 0.0 else 'counterclockwise'
         kind = f'ratchet of {joint.teeth} teeth' if joint.teeth else 'freewheel'
         return f'{kind}: {joint.first} takes {joint.second} along {way}'
@@ -78,7 +78,7 @@ class RatchetKeys(TouchingKeys, OneWayKeys):
     number, those on a turn. Required."""
 
     def read(self, names: Names, name: str) -> Freewheel:
-        """With teeth."""
+        """Read a ratchet with its teeth."""
         if self.teeth is None:
             raise InputError(f'joints.{name}.teeth is missing: how many on a turn, such as 24')
         if not isinstance(self.teeth, int) or self.teeth < 3:

@@ -78,7 +78,7 @@ class IndexingPair(HigherPair):
 
     @abstractmethod
     def reading(self, view: PairView) -> GenevaReading:
-        """Where the pin is in a slot, both motions and forces."""
+        """Reading: position of the pin in a slot, motions of both links, forces."""
 
     def _read(
         self, view: PairView, engaged: NDArray[np.bool_], centre: Array, effort: Array
@@ -90,7 +90,7 @@ class IndexingPair(HigherPair):
         )
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> Touch:
-        """Where the pin touches its slot."""
+        """Contact of the pin with its slot, as friction needs it."""
         return Touch(self.closure(mechanism), f'{self.name}.friction', radius, at_pin=True)
 
 
@@ -152,7 +152,7 @@ class Geneva(IndexingPair):
         return [((self.second, self.on_second), self.entry)]
 
     def closure(self, mechanism: Mechanism) -> GenevaClosure:
-        """Without play."""
+        """Closure without clearance."""
         return GenevaClosure(self, mechanism)
 
 
@@ -161,7 +161,7 @@ class GenevaClosure(HigherClosure[Geneva]):
     """A Geneva wheel without play."""
 
     def _pin(self, frames: Frames) -> Pair:
-        """From the wheel's centre to the pin, in the world [m]."""
+        """Vector from the wheel's centre to the pin, in the world [m]."""
         return frames.position(self.mechanism.separation(self.name), self.name)
 
     def engaged(self, frames: Frames) -> Term:
@@ -172,7 +172,7 @@ class GenevaClosure(HigherClosure[Geneva]):
         return frames.switch(self.name, dense(inside) / self.joint.entry**2)
 
     def offset(self, frames: Frames) -> Jet:
-        """How far the pin, or the locked wheel at the slot's mouth, is off its place [m].
+        """Offset of the pin, or of the locked wheel at the slot's mouth, from its place [m].
 
         ``(r/N) sin(N (phi - psi))`` with the pin at polar coordinates r, phi about the wheel's
         centre; ``(R/N) sin(N (psi - towards))`` with the slots' mouths at R.

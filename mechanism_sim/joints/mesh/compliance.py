@@ -1,4 +1,4 @@
-"""Teeth that give way: mesh stiffness, which changes as pairs of teeth come and go.
+"""Elastic teeth: mesh stiffness, which changes with the number of pairs of teeth in contact.
 
 Seen along the line of action a mesh is a spring and a damper. With the way x by which a flank is
 pressed in and the phase u of the teeth,
@@ -22,7 +22,7 @@ from mechanism_sim.errors import InputError
 from mechanism_sim.joints.mesh.pair import Path
 
 HARMONICS = 5
-"""Of the number of touching teeth, if nobody says how many."""
+"""Number of harmonics of the contact ratio, unless given."""
 
 
 @dataclass(frozen=True)

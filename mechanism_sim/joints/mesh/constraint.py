@@ -1,4 +1,4 @@
-"""Two gears, or a gear and a rack, in mesh as a joint of a mechanism; teeth may give way.
+"""Two gears, or a gear and a rack, in mesh as a joint of a mechanism, rigid or elastic.
 
 Both turn (the rack slides) on a common carrier: the ground, or the arm of a planetary train. With
 the angles a of the gears against the carrier and their numbers of teeth N, counted negative for
@@ -82,7 +82,7 @@ class MeshClosure(HigherClosure[PlacedMesh]):
         return [h]
 
     def _errors(self, frames: Frames) -> list[tuple[Harmonic, tuple[Term, Term, Term]]]:
-        """Of each harmonic its value and two derivatives by its member's place."""
+        """Harmonics of the transmission error: each with its value and two derivatives."""
         found = []
         for k, e in enumerate(self.joint.errors):
             size = dense(frames.parameters(f'{self.name}.error.{k}', e.amplitude))
@@ -128,7 +128,7 @@ class MeshClosure(HigherClosure[PlacedMesh]):
         return Wrench(*force, moment_of(arm, force))
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """At the pitch point, along the line of action of the flank that carries.
+        """Wrench at the pitch point, along the line of action of the flank that carries.
 
         It presses an external gear towards its own axis, an internal one away from it. For
         compiled functions only: the sign of the force has no Taylor series.
@@ -173,7 +173,7 @@ class MeshSpring:
 
     @property
     def name(self) -> str:
-        """That of the joint."""
+        """Name of the joint."""
         return self.closure.name
 
     def _flanks(self, frames: Frames) -> list[_Flank]:
@@ -221,7 +221,7 @@ class MeshSpring:
         ))  # fmt: skip
 
     def loads(self, frames: Frames) -> list[Load]:
-        """On first and second at their centres, and the couple on the carrier.
+        """Loads on both gears at their centres, and the couple on the carrier.
 
         The force that parts the gears is left out: it does no work.
         """
@@ -251,7 +251,7 @@ class MeshSpring:
         return self.closure.wrench(frames, [self._row(frames)])
 
     def power_lost(self, frames: Frames) -> Term:
-        """Power that flanks take in and do not store: ``d x'^2`` of those that press."""
+        """Power dissipated in the flanks [W]: ``d x'^2`` of those in contact."""
         return add(*(
             mul(f.share, mul(add(f.force, neg(mul(f.stiffness, f.pressed))), f.rate))
             for f in self._flanks(frames)
@@ -277,7 +277,7 @@ class GearMesh(PlacedMesh):
     })  # fmt: skip
 
     def closure(self, mechanism: Mechanism) -> MeshClosure:
-        """Without play."""
+        """Closure without clearance."""
         return MeshClosure(self, mechanism)
 
     def touch(self, mechanism: Mechanism, radius: float = 0.0) -> TurningTouch:
@@ -287,7 +287,7 @@ class GearMesh(PlacedMesh):
 
     @property
     def coupling(self) -> Coupling:
-        """Of rigid and true teeth."""
+        """Coupling of the links, exact for rigid teeth without errors."""
         first, second = (self.per_phase * wave for wave in self.waves)
         rack = self.guide if self.is_rack(self.second) else None
         true = not (self.elastic or self.errors)
@@ -295,13 +295,13 @@ class GearMesh(PlacedMesh):
 
     @property
     def pitches(self) -> Mapping[str, float]:
-        """Of the teeth of a rack."""
+        """Pitch of the teeth of a rack [m], by link."""
         members = zip((self.first, self.second), self.waves, strict=True)
         return {link: 2.0 * math.pi / abs(wave) for link, wave in members if self.is_rack(link)}
 
     @property
     def elastic(self) -> bool:
-        """True if its teeth give way."""
+        """True if the teeth are elastic."""
         return self.elasticity is not None
 
     @property
@@ -325,7 +325,7 @@ class GearMesh(PlacedMesh):
         return tuple(link for link in self.links if not self.is_rack(link))
 
     def tooth_loads(self, view: PairView) -> Sequence[ToothLoad]:
-        """At the pitch point; axial against the tangential force of right-handed teeth.
+        """Tooth loads at the pitch point, axial forces by the hand of the teeth.
 
         Along right-handed teeth one advances as one turns counterclockwise, so that a tangential
         force F on the first comes with ``-F tan(psi)`` along its shaft.
@@ -365,7 +365,7 @@ class GearMesh(PlacedMesh):
             draft.add('wheel', link, *curves, size=gear.tip_radius)
 
     def _straight_teeth(self, draft: Draft, teeth: Teeth) -> Array:
-        """Of a rack, as many as the motion needs, with its back (k, 2) in its link's frame."""
+        """Outline of a rack with as many teeth as the motion needs, (k, 2) in its link's frame."""
         guide, gear = self.guide, teeth.gear
         assert guide is not None  # noqa: S101 - on which it slides
         towards = self.towards + math.pi - guide.angle

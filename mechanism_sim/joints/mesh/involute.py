@@ -137,12 +137,12 @@ class Gear:
 
     @property
     def circular_pitch(self) -> float:
-        """From tooth to tooth along the pitch circle: pi m [m], [V] eq. 5.25."""
+        """Circular pitch pi m along the pitch circle [m], [V] eq. 5.25."""
         return math.pi * self.module
 
     @property
     def base_pitch(self) -> float:
-        """From tooth to tooth along the base circle, and along the line of action [m]."""
+        """Base pitch, along the base circle and along the line of action [m]."""
         return self.circular_pitch * math.cos(self.system.pressure_angle)
 
     @property
@@ -263,7 +263,7 @@ class Fillet:
 
     @classmethod
     def of(cls, gear: Gear) -> Fillet:
-        """Of a gear."""
+        """Fillet of a gear."""
         system, m, phi = gear.system, gear.module, gear.system.pressure_angle
         radius = (system.dedendum - system.addendum) * m / (1.0 - math.sin(phi))
         half = math.pi * m / 4.0 - system.addendum * m * math.tan(phi)

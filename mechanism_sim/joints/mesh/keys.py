@@ -28,7 +28,7 @@ from mechanism_sim.planar.mechanism import Mechanism
 
 
 def _shares(value: Any) -> Any:
-    """Of the harmonics of a stiffness, or ``contact_ratio``."""
+    """Check the shares of a stiffness's harmonics, or ``contact_ratio``."""
     numbers = isinstance(value, list | tuple) and all(isinstance(x, float | int) for x in value)
     if not numbers and value != 'contact_ratio':
         raise ValueError("must be 'contact_ratio' or a list of numbers such as [0.2, 0.1]")
@@ -41,7 +41,7 @@ _Damping = Annotated[float, si('N s/m'), Field(ge=0.0)]
 
 
 class BacklashPart(Part):
-    """Free way of the teeth, and what happens at its ends."""
+    """Free travel of the teeth, and what happens at its ends."""
 
     width: Length | None = None
     """Free way along the working pitch circle; else what the centre distance leaves. Of a
@@ -143,7 +143,7 @@ class MeshKeys(JointKeys):
         )  # fmt: skip
 
     def clearance_spec(self, joint: GearMesh) -> ClearanceSpec | None:
-        """Its backlash; elastic teeth are loose even without one."""
+        """Backlash as a clearance; elastic teeth have one of zero width at least."""
         if joint.elastic:
             return ClearanceSpec(radial=joint.play, restitution=0.0)
         return clearance_spec_of(self.backlash, joint.play) if self.backlash else None
@@ -164,7 +164,7 @@ class MeshKeys(JointKeys):
     def assembled(
         cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
     ) -> Joints:
-        """With the teeth of all gears in spaces at the start.
+        """Joints with the teeth of all gears placed in spaces at the start.
 
         Every gear may be fixed to its link at any angle. Where meshes close a ring, as those of
         two planets between sun and ring gear do, the last one may not fit.
@@ -206,12 +206,12 @@ class MeshKeys(JointKeys):
         return tuple(placed.get(j.name, j) for j in joints)
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[TeethFriction]:
-        """Of the teeth on the mean."""
+        """Mean friction of the teeth."""
         arm, share = joint.sliding_arm, joint.friction_share
         return [TeethFriction(joint.name, mechanism, given.coefficient, arm, share)]
 
     def _play(self, placed: Placed, base_pitch: float) -> float:
-        """Free way of the teeth to either side, along the line of action [m]."""
+        """Free travel of the teeth to either side, along the line of action [m]."""
         backlash = self.backlash
         if backlash is None:
             if placed.backlash:

@@ -17,7 +17,7 @@ from mechanism_sim.joints.mesh.involute import Gear, inv, inverse_inv, rounded_u
 
 
 class Path(NamedTuple):
-    """Where contact starts and ends on the line of action [m] from the pitch point."""
+    """Start and end of contact on the line of action [m] from the pitch point."""
 
     start: float
     end: float
@@ -125,7 +125,7 @@ class Pair:
         return -1 if self.wheel.internal else 1
 
     def _reach(self, gear: Gear) -> float:
-        """From the pitch point to where the line of action touches a base circle [m]."""
+        """Length of the line of action from the pitch point to a base circle [m]."""
         return gear.base_radius * math.tan(self.pressure_angle)
 
     @property
@@ -165,7 +165,7 @@ class Pair:
 
     @property
     def backlash(self) -> float:
-        """Free way [m] along the working pitch circles: pitch less both thicknesses."""
+        """Free travel [m] along the working pitch circles: pitch less both thicknesses."""
         one, two = self.pitch_radii
         pitch = 2.0 * math.pi * one / self.pinion.teeth
         return pitch - self.pinion.thickness(one) - self.wheel.thickness(two)

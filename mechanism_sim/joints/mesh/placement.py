@@ -68,7 +68,7 @@ class PlacedMesh(HigherPair):
 
     @property
     def per_phase(self) -> float:
-        """Way along the line of action by phase of the teeth [m/rad]."""
+        """Displacement along the line of action by phase of the teeth [m/rad]."""
         return self.base_pitch / (2.0 * math.pi)
 
     @property
@@ -93,7 +93,7 @@ class PlacedMesh(HigherPair):
 
     @property
     def friction_share(self) -> float:
-        """Of the coefficient, for forces in the plane of rotation: 1/cos(beta_b).
+        """Factor on the coefficient of friction in the plane of rotation: 1/cos(beta_b).
 
         Helical teeth press each other by as much more, normal to their flanks, and slide in that
         plane. With the helix angle psi and the pressure angle phi on the working pitch circles

@@ -17,7 +17,7 @@ from mechanism_sim.planar.view import PairView, Told
 
 
 class MeshMode(IntEnum):
-    """Which flanks carry; the numbers are those of GearState.msg."""
+    """Flanks that carry load, with the numbers of GearState.msg."""
 
     UNKNOWN = 0
     LEFT = 1
@@ -133,7 +133,7 @@ def _place(joint: PlacedMesh, view: PairView, link: str, at: Vector2) -> tuple[A
 
 
 def _flanks(joint: PlacedMesh, view: PairView, tangential: Array) -> NDArray[np.uint8]:
-    """Which flanks carry: by the walls of rigid teeth, by the force of elastic ones."""
+    """Flanks that carry load: by the walls of rigid teeth, by the force of elastic ones."""
     if (found := _walls(view)) is not None:
         return found
     if joint.elasticity is None:
@@ -143,7 +143,7 @@ def _flanks(joint: PlacedMesh, view: PairView, tangential: Array) -> NDArray[np.
 
 
 def _walls(view: PairView) -> NDArray[np.uint8] | None:
-    """Which stops of teeth or dogs carry; None if there are none."""
+    """Stops of teeth or dogs that carry load; None without stops."""
     left, right = view.gap('left'), view.gap('right')
     return _one_of(left[1], right[1]) if left and right else None
 

@@ -35,7 +35,7 @@ class MeshParts(JointParts):
 
     @cached_property
     def wheels(self) -> list[Wheel]:
-        """Both as the scene gives them."""
+        """Both gears as the scene gives them."""
         gears = self.machine.scene.joints[self.joint.name].points
         return [read_wheel(self.machine.plan, gear) for gear in gears]
 
@@ -98,7 +98,7 @@ class MeshParts(JointParts):
 
     @property
     def _rack_distance(self) -> float:
-        """Of its pitch line from the gear's centre [m]."""
+        """Distance of the rack's pitch line from the gear's centre [m]."""
         ideal, joint = self.machine.plan.ideal, self.joint
         q = dict(zip(ideal.coordinates, self.machine.assembly.q.tolist(), strict=True))
         centre = ideal.locate(joint.first, q, joint.on_first)

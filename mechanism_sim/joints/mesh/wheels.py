@@ -33,12 +33,12 @@ class Wheel(NamedTuple):
 
     @property
     def module(self) -> float:
-        """In the plane of rotation [m]."""
+        """Module in the plane of rotation [m]."""
         return self.part.module / math.cos(self.part.helix_angle)
 
     @property
     def gear(self) -> Gear:
-        """In the plane of rotation."""
+        """Gear in the plane of rotation."""
         shift = self.part.shift * math.cos(self.part.helix_angle)
         return Gear(self.part.teeth or 0, self.module, self.system, shift, self.part.internal)
 
@@ -172,7 +172,7 @@ def _with_rack(names: Names, one: Wheel, two: Wheel) -> Placed:
 
 
 class _Axis(NamedTuple):
-    """Where a link turns about a gear's centre, and the joints on the way to it."""
+    """Axis of a link's rotation about a gear's centre, and the joints on the path to it."""
 
     at: Vector2  #: [m] in the link's frame
     by: tuple[str, ...] = ()

@@ -55,7 +55,7 @@ class GuideClearance(MeasuredGap):
         return along(self.mechanism, frames, self._guide.line, angle, f'{self.joint}.{what}')
 
     def _foot(self, frames: Frames) -> Foot | None:
-        """Where the corner is along an elastic link, if the guide goes along it."""
+        """Foot of the corner on an elastic link that carries the guide; None on a rigid one."""
         j, m = self._guide, self.mechanism
         rail = rail_of(m, self.joint, j.line)
         if rail is None:
@@ -93,7 +93,7 @@ class GuideClearance(MeasuredGap):
         return (-way if self.side == 'left' else way).as_rate
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the wall to the axis."""
+        """Normal from the wall to the axis."""
         foot = self._foot(frames)
         nx, ny = foot.normal if foot else self._along(frames, 0.5 * math.pi, 'normal')
         return (-nx, -ny) if self.side == 'left' else (nx, ny)

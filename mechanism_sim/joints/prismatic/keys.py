@@ -21,7 +21,7 @@ class AxisKeys(StopKeys):
     """Direction of sliding: in the first link of a prismatic joint, in the second's slot."""
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[LineFriction]:
-        """Along a guide or a slot."""
+        """Friction along a guide or a slot."""
         return [LineFriction(joint.name, mechanism, given.coefficient, given.length or 0.0)]
 
 
@@ -33,7 +33,7 @@ class PinKeys(JointKeys):
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> list[ContactFriction]:
-        """Of the pin in its slot."""
+        """Friction of the pin in its slot."""
         return [ContactFriction(joint.name, mechanism, given.coefficient, joint.touch(mechanism))]
 
 

@@ -39,7 +39,7 @@ class SlottedRack(IndexingPair):
 
     @property
     def pitches(self) -> Mapping[str, float]:
-        """Of its slots."""
+        """Pitch of the slots [m], by link."""
         return {self.second: self.pitch}
 
     def reading(self, view: PairView) -> GenevaReading:
@@ -73,7 +73,7 @@ class SlottedRack(IndexingPair):
             draft.reach((link, (float(line[0, 0]), float(line[0, 1]))))
 
     def closure(self, mechanism: Mechanism) -> RackClosure:
-        """Without play."""
+        """Closure without clearance."""
         return RackClosure(self, mechanism)
 
 
@@ -82,7 +82,7 @@ class RackClosure(HigherClosure[SlottedRack]):
     """A slotted rack without play."""
 
     def _from_centre(self, frames: Frames, link: str, at: Vector2) -> Pair:
-        """Of a point of a link: components along the rack and across it [m]."""
+        """Position of a point of a link: components along the rack and across it [m]."""
         label = f'{self.name}.of:{link}'
         x, y = frames.position(self.mechanism.point(link, at), label)
         ox, oy = frames.position({(GROUND, None): self.joint.centre}, f'{self.name}.centre')
@@ -98,7 +98,7 @@ class RackClosure(HigherClosure[SlottedRack]):
         return frames.switch(self.name, -dense(across.value) * (2.0 * joint.side / joint.pitch))
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How far the pin, or the locked rack, is off its place along the rack [m]."""
+        """Offset of the pin, or of the locked rack, from its place along the rack [m]."""
         wave, *off = self._off(frames)
         return [either(self.engaged(frames), *(sine(x, wave) for x in off))]
 
@@ -117,7 +117,7 @@ class RackClosure(HigherClosure[SlottedRack]):
         return [on * slot - (1.0 - on) * locked]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """Along the rack: at the pin, or, locked, at the slot's own point."""
+        """Wrench along the rack: at the pin, or, if locked, at the slot's own point."""
         joint, on = self.joint, self.engaged(frames)
         push = mul(forces[0], self.values(frames)[0].gradient[joint.second])
         p, a = frames.parameters, joint.axis

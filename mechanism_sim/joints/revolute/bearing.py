@@ -1,4 +1,4 @@
-"""The loose revolute joint as the engine sees it: a gap between pin and bushing, or a film."""
+"""Revolute joints with clearance: a gap between pin and bushing, or an oil film."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class BearingClearance:
 
     @property
     def arm(self) -> float:
-        """From the bushing's centre to the contact [m]."""
+        """Distance from the bushing's centre to the contact [m]."""
         return self.pin_radius + self.clearance
 
     @property
@@ -89,7 +89,7 @@ class BearingClearance:
         return np.array([x, y]) / np.hypot(x, y), self.clearance, 1.0
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the bushing's link, about the bushing's centre."""
+        """Wrench on the bushing's link, about the bushing's centre."""
         arm = frames.parameters(f'{self.name}.arm', self.arm)
         return contact_wrench(self.normal(frames), N, T, arm)
 
@@ -98,7 +98,7 @@ class BearingClearance:
 
     @property
     def apart(self) -> Point:
-        """From the bushing's centre to the pin's, in the plane of the contact."""
+        """Vector from the bushing's centre to the pin's, in the plane of the contact."""
         return self.mechanism.separation(self.name)
 
     def _minus_curvature(self, frames: Frames) -> hy.expression:
@@ -132,7 +132,7 @@ class FilmBearing:
         return self.clearance - self.reach if self.reach else 0.0
 
     def thickness(self, q: Array) -> float:
-        """Of the film where it is thinnest [m]; `q` (n, 1)."""
+        """Least thickness of the film [m]; `q` (n, 1)."""
         x, y = self.mechanism.trace(self.mechanism.separation(self.name), q)[0]
         return self.clearance - float(np.hypot(x, y)[0])
 
@@ -168,7 +168,7 @@ class FilmBearing:
         return self.film.force(motion), self.film.moments(motion), motion
 
     def loads(self, frames: Frames) -> list[Load]:
-        """On journal and bushing, at their centres."""
+        """Loads on journal and bushing, at their centres."""
         (fx, fy), (on_journal, on_bushing), _ = self._acts(frames)
         joint, name = self.mechanism.joint(self.name), self.name
         return [
@@ -177,7 +177,7 @@ class FilmBearing:
         ]
 
     def wrench(self, frames: Frames) -> Wrench:
-        """On the bushing's link, about the bushing's centre."""
+        """Wrench on the bushing's link, about the bushing's centre."""
         on_bushing = self.loads(frames)[1]
         return Wrench(*on_bushing.force, on_bushing.moment)
 

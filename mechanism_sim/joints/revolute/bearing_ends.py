@@ -49,11 +49,11 @@ class BearingEnd(BearingClearance):
 
     @property
     def apart(self) -> Point:
-        """From the bushing's axis to the pin's, in the plane of this end."""
+        """Vector from the bushing's axis to the pin's, in the plane of this end."""
         return self.mechanism.separation(self.bearing, self.pin, self.bushing, self.height)
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the bushing's link, about the joint's point, as far as it is in the plane."""
+        """Wrench on the bushing's link, about the joint's point, as far as it is in the plane."""
         pressed = super().wrench(frames, N, T)
         off = self.mechanism.offset(
             self.mechanism.joint(self.bearing).second, self.bushing, self.height
@@ -133,7 +133,7 @@ class AxialStop(FrictionlessGap):
 
     @property
     def _inclination(self) -> Point:
-        """Of the first link's face against the second's; nothing if that does not matter."""
+        """Inclination of the first link's face against the second's; empty if it has no effect."""
         known = self.mechanism.inclination(self.joint, self.pin, self.bushing)
         return known if self.radius else {}
 
@@ -179,7 +179,7 @@ class AxialStop(FrictionlessGap):
 
 
 def axial_stops(mechanism: Mechanism, joint: str, play: float, **face: Any) -> Iterator[AxialStop]:
-    """Both stops of a bearing; `face` holds the other attributes of each."""
+    """Yield both stops of a bearing; `face` holds the other attributes of each."""
     bearing = mechanism.joint(joint)
     assert isinstance(bearing, Revolute)  # noqa: S101 - it is one
     for stop, thrust in zip(STOPS, (1.0, -1.0), strict=True):
@@ -188,7 +188,7 @@ def axial_stops(mechanism: Mechanism, joint: str, play: float, **face: Any) -> I
 
 
 def seat(clearance: float, towards: Array, off: Array) -> Array:
-    """Where a pin under a load rests in a bushing with which it is out of line.
+    """Rest position of a loaded pin in a bushing whose axis is not in line.
 
     The lens that two circles have in common: on the arc of an end, or in the corner of both.
 

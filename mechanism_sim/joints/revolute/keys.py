@@ -70,7 +70,7 @@ class RevoluteKeys(StopKeys):
     def frictions(
         self, given: Friction, joint: Any, mechanism: Mechanism
     ) -> list[JournalFriction]:
-        """Of the pin in its bearing."""
+        """Friction of the pin in its bearing."""
         return [JournalFriction(joint.name, mechanism, given.coefficient, given.radius or 0.0)]
 
     def clearance_objection(self, given: Clearance) -> str:
@@ -139,7 +139,7 @@ class RevoluteKeys(StopKeys):
     def seat(
         self, spec: ClearanceSpec, joint: Any, m: Mechanism, force: Array, place: Place
     ) -> Array:
-        """From the bushing's centre to the pin's; if worn or out of line, it turns with them."""
+        """Initial offset of the pin from the bushing's centre under a force (2,) [m]."""
         leans = leaning(m, joint.name, spec)
         axes = (leans.pin, leans.bushing) if leans else ()
         law = spec.law(0.5 if any(map(any, axes)) else 1.0)  # one end of two takes it all
@@ -210,7 +210,7 @@ def _worn_of(given: Clearance) -> WornShape | None:
 
 
 def _film_profile(given: Clearance, shape: WornShape) -> FilmProfile | None:
-    """That of the film between worn walls; None of a dry bearing. ValueError: none is left."""
+    """Profile of the film between worn walls; None for a dry bearing. ValueError: none is left."""
     if not (given.film and given.profile):
         return None
     depths, roughness = given.profile.depths(LOOKS), given.radial - given.reach
@@ -218,7 +218,7 @@ def _film_profile(given: Clearance, shape: WornShape) -> FilmProfile | None:
 
 
 def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> Iterable[Gap]:
-    """Those along the axis of a bearing."""
+    """Axial stops of a bearing."""
     e = c.restitution if axial.restitution is None else axial.restitution
     pin, bushing = _inclinations(c)
     return axial_stops(
@@ -229,7 +229,7 @@ def _stops(mechanism: Mechanism, joint: str, c: Clearance, axial: AxialPlay) -> 
 
 
 def _inclinations(clearance: Clearance) -> tuple[Vector2, Vector2]:
-    """Of pin and bushing by manufacture [rad]."""
+    """Inclinations of pin and bushing by manufacture [rad]."""
     given = clearance.misalignment or Misalignment()
     pin, bushing = (x.inclination if x else (0.0, 0.0) for x in (given.pin, given.bushing))
     return pin, bushing
@@ -257,7 +257,7 @@ class Leaning(NamedTuple):
 
 
 def leaning(mechanism: Mechanism, joint: str, clearance: ClearanceSpec) -> Leaning | None:
-    """How the axes of a bearing lean against each other; None if its ends do not differ.
+    """Inclination of the axes of a bearing; None if its ends do not differ.
 
     Within a hundred thousandth of the clearance at its ends they count as in line.
     """

@@ -52,7 +52,7 @@ _SOFT = 0.3  # s, of the least way to the locus: within it the powers of w fall 
 
 
 def locus(depth: Array, clearance: float, radius: float, of_pin: bool = False) -> Array:
-    """How far the pin's centre can go (512,) [m], evenly in all directions from angle 0 on.
+    """Free travel of the pin's centre (512,) [m], in evenly spaced directions from angle 0 on.
 
     Each place of the worn surface, at phi from the direction, lets it go as far as
 
@@ -118,7 +118,7 @@ class WornSurface:
     def through(
         cls, reach: Array, clearance: float, degree: int, centre: complex = 0j
     ) -> WornSurface:
-        """Of a locus (m,) [m], evenly in all directions, by least squares."""
+        """Fit a surface to a locus (m,) [m] in evenly spaced directions, by least squares."""
         m, c = len(reach), clearance
         none = (0j,) * degree
         if np.ptp(reach) <= 4.0 * np.spacing(reach.max()):  # a circle
@@ -156,7 +156,7 @@ class WornSurface:
         return np.asarray(z / np.sqrt(np.abs(z) ** 2 + self.soft**2))
 
     def _turned_along(self, z: ComplexArray, way: ComplexArray) -> ComplexArray:
-        """The derivative of w along a way."""
+        """Derivative of w along a direction."""
         t = np.sqrt(np.abs(z) ** 2 + self.soft**2)
         return np.asarray(way / t - z * (z.conj() * way).real / t**3)
 
@@ -225,17 +225,17 @@ class WornSurface:
 
 
 def _evenly(count: int) -> ComplexArray:
-    """Unit vectors in so many directions, evenly from that of x on."""
+    """Unit vectors in evenly spaced directions, from that of x on."""
     return np.asarray(np.exp(2j * np.pi / count * np.arange(count)))
 
 
 def _farthest(value: Array, gradient: ComplexArray, way: ComplexArray) -> float:
-    """How far zeros of a function are from places (N,), to first order along unit vectors."""
+    """Largest first-order distance of zeros of a function from places (N,) along unit vectors."""
     return float(np.abs(value / (gradient * way.conj()).real).max())
 
 
 def product(f: _Pair, g: _Pair) -> _Pair:
-    """Of two complex numbers."""
+    """Product of two complex numbers."""
     return f[0] * g[0] - f[1] * g[1], f[0] * g[1] + f[1] * g[0]
 
 
@@ -273,7 +273,7 @@ class WornShape:
 
     @property
     def surfaces(self) -> list[WornSurface]:
-        """Those that are worn."""
+        """Surfaces that are worn."""
         return [surface for surface in (self.pin, self.bushing) if surface is not None]
 
     def measure(self, z: ComplexArray, ways: Sequence[Any]) -> tuple[Array, ComplexArray]:
@@ -288,7 +288,7 @@ class WornShape:
         return value, gradient
 
     def _edge(self, turn: ComplexArray, ways: Sequence[Any]) -> ComplexArray:
-        """Where the gap is zero (N,), in directions (N,) from the middle."""
+        """Positions (N,) of zero gap in directions (N,) from the middle."""
         out = np.full(len(turn), self.mean)
         for _ in range(_ROUNDS):
             value, gradient = self.measure(out * turn, ways)
@@ -299,7 +299,7 @@ class WornShape:
         return np.asarray(out * turn)
 
     def seat(self, force: Array, angles: Sequence[float]) -> Array:
-        """Where the pin rests under a force (2,) [m], with pin and bushing turned by angles."""
+        """Rest position of the pin under a force (2,) [m], both parts turned by angles."""
         known = zip((self.pin, self.bushing), angles, strict=True)
         ways = [np.exp(1j * angle) for surface, angle in known if surface is not None]
         push = complex(*force) / float(np.hypot(*force))
@@ -347,7 +347,7 @@ class FilmProfile:
         cls, shape: WornShape, depths: tuple[Array, Array], clearance: float, roughness: float,
         degree: int,
     ) -> FilmProfile:  # fmt: skip
-        """Of depths of 4096 places on bushing and pin.
+        """Profile of a film by depths at 4096 places on bushing and pin.
 
         Raises
         ------
@@ -387,7 +387,7 @@ class FilmProfile:
 
     @property
     def steepest(self) -> float:
-        """About the size of the largest slope [m]: twice the mean of both, by root of squares."""
+        """Estimate of the largest slope [m]: twice the root mean square of both walls."""
         both = self.own[1:], self.other
         squares = sum(float((np.abs(np.arange(1, len(c) + 1) * c) ** 2).sum()) for c in both)
         return math.sqrt(2.0 * squares)
@@ -397,7 +397,7 @@ class FilmProfile:
 def worn_shape(
     clearance: float, radius: float, depths: tuple[bytes, bytes], degree: int
 ) -> WornShape:
-    """Of depths of 4096 places on bushing and pin [m], as bytes of their arrays.
+    """Shape of a bearing by depths at 4096 places on bushing and pin [m], as bytes of arrays.
 
     Raises
     ------
@@ -449,7 +449,7 @@ def _middle(reach: Array) -> complex:
 def _error_of_both(
     shape: WornShape, clearance: float, radius: float, bushing: Array, pin: Array
 ) -> float:
-    """How far the sum of both functions is from where the pin can be [m], at worst."""
+    """Largest distance of the zero of both functions' sum from the true locus of the pin [m]."""
     turn, found = _evenly(_DIRECTIONS), 0.0
     for shift in range(0, LOOKS, LOOKS // 16):
         reach = locus(bushing + np.roll(pin, shift), clearance, radius)

@@ -1,4 +1,4 @@
-"""The loose revolute joint whose pin or bushing is worn, dry or in oil, as the engine sees it."""
+"""Revolute joints with clearance whose pin or bushing is worn, dry or in oil."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ROUND = WornShape(0.0, None, None)
 
 
 class _Pressed(NamedTuple):
-    """Where a worn bearing touches, in the world."""
+    """Contact of a worn bearing, in the world."""
 
     gap: Jet  #: [m]
     place: tuple[Jet, Jet]  #: of the pin, from the bushing's centre [m]
@@ -73,11 +73,11 @@ class WornBearing(BearingClearance):
         return _Pressed(gap, (x, y), normal, on_bushing)
 
     def value(self, frames: Frames) -> Jet:
-        """As `WornSurface` has it, of both surfaces [m]."""
+        """Gap between both surfaces as `WornSurface` measures it [m]."""
         return self._pressed(frames).gap
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Across both surfaces, from bushing to pin: of length 1 where they touch."""
+        """Normal of both surfaces, from bushing to pin: of length 1 where they touch."""
         return self._pressed(frames).normal
 
     def slip(self, frames: Frames) -> Jet:
@@ -104,7 +104,7 @@ class WornBearing(BearingClearance):
         return slip
 
     def wrench(self, frames: Frames, N: Term, T: Term) -> Wrench:
-        """On the bushing's link, about the bushing's centre."""
+        """Wrench on the bushing's link, about the bushing's centre."""
         _, (x, y), normal, (bx, by) = self._pressed(frames)
         depth = add(mul(normal[0].value, x.value), mul(normal[1].value, y.value))
         arm = add(frames.parameters(f'{self.name}.pin_radius', self.pin_radius), depth)
@@ -144,7 +144,7 @@ class WornFilm(FilmBearing):
     profile: FilmProfile | None = None
 
     def thickness(self, q: Array) -> float:
-        """Of the film where it is thinnest [m]; `q` (n, 1)."""
+        """Least thickness of the film [m]; `q` (n, 1)."""
         assert self.wall  # noqa: S101 - given
         return self.roughness + float(self.wall.gap(q)[0])
 
@@ -175,7 +175,7 @@ class WornFilm(FilmBearing):
         return (ux * fx - uy * fy, uy * fx + ux * fy), self.film.moments(own), motion
 
     def _shape(self, p: Parameters, profile: FilmProfile, angle: tuple[Term, Term]) -> FilmShape:
-        """Both walls seen from one, against which the other has turned by an angle (cos, sin)."""
+        """Shape of both walls seen from one, with the other turned by an angle (cos, sin)."""
         sign = 1.0 if profile.place else -1.0
         own = [
             [[p.reserve(f'{self.name}.{part}{k}', x)] for k, x in enumerate(values)]

@@ -65,16 +65,16 @@ class Rope(HigherPair):
 
     @property
     def links(self) -> tuple[str, ...]:
-        """Of all its points."""
+        """Links of all points of the rope."""
         return tuple(dict.fromkeys(p.place[0] for p in self.pulleys))
 
     @property
     def extent(self) -> float:
-        """Its radii."""
+        """Largest radius of the pulleys [m]."""
         return max(abs(p.radius) for p in self.pulleys)
 
     def bears(self, link: str) -> bool:
-        """It is at points."""
+        """True if a link carries a point of the rope."""
         return link in self.links
 
     def closure(self, mechanism: Mechanism) -> RopeClosure:
@@ -142,7 +142,7 @@ class RopeClosure(HigherClosure[Rope]):
         return found
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How much longer than the rope the way is on which it lies [m]."""
+        """Excess of the path's length over the rope's [m]."""
         stretches = self._stretches(frames)
         excess = [s.length for s in stretches]
         for k, (before, after) in enumerate(pairwise(stretches), start=1):
@@ -166,7 +166,7 @@ class RopeClosure(HigherClosure[Rope]):
     def _off_drum(
         self, frames: Frames, k: int, drum: Drum, way: tuple[hy.expression, hy.expression]
     ) -> Jet:
-        """How far the rope has turned on a drum [rad]; of the gradient only what the drum does."""
+        """Rotation of the rope off a drum [rad]; the gradient covers the drum's rotation only."""
         link, at = self.joint.pulleys[k].place
         (x, y), (frame, offset) = way, self.mechanism.frame(link)
         c, s = (
@@ -199,7 +199,7 @@ class RopeClosure(HigherClosure[Rope]):
 
 @dataclass(frozen=True)
 class Slack(Wall):
-    """How much shorter than the rope the way is on which it lies."""
+    """Slack of a rope: its length less that of its path."""
 
     closure: RopeClosure
 
@@ -230,7 +230,7 @@ class Slack(Wall):
 
     @property
     def overlap(self) -> str:
-        """Its points."""
+        """Words for an overlap: the points of the rope beyond its length."""
         return f'the points of {self.joint} beyond its length'
 
     def draw(self, _: Draft) -> None:

@@ -85,7 +85,7 @@ class RopeKeys(TouchingKeys):
         return mounted
 
     def describe(self, joint: Any) -> str:
-        """Its length and course."""
+        """Describe the length and the pulleys of the rope in words."""
         over = f' over {len(joint.pulleys) - 2} points' if joint.pulleys[2:] else ''
         return f'rope of {joint.length:g} m from {joint.first}{over}, which may hang slack'
 
@@ -98,7 +98,7 @@ class RopeKeys(TouchingKeys):
     def assembled(
         cls, names: Names, joints: Joints, tree: Mechanism, start: Mapping[str, float]
     ) -> Joints:
-        """Ropes that lie on their pulleys, as long as their ways at the start if nobody says."""
+        """Ropes on their pulleys; a missing length is that of the path at the start."""
         q = {c: start.get(c, 0.0) for c in tree.coordinates}
         return tuple(_laid(names, j, tree, q) if isinstance(j, Rope) else j for j in joints)
 
@@ -149,7 +149,7 @@ def _laid(names: Names, rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> 
 
 
 def _way(rope: Rope, tree: Mechanism, q: Mapping[str, float]) -> float:
-    """Length of the way on which a rope lies at coordinates [m]."""
+    """Length of the path of a rope at coordinates [m]."""
     frames = Frames(tree.coordinates, Parameters())
     (way,) = rope.closure(tree).values(frames)
     function = SwitchedFunction(

@@ -1,1 +1,1 @@
-"""Shafts that give way."""
+"""Compliant shafts."""

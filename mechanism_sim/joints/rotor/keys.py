@@ -1,4 +1,4 @@
-"""Rotors: disks on a shaft and supports that give way."""
+"""Rotors: disks on a compliant shaft and supports."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ class RotorKeys(JointKeys):
         return Revolute(name, a, b, on_a, on_b)
 
     def rotor_of(self, names: Names, name: str) -> tuple[str, Rotor]:
-        """The link of the disks, and how it gives way."""
+        """Link of the disks, and the compliance of its shaft and supports."""
         where = f'joints.{name}'
         (_, place), (link, _) = names.ends(name)
         polar = names.scene.links[link].inertia or 0.0
@@ -208,7 +208,7 @@ class _Disk(NamedTuple):
 
     @property
     def pairs(self) -> list[str]:
-        """Of coordinates, where the shaft bends."""
+        """Names of the pairs of coordinates of a shaft that bends."""
         slope = f'{self.name}_{SLOPE}' if self.name else SLOPE
         return [self.name] if self.diametral is None else [self.name, slope]
 
@@ -326,7 +326,7 @@ def _bending(where: str, joint: RotorKeys, disks: Sequence[_Disk]) -> _ShaftTerm
 def _sections(
     where: str, shaft: RotorShaftPart, modulus: float
 ) -> list[tuple[float, float, float]]:
-    """Where the shaft has another E I, and which [m, m, N m^2]."""
+    """Sections of the shaft with another E I: begin, end and E I [m, m, N m^2]."""
     found, before = [], ('', -np.inf)
     for key, s in sorted(shaft.sections.items(), key=lambda item: item[1].begin):
         if not s.end > s.begin:

@@ -43,7 +43,7 @@ class PinInSlot(HigherPair):
 
     @property
     def rubbing_wall(self) -> type[Wall]:
-        """Along which the pin's surface slides."""
+        """Class of the wall along which the pin's surface slides."""
         return SlotWall
 
     def bears(self, _: str) -> bool:
@@ -56,13 +56,13 @@ class SlotClosure(HigherClosure[PinInSlot]):
     """A pin in a slot: the first link's point stays on a line of the second link."""
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """Across the slot, 90 degrees counterclockwise from its axis."""
+        """Normal of the slot, 90 degrees counterclockwise from its axis."""
         if foot := self.foot(frames):
             return foot.normal
         return along(self.mechanism, frames, self.joint.line, 0.5 * math.pi, f'{self.name}.normal')
 
     def foot(self, frames: Frames) -> Foot | None:
-        """Where the pin is along an elastic link, if the slot goes along it."""
+        """Foot of the pin on an elastic link that carries the slot; None on a rigid one."""
         j, m = self.joint, self.mechanism
         rail = rail_of(m, self.name, j.line)
         if rail is None:
@@ -80,7 +80,7 @@ class SlotClosure(HigherClosure[PinInSlot]):
         return [nx * x + ny * y]
 
     def wrench(self, frames: Frames, forces: Sequence[Term]) -> Wrench:
-        """The slot's wall feels the pin where the pin is."""
+        """Wrench of the pin on the slot's wall, at the pin."""
         x, y = frames.position(self.mechanism.separation(self.name), self.name)
         nx, ny = self.normal(frames)
         force = neg(mul(forces[0], nx.value)), neg(mul(forces[0], ny.value))
@@ -89,7 +89,7 @@ class SlotClosure(HigherClosure[PinInSlot]):
 
 @dataclass(frozen=True)
 class SlotWall(Wall):
-    """A wall of a slot with play, along which its pin may rub."""
+    """A wall of a slot with play, with friction on its pin."""
 
     pin_radius: float = 0.0  #: [m]
 
@@ -97,7 +97,7 @@ class SlotWall(Wall):
         return self.closure.foot(frames) if isinstance(self.closure, SlotClosure) else None
 
     def normal(self, frames: Frames) -> tuple[Jet, Jet]:
-        """From the centre line to the wall."""
+        """Normal from the centre line to the wall."""
         m, line, left = self.closure.mechanism, self.closure.joint.line, self.side == 'left'
         if foot := self._foot(frames):
             x, y = foot.normal

@@ -53,7 +53,7 @@ class Transmission(HigherPair):
     """Of first and second, if these slide."""
 
     def closure(self, mechanism: Mechanism) -> TransmissionClosure:
-        """Without play."""
+        """Closure without clearance."""
         return TransmissionClosure(self, mechanism)
 
     def reading(self, view: PairView) -> GearReading:
@@ -74,7 +74,7 @@ class Transmission(HigherPair):
 
     @property
     def coupling(self) -> Coupling | None:
-        """Of the angles or displacements against the carrier."""
+        """Coupling of the angles or displacements against the carrier."""
         p, q = self.waves
         return Coupling(self, self.carrier, (p / q, 1.0), self._racks)
 
@@ -85,7 +85,7 @@ class Transmission(HigherPair):
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Both."""
+        """Names of both links."""
         return self.first, self.second
 
     def bears(self, link: str) -> bool:
@@ -95,7 +95,7 @@ class Transmission(HigherPair):
 
 @dataclass(frozen=True)
 class LooseTransmission(Transmission):
-    """With play to either side, in the middle of which it starts."""
+    """Transmission with play to either side, in the middle of which it starts."""
 
     sides: ClassVar[tuple[Side, ...]] = ('left', 'right')
     parts: ClassVar[str] = 'dogs between stops'
@@ -104,7 +104,7 @@ class LooseTransmission(Transmission):
 
     @property
     def coupling(self) -> Coupling:
-        """On the mean."""
+        """Coupling of the links, which holds on the mean only."""
         p, q = self.waves
         return Coupling(self, self.carrier, (p / q, 1.0), self._racks, exact=False)
 
@@ -124,7 +124,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
         return 1.0 if self.joint.guides else self.mechanism.size
 
     def values(self, frames: Frames) -> list[Jet]:
-        """How far the second is off [rad], times the size of the mechanism [m].
+        """Error of the second angle [rad], times the size of the mechanism [m].
 
         Counted without whole turns: ``wrap(q (second - phase) - p first)/q``.
         """
@@ -148,7 +148,7 @@ class TransmissionClosure(HigherClosure[Transmission]):
         return [wrapped(u, size)]
 
     def _slid(self, frames: Frames) -> Jet:
-        """How far the second is off [m], of links that slide."""
+        """Error of the second displacement [m], of sliding links."""
         first, second = (slid(self.mechanism, frames, guide) for guide in self.joint.guides)
         return second - first * float(self.joint.ratio)
 

@@ -108,7 +108,7 @@ class TransmissionKeys(CarrierKeys):
         return 0.5 * float(play)
 
     def clearance_spec(self, joint: Any) -> ClearanceSpec | None:
-        """Its backlash."""
+        """Backlash as a clearance; None without backlash."""
         return clearance_spec_of(self.backlash, joint.play) if self.backlash else None
 
     def contacts(self, play: ClearanceSpec, joint: Any, mechanism: Mechanism) -> Contacts:

@@ -110,7 +110,7 @@ class WormDrive(SpatialPair):
     def _beside(
         self, view: PairView, tangential: Array
     ) -> tuple[Array, Array, Array, Array, Array]:
-        """The axial force on the worm is the tangential one of its wheel, and so the other way.
+        """Forces beside the tangential one: the axial force on one is tangential on the other.
 
         The normal force F and ``mu F`` against the sliding along the thread, which the worm's turn
         begins with, make both; at rest friction is not known and left out.

@@ -53,7 +53,7 @@ class WormKeys(SpatialKeys):
         )  # fmt: skip
 
     def frictions(self, given: Friction, joint: Any, mechanism: Mechanism) -> list[FlankFriction]:
-        """Along the thread, [V] eqs. 5.52 to 5.59."""
+        """Friction along the thread, [V] eqs. 5.52 to 5.59."""
         lead, press, (r2, r3) = joint.worm.lead_angle, joint.worm.pressure_angle, joint.radii
         return [FlankFriction(
             joint.name, mechanism, given.coefficient,

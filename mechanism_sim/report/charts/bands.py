@@ -34,7 +34,7 @@ class Spells:
 
     @classmethod
     def of(cls, s: Series) -> Spells:
-        """Of a mode's numbers over time."""
+        """Spells of a mode's numbers over time."""
         starts = np.flatnonzero(np.diff(s.values, prepend=np.nan) != 0.0)
         return cls(np.append(s.t[starts], s.t[-1]), s.values[starts].astype(np.uint8))
 

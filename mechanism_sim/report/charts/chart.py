@@ -80,7 +80,7 @@ class Axis:
 
     @property
     def places(self) -> tuple[float, ...]:
-        """Where the names are."""
+        """Positions of the names along the axis."""
         return self.at or tuple(map(float, range(len(self.names))))
 
 
@@ -248,7 +248,7 @@ class Chart:
         ]
 
     def readable(self) -> Chart:
-        """With large forces in kN, small energies in mJ and the like, as tables have them.
+        """Chart with large forces in kN, small energies in mJ and the like, as tables have them.
 
         Panels of one unit keep one; so do those that compare x and y.
         """

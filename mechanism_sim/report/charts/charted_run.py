@@ -58,7 +58,7 @@ class ChartWindow:
 
     @cached_property
     def lines(self) -> dict[str, SampledLine]:
-        """By name: quantities of the catalogue that make lines, and frames on springs."""
+        """Lines by name: quantities of the catalogue that make lines, and frames on springs."""
         curve = self.record.piece.motion.curve
         first, last = curve.locate(np.array([self.start, self.end]))
         segments = np.arange(first, last + 1)
@@ -72,7 +72,7 @@ class ChartWindow:
 
     @cached_property
     def reach(self) -> dict[str, Array]:
-        """By name least and greatest values of all turns of the drive over its angle (3, N) [deg].
+        """Ranges over all turns of the drive by name, over its angle (3, N) [deg].
 
         Nothing where they are not many.
         """
@@ -226,7 +226,7 @@ class ChartedRun:
 
 
 def _last_turns(record: Record, skip: int) -> tuple[int, tuple[float, float] | None]:
-    """As many turns as bring all again, or one, and the last turns that are shown."""
+    """Number of turns after which all repeats, or 1, and the interval of turns shown."""
     begin, end = record.turned(np.array([record.begin(skip), record.end])).tolist()
     for again in dict.fromkeys([record.machine.drive.repetition.turns, 1]):
         if record.has_turns:

@@ -1,4 +1,4 @@
-"""Loose joints: gaps and modes; impacts: when, how hard, and where on pin and bushing."""
+"""Charts of loose joints: gaps and modes; impacts by time, size and place."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Abscissa(NamedTuple):
 
     @property
     def kind(self) -> Over:
-        """As charts have it."""
+        """Kind of abscissa, as charts name it."""
         if self.axis is DIRECTION:
             return 'polar'
         return 'angle' if self.span else 'other' if self.of else 'time'
@@ -84,7 +84,7 @@ OVER_TIME = Abscissa(TIME, lambda t: t)
 
 
 def against(run: Piece | Cycle, what: str) -> Abscissa:
-    """Over ``time``, the ``angle`` of the main drive, or a quantity of the run by its name.
+    """Abscissa: ``time``, the ``angle`` of the main drive, or a quantity of the run.
 
     Over the direction of a vector charts are round.
     """
@@ -111,7 +111,7 @@ def against(run: Piece | Cycle, what: str) -> Abscissa:
 
 
 def against_recorded(s: Series, series: Sequence[Series]) -> Abscissa:
-    """Over recorded values, for series that have instants within theirs."""
+    """Abscissa of recorded values, for series that have instants within theirs."""
     if all(np.isnan(s.at(x.t)).all() for x in series):
         raise InputError(f'{s.name} has no value at the instants of {series[0].name}')
     unit, scale = for_people(s.unit)
@@ -129,7 +129,7 @@ def check_abscissa(machine: Machine, what: str) -> None:
 
 
 def over_turns(drive: str, at: Callable[[Array], Array], turns: int = 1) -> Abscissa:
-    """Over the angle of a drive, which `at` gives [deg] at times (N,) [s]."""
+    """Abscissa of the angle of a drive, which `at` gives [deg] at times (N,) [s]."""
     return Abscissa(turn_of(drive, turns), at, 360.0 * turns)
 
 
@@ -224,14 +224,14 @@ def named(series: Sequence[Series]) -> tuple[str, dict[str, str]]:
 
 
 def marks(over: Abscissa, t: Array) -> Array:
-    """Where impacts at times (N,) [s] are marked; no two where they cannot be told apart."""
+    """Abscissas of the marks of impacts at times (N,) [s], only those that can be told apart."""
     x = over.at(t) if len(t) else NOTHING
     x = np.mod(x, over.span) if over.span else x
     return np.asarray(x[tallest(x, np.zeros(len(x)), _MARKS)])
 
 
 def columns(found: Sequence[Panel]) -> int:
-    """How many panels are side by side: two of many."""
+    """Number of panels side by side: two of many."""
     return 2 if len(found) > _BESIDE and not any(p.y.names for p in found) else 1
 
 
@@ -316,7 +316,7 @@ def _of(
 
 
 def _thinned(x: Array, y: Array) -> tuple[Array, Array]:
-    """As many points as a line shows; where values are missing it stays broken."""
+    """Thin a line to as many points as are drawn; it stays broken where values are missing."""
     known = np.isfinite(y)
     if len(x) <= _MANY or not known.any():
         return x, y

@@ -1,4 +1,4 @@
-"""How a machine moves, and what its drives and joints bear: charts over the drive's angle."""
+"""Charts of motion, of drives and of joint forces over the drive's angle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mechanism_sim.report.charts.curves import over_drive, over_time, quantities
 from mechanism_sim.report.charts.lines import Abscissa, panels
 
 _NOTHING = 1e-9
-"""Of the largest of its kind: what is less is rounding."""
+"""Share of the largest of its kind below which a value is rounding."""
 
 _KINDS = {
     'position': ('Angles', 'Displacements'),
@@ -28,7 +28,7 @@ _KINDS = {
 
 
 def over(charted: ChartedRun) -> str:
-    """In words, what is to be seen over which turns."""
+    """Caption of the turns that are shown."""
     if charted.turns is None:
         return f'Over time, as the {charted.record.machine.plan.main} makes no full turn.'
     first, last = charted.turns

@@ -99,7 +99,7 @@ class Envelope:
             kept[of[firsts]] = reduce(kept[of[firsts]], reduce.reduceat(values, firsts, axis=1).T)
 
     def rows(self) -> list[Array]:
-        """Of each row angles of the span [deg], least and greatest values around them (3, N)."""
+        """Angles of the span [deg], with least and greatest values (3, N), for each row."""
         bins, span = len(self._least), self._span
         at = np.arange(bins + 1) * (span / bins)
         found = []
@@ -113,7 +113,7 @@ class Envelope:
 
     @classmethod
     def of(cls, angle: Array, values: Array, span: float = 360.0) -> Array | None:
-        """That of one row (N,) over angles (N,) [deg]; none of a drive that turns back."""
+        """Envelope of a row (N,) over angles (N,) [deg]; None if the drive turns back."""
         sense = 1.0 if angle[-1] > angle[0] else -1.0
         if (sense * np.diff(angle) < 0.0).any():
             return None
@@ -172,7 +172,7 @@ class HeldLevels:
 
 
 def _tidy(at: Array, values: Array) -> SampledLine:
-    """Without empty bins, and no point twice."""
+    """Line without empty bins and repeated points."""
     known = np.isfinite(values)
     at, values = at[known], values[known]
     new = (np.diff(at, prepend=np.nan) != 0.0) | (np.diff(values, prepend=np.nan) != 0.0)

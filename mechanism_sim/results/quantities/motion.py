@@ -28,7 +28,7 @@ _SOLVED = TOLERANCES.rounding.solved
 RATES = {'position': '', 'velocity': '/s', 'acceleration': '/s^2'}
 """Kinds of quantities of a motion, with what they add to the unit."""
 DERIVATIVES = {kind: order for order, kind in enumerate(RATES)}
-"""Which derivative of a position each is."""
+"""Orders of derivative of a position, by quantity."""
 
 _WORDS = {
     'rad': ('angle', 'angular velocity', 'angular acceleration'),

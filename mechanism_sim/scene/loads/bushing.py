@@ -16,7 +16,7 @@ from mechanism_sim.scene.load_keys import LOADS, ElementKeys, Elements
 
 
 class BushingStiffness(Part):
-    """Along x and y of the frame of the first link, and about the point."""
+    """Stiffness along x and y of the frame of the first link, and about the point."""
 
     x: Annotated[float, si('N/m'), NOT_NEGATIVE] = 0.0
     """Along x of the first link."""
@@ -27,7 +27,7 @@ class BushingStiffness(Part):
 
 
 class BushingDamping(Part):
-    """Along x and y of the frame of the first link, and about the point."""
+    """Damping along x and y of the frame of the first link, and about the point."""
 
     x: Annotated[float, si('N s/m'), NOT_NEGATIVE] = 0.0
     """Along x of the first link."""
@@ -50,7 +50,7 @@ class BushingPart(ElementKeys):
     """Angle without torque."""
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
-        """Its force, and its moment."""
+        """Read the forces and the moment of the bushing."""
         where = f'bushings.{name}'
         first, second = (places.find(f'{where}.between', p) for p in self.between)
         if first[0] == second[0]:

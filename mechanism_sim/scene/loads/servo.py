@@ -58,11 +58,11 @@ class ServoPart(ElementKeys):
         return self.p.unit == 'N m/rad'
 
     def states(self, name: str) -> dict[str, str]:
-        """Its integral, if it has one."""
+        """Integral of the error with its unit, if the controller has an integral term."""
         return {f'{name}.{_INTEGRAL}': 'rad s' if self._turns else 'm s'} if self.i.value else {}
 
     def _spring(self, name: str = '') -> _ServoSpring:
-        """Its force, by names that it knows itself, or that the whole scene knows."""
+        """Force of the controller, by names of its own, or those that the whole scene knows."""
         effort = self._efforts('', name)[0]
         kind = 'torque' if self._turns else 'force'
         place = {'between': self.between, 'coordinate': self.coordinate}
@@ -105,7 +105,7 @@ class ServoPart(ElementKeys):
         return f'({x.value!r} {x.unit or unit})' if with_unit else f'({x.value!r})'
 
     def placed(self, places: Names, name: str, tree: Mechanism) -> Placing:
-        """Where it acts."""
+        """Points of action of the controller's force."""
         return self._spring(name).placed(places, name, tree)
 
     def measures(self, places: Names, name: str, tree: Mechanism) -> dict[str, str]:
@@ -113,7 +113,7 @@ class ServoPart(ElementKeys):
         return self._spring(name).measures(places, name, tree)
 
     def read(self, places: Names, name: str, tree: Mechanism) -> Elements:
-        """Its force, and its integral."""
+        """Read the force of the controller and its integral."""
         where = f'servos.{name}'
         self._check(where, name)
         unit = 'rad' if self._turns else 'm'

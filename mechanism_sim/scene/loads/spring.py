@@ -54,7 +54,7 @@ _Preload = Annotated[QuantityValue, si_of('N', 'N m')]
 
 _NONE = SpringLaw()
 Placing = Callable[[Mechanism], Elongation]
-"""From a tree of the mechanism to an element between two of its links."""
+"""Function from a tree of the mechanism to an element between two of its links."""
 
 _SIDES = {'both': 0, 'above': 1, 'below': -1}
 

@@ -64,7 +64,7 @@ class AccelerometerKeys(OnLinkKeys, ShockKeys):
         return PointOnLink(mechanism, link, self._at(), self.axis, self.gravity, across)
 
     def place(self, machine: Any) -> str:
-        """On a link or a frame, and along which axis."""
+        """Place of the sensor in words: link or frame, and axis."""
         x, y = self._at()
         at = f'({x:g}, {y:g}) m' if y else f'{x:g} m'
         turned = '' if isinstance(self.axis, str) else f'{math.degrees(self.axis):g} deg to '

@@ -50,7 +50,7 @@ class DrawWireKeys(AnalogueKeys):
         return self._ends(machine)[0][0]
 
     def place(self, machine: Any) -> str:
-        """Its ends."""
+        """Ends of the wire in words."""
         return 'from {} to {}'.format(*self.between or ())
 
     def check(self, machine: Any, where: str) -> None:

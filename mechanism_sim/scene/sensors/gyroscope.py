@@ -24,5 +24,5 @@ class GyroscopeKeys(OnLinkKeys, AnalogueKeys):
         return Attitude(machine.mechanism, str(self.link), 1, at)
 
     def place(self, machine: Any) -> str:
-        """On its link."""
+        """Place of the sensor in words: its link."""
         return f'on the {self.link}'

@@ -43,7 +43,7 @@ class LoadCell(DirectSource):
         return self._along(*self._wrenches.read(motion, segments, dt))[None]
 
     def impulses(self, motion: Motion) -> Array:
-        """Its integrals (m, 1) [N s] over the instants at which the m pieces begin."""
+        """Impulses of the force (m, 1) [N s] at the instants at which the m pieces begin."""
         steps = self._steps(motion.curve)
         found = np.zeros((len(motion), 1))
         sudden = np.flatnonzero(steps.any(axis=0))

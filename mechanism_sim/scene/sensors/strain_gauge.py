@@ -44,7 +44,7 @@ class StrainKeys(OnLinkKeys, AnalogueKeys):
     reads = 'strain'
 
     def _fibre(self, machine: Any) -> tuple[float, float]:
-        """Along the axis, and from it [m]."""
+        """Position along the axis, and distance from it [m]."""
         if isinstance(self.at, tuple):
             return self.at
         fibre = machine.mechanism.having(Beam)[self.link].outer_fibre(self.at)
@@ -55,7 +55,7 @@ class StrainKeys(OnLinkKeys, AnalogueKeys):
         return Gauge(machine.mechanism, str(self.link), *self._fibre(machine))
 
     def place(self, machine: Any) -> str:
-        """Along the link, and from its axis."""
+        """Place of the sensor in words: along the link, and from its axis."""
         x, y = self._fibre(machine)
         return f'on the {self.link}, {x:g} m from its origin, {y:g} m left of its axis'
 

@@ -380,7 +380,7 @@ def test_the_engine_bounces_alike_where_a_motor_drives():
 
 
 def leaves(follower):
-    """Whether a run of the engine loses contact."""
+    """True if a run of the engine loses contact."""
     modes = ms.simulate(scene_of(follower), revolutions=2).modes
     return any(m.mode == Mode.FREE_FLIGHT for m in modes)
 

@@ -100,7 +100,7 @@ def scene(kind, seed, **more):
 
 
 def pressed(kind, seed, force, **more):
-    """The same with a load that presses the follower on its cam, instead of gravity."""
+    """Machine with a load that presses the follower on its cam, instead of gravity."""
     said = content(kind, seed) | {'gravity': [0.0, 0.0]}
     push = rotate((-force, 0.0), cam_pair(scene(kind, seed)).direction)
     said['loads'] = {'press': {'at': 'follower.tip', 'force': list(push)}}

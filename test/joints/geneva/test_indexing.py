@@ -37,7 +37,7 @@ def geneva(slots, sense=1.0, distance=None, **keys):
 
 
 def wheel_turned(slots, turned):
-    """How far the wheel has turned, and its rates, by crank angle since the middle of the dwell.
+    """Angle of the wheel and its rates, by crank angle since the middle of the dwell.
 
     In the slot the wheel points at the pin: ``gamma = atan2(l sin b, 1 - l cos b)`` with the crank
     b past the line of centres and ``l = sin(pi/N)``, counted against the crank's sense.

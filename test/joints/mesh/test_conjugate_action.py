@@ -88,7 +88,7 @@ def least(function):
 
 
 def touching_angle(pair, flanks, turn):
-    """How far the wheel can be turned against the pinion at `turn` until teeth touch."""
+    """Angle by which the wheel can be turned at `turn` of the pinion until teeth touch."""
     one, two = flanks
     internal = pair.wheel.internal
     # the wheel's centre; teeth of an external wheel point towards the pinion, at half a turn

@@ -167,7 +167,7 @@ def test_forces_between_teeth_are_those_of_the_book(sense, helix):
 
 
 def outlines(machine, mesh, q):
-    """Where the teeth of both are in the world (n, 2) at coordinates by name."""
+    """Outlines of the teeth of both in the world (n, 2) at coordinates by name."""
     found = []
     for teeth, link, at in zip(
         mesh.wheels, (mesh.first, mesh.second), (mesh.on_first, mesh.on_second), strict=True

@@ -93,7 +93,7 @@ class Mated:
         return now
 
     def pitch_point(self, u, first):
-        """Where the common normal crosses the line of centres."""
+        """Intersection of the common normal with the line of centres."""
         point, along = turned(first, self.one.curve(u)), turned(first, self.one.slope(u))
         return point[0] + point[1] * along[1] / along[0]
 

@@ -17,7 +17,7 @@ M = 2e-3
 
 
 def cut_away(gear, radii, steps=2001):
-    """Whether the rack, rolled past, covers points of the flank: no formula of fillets."""
+    """Mask of points of the flank that the rack, rolled past, covers: no fillet formula."""
     m, system, r = gear.module, gear.system, gear.pitch_radius
     phi, slope = system.pressure_angle, math.tan(system.pressure_angle)
     rounding = (system.dedendum - system.addendum) * m / (1.0 - math.sin(phi))
