@@ -425,7 +425,7 @@ def test_what_is_wrong_stands_beside_its_field(tab, tmp_path, monkeypatch):
         said.wait_for()
         assert "'a b' cannot be its name" in said.inner_text()
         hand.fill('links.crank.length', '-5 mm')
-        assert said.is_hidden()  # that was about something else
+        said.wait_for(state='hidden')  # that was about something else
         wrong = hand.page.locator('.row.wrong')
         assert wrong.locator('label').inner_text() == 'length'
         sentence = wrong.locator('[role="alert"]').inner_text()
