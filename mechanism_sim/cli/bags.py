@@ -85,9 +85,14 @@ _DETAILS = (
 )  # fmt: skip
 
 
+_MOST = 1e9
+"""Seconds of a delay, and recorded seconds per second, at most."""
+
+
 def _play(options: argparse.Namespace) -> int:
-    if options.rate < 0.0 or options.delay < 0.0:
-        raise InputError('--rate and --delay must not be negative')
+    for name in ('rate', 'delay'):
+        if not 0.0 <= (given := getattr(options, name)) <= _MOST:
+            raise InputError(f'--{name} {given:g}: from 0 to {_MOST:g}')
     if not options.timeout > 0.0:
         raise InputError('--timeout must be positive')
     from mechanism_sim.nodes.player import playable, player  # noqa: PLC0415

@@ -70,7 +70,7 @@ def paint(chart: Chart) -> Picture:
     for axes, panel in zip(figure.axes, chart.panels, strict=True):
         # ends of the axes, once all is drawn that has the same scale
         for name, axis in (('x', panel.x), ('y', panel.y)):
-            if (axis.low, axis.high) != (None, None):
+            if axis.low != axis.high:  # neither is given, or they are of one instant
                 getattr(axes, f'set_{name}lim')(axis.low, axis.high)
     named = [bool(p.y.names) for p in chart.panels]
     figure.align_ylabels([a for a, n in zip(figure.axes, named, strict=True) if not n])

@@ -11,6 +11,7 @@ import numpy as np
 from mechanism_sim import output, tables
 from mechanism_sim.arrays import Array
 from mechanism_sim.errors import InputError, RunError
+from mechanism_sim.numerics.polynomials import first_due
 from mechanism_sim.results.run import Piece
 
 
@@ -58,10 +59,9 @@ class SampleWriter:
             return
         begin = float(piece.motion.curve.start[0])
         if self._piece:
-            times = self._times(int(np.ceil(begin * self._rate)) + 1)
-            self._write(self._piece, times[times < begin])
+            self._write(self._piece, self._times(first_due(begin, self._rate)))
         else:
-            self._count = int(np.ceil(begin * self._rate))
+            self._count = first_due(begin, self._rate)
         self._piece = piece
 
     def _write_last(self) -> None:
