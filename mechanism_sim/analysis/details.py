@@ -212,7 +212,12 @@ def find_details(
         record.machine.plan.main,
         rate,
         {name: _spectrum(signal(name)) for name in wanted.spectra},
-        {name: _orders(record, name, skip) for name in wanted.orders},
+        {
+            name: SignalSpectrum(
+                order_spectrum(record.over_turns(name, skip=skip)), record.unit(name)
+            )
+            for name in wanted.orders
+        },
         {name: _envelope(signal(name), wanted.band, turn) for name in wanted.envelopes},
         {
             name: Average(_repetitions(record, name, skip), record.unit(name))
@@ -290,12 +295,6 @@ class _Samples:
 def _spectrum(signal: _Samples) -> SignalSpectrum:
     lines, unit = power(signal.runs, signal.rate), signal.unit
     return SignalSpectrum(lines, f'({unit or 1})^2/Hz', signal_unit=unit)
-
-
-def _orders(record: Record, sensor: str, skip: int) -> SignalSpectrum:
-    return SignalSpectrum(
-        order_spectrum(record.over_turns(sensor, skip=skip)), record.unit(sensor)
-    )
 
 
 def _repetitions(record: Record, name: str, skip: int) -> TurnSegments:

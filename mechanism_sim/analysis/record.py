@@ -538,7 +538,11 @@ def pieces(
             values = _IMPACT(message)
             impacts.append(Impact._make((*values[:_WORK], np.nan, *values[_WORK:])))
         elif kind == 'mode_changes':
-            modes.append(_mode_change(bag, message))
+            try:
+                pair = Mode(message.mode), Mode(message.previous_mode)
+            except ValueError as error:
+                raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
+            modes.append(ModeChange(message.time, message.joint, *pair))
         elif kind == 'motion':
             names, motion = (tuple(message.coordinates), tuple(message.joints)), motion_of(message)
             begins = message.run, math.inf, 0.0
@@ -559,14 +563,6 @@ def pieces(
             others[kind](message)
     if impacts or modes:
         yield RecordedPiece(impacts=impacts, modes=modes)
-
-
-def _mode_change(bag: Bag, message: Any) -> ModeChange:
-    try:
-        modes = Mode(message.mode), Mode(message.previous_mode)
-    except ValueError as error:
-        raise InputError(f'{bag.path}, topic mode_changes: {error}.') from error
-    return ModeChange(message.time, message.joint, *modes)
 
 
 def gaps(curve: PiecewisePolynomial) -> list[tuple[float, float]]:

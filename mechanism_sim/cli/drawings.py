@@ -203,23 +203,18 @@ def _profile(options: argparse.Namespace) -> int:
     return print_result(options, sheet, lambda _: data, profile.render)
 
 
-def _format(options: argparse.Namespace) -> str:
-    """The format that is asked for, or that of the ending of the file."""
-    if options.format:
-        return str(options.format)
-    ending = Path(options.output or '').suffix
-    if ending not in FORMATS:
-        raise InputError(
-            f'export: give --format, or a file that ends in {", ".join(FORMATS)}'
-            f'{f", not {ending}" if ending else ""}'
-        )
-    return FORMATS[ending]
-
-
 def _export(options: argparse.Namespace) -> int:
     from mechanism_sim.report import progress  # noqa: PLC0415
 
-    viewers, options.format = ('foxglove', 'rviz'), _format(options)
+    viewers = ('foxglove', 'rviz')
+    if not options.format:
+        ending = Path(options.output or '').suffix
+        if ending not in FORMATS:
+            raise InputError(
+                f'export: give --format, or a file that ends in {", ".join(FORMATS)}'
+                f'{f", not {ending}" if ending else ""}'
+            )
+        options.format = FORMATS[ending]
     if options.format not in viewers:
         refuse_options(options, ['namespace'], f'applies to --format {" and ".join(viewers)}')
         if options.format != 'urdf':

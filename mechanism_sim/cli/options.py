@@ -261,32 +261,26 @@ def ros_args(options: argparse.Namespace) -> list[str]:
     """The ROS arguments of a command line, the namespace among them."""
     found = list(options.ros_args)
     if options.namespace is not None:
-        found = _in_any_namespace(found)
+        # Parameters NODE:NAME:=VALUE are for nodes of any namespace; ROS takes them for one in
+        # none, and has no other way to say it than a file of parameters.
+        passed: list[str] = []
+        for arg in found:
+            rule = re.fullmatch(r'(\w+):([^:=*]+):=(.*)', arg, re.DOTALL)
+            if rule is None or passed[-1:] not in (['-p'], ['--param']):
+                passed.append(arg)
+                continue
+            node, name, value = rule.groups()
+            handle, file = tempfile.mkstemp(prefix='parameters_', suffix='.yaml')
+            atexit.register(Path(file).unlink, missing_ok=True)
+            with os.fdopen(handle, 'w', encoding='utf-8') as stream:
+                stream.write(f'/**/{node}:\n  ros__parameters:\n    {name}: {value}\n')
+            passed[-1:] = ['--params-file', file]
+        found = passed
         found += [
             *([] if found else ['--ros-args']),
             '-r',
             f'__ns:=/{options.namespace.strip("/")}',
         ]
-    return found
-
-
-def _in_any_namespace(args: list[str]) -> list[str]:
-    """``-p NODE:NAME:=VALUE`` for nodes of any namespace, which ROS takes for one in none.
-
-    It has no other way to say it than a file of parameters.
-    """
-    found: list[str] = []
-    for arg in args:
-        rule = re.fullmatch(r'(\w+):([^:=*]+):=(.*)', arg, re.DOTALL)
-        if rule is None or found[-1:] not in (['-p'], ['--param']):
-            found.append(arg)
-            continue
-        node, name, value = rule.groups()
-        handle, file = tempfile.mkstemp(prefix='parameters_', suffix='.yaml')
-        atexit.register(Path(file).unlink, missing_ok=True)
-        with os.fdopen(handle, 'w', encoding='utf-8') as stream:
-            stream.write(f'/**/{node}:\n  ros__parameters:\n    {name}: {value}\n')
-        found[-1:] = ['--params-file', file]
     return found
 
 

@@ -259,17 +259,9 @@ class NominalRun:
                 f'the mechanism cannot be followed beyond t = {self.time:.6g} s: its constraints '
                 'are nearly singular there'
             )
-        self._enter(made)
-        if made.smooth:
-            self._share = min(1.0, 2.0 * self._share)
-        self._time = end if h == whole else self._time + Fraction(h)
-        self._last = made.coefficients @ h ** np.arange(len(NODES))
-        self._take_off_turns()
-
-    def _enter(self, made: NextPiece) -> None:
-        """Add a piece from here on, in the parts that loads cut it into."""
+        # a piece for each of the parts that loads cut it into
         driven = self._ideal.driven
-        for begin, end in pairwise([0.0, *made.cuts, made.length]):
+        for begin, stop in pairwise([0.0, *made.cuts, made.length]):
             start, turns, coefficients = self._time, self._turns.copy(), made.coefficients
             if begin:
                 start += Fraction(begin)
@@ -277,8 +269,13 @@ class NominalRun:
                 turns[driven] = [whole for whole, _ in laws]
                 coefficients = shift_powers(coefficients, np.full(len(turns), begin))
                 _with_laws(coefficients, laws, driven)
-            self._pieces.append((start, end - begin, turns, coefficients))
+            self._pieces.append((start, stop - begin, turns, coefficients))
             self.steps += 1
+        if made.smooth:
+            self._share = min(1.0, 2.0 * self._share)
+        self._time = end if h == whole else self._time + Fraction(h)
+        self._last = made.coefficients @ h ** np.arange(len(NODES))
+        self._take_off_turns()
 
     def _next(self, h: float, end: Fraction) -> NextPiece | None:
         """The piece of so many seconds, known or made; None if rows of tables are added."""
@@ -700,7 +697,13 @@ class NominalPhysics:
                 return found
             segments, dt, sure = segments[passage.index], dt[passage.index], passage.branch.found
             if turn == 0:
-                found += self._resting(curve, segments[~sure], dt[~sure])
+                # since when the drive has rested, at instants in order at which no branch is known
+                still, since = segments[~sure], dt[~sure]
+                places = curve.at(still, since)[:, self._ideal.driven[0]]
+                first = np.flatnonzero(np.abs(np.diff(places, prepend=np.inf)) > 1e-9)
+                begun = curve.start[still] + since
+                for k in first:
+                    found.append(NoLimit(float(begun[k]), float(places[k]), self.joints, True))
             with np.errstate(divide='ignore', invalid='ignore'):
                 dt = dt + passage.root / passage.pace
             within = np.clip(dt, 0.0, curve.duration[segments])
@@ -781,15 +784,6 @@ class NominalPhysics:
         acting = rows(self._forces.edges, self.coordinates, curve, segments, dt)
         outside = self._outside(curve, segments, dt)
         return self._forces.work_of_unknowns(q, v, a, outside, acting)
-
-    def _resting(
-        self, curve: PiecewisePolynomial, segments: NDArray[np.intp], dt: Array
-    ) -> list[NoLimit]:
-        """Since when the drive has rested, of instants in order at which no branch is known."""
-        places = curve.at(segments, dt)[:, self._ideal.driven[0]]
-        first = np.flatnonzero(np.abs(np.diff(places, prepend=np.inf)) > 1e-9)
-        begun = curve.start[segments] + dt
-        return [NoLimit(float(begun[k]), float(places[k]), self.joints, True) for k in first]
 
     def open_gaps(self, motion: Motion, segments: NDArray[np.intp], dt: Array | Nodes) -> Array:
         """Open gaps: none, (0, N)."""

@@ -47,7 +47,10 @@ class SampleWriter:
         incomplete: RunError | None = RunError('it is not complete')
         try:
             if kind is None:
-                self._write_last()
+                if self._piece:
+                    end = self._piece.motion.curve.end
+                    last = int(np.floor(end * self._rate * (1.0 + 1e-12)))
+                    self._write(self._piece, np.minimum(self._times(last + 1), end))
                 incomplete = None
         finally:
             # what ended the run is no error of the file
@@ -63,13 +66,6 @@ class SampleWriter:
         else:
             self._count = first_due(begin, self._rate)
         self._piece = piece
-
-    def _write_last(self) -> None:
-        """Write the last piece up to its end."""
-        if self._piece:
-            end = self._piece.motion.curve.end
-            last = int(np.floor(end * self._rate * (1.0 + 1e-12)))
-            self._write(self._piece, np.minimum(self._times(last + 1), end))
 
     def _times(self, before: int) -> Array:
         return np.arange(self._count, before) / self._rate

@@ -319,7 +319,11 @@ class Cycle(plotting.Rich):
         if power <= 0.0:
             return None
         if not self.static:
-            power += max(_less_stored(self) / self.duration, 0.0)
+            # kinetic and potential energy at the begin, less those at the end [J]
+            energies = ['energy.kinetic', 'energy.potential']
+            ends = self.at(self.t[[0, -1]], energies)
+            less_stored = -float(sum(np.diff(ends[energy])[0] for energy in energies))
+            power += max(less_stored / self.duration, 0.0)
         left = 1.0 - sum(self.mean(name) for name in losses) / power
         if not left >= -_ROUNDED:
             return None
@@ -333,13 +337,6 @@ class Cycle(plotting.Rich):
         # both ends alone: a column takes a quadrature up to each of its samples
         begin, end = self.at(self.t[[0, -1]], 'energy.drive_work')['energy.drive_work'].tolist()
         return float(end - begin) / self.duration
-
-
-def _less_stored(found: Cycle) -> float:
-    """Kinetic and potential energy at the begin, less those at the end [J]."""
-    names = ['energy.kinetic', 'energy.potential']
-    ends = found.at(found.t[[0, -1]], names)
-    return -float(sum(np.diff(ends[name])[0] for name in names))
 
 
 def cycle(

@@ -299,8 +299,21 @@ class FigureAccumulator:
         if kind == 'share':
             return self._true[name] / self._span if self._span else math.nan, note
         if kind == 'percentile':
-            return self._percentile(f)
-        return self._integrated(f)
+            # the level that is not exceeded for a share of the time
+            unit, kept = self._units[f.argument], self._parts[f.argument]
+            part = joined(kept) if kept else None
+            if part is None or not len(part.low):
+                return math.nan, EXACT
+            level = part.quantile((f.percent or 0.0) / 100.0)
+            size = float(np.abs(part.first).max())
+            if part.lost:
+                return level, f'of the time but {part.lost:.3g} s, when it is not finite'
+            return level, Estimate(level, part.error, size).note(unit)
+        # a figure that is an integral over time, or follows from one
+        e, unit, time = self._estimate(f)
+        if not time:
+            return 0.0 if f.function == 'work' else math.nan, EXACT
+        return e.value, e.note(unit)
 
     def rounding(self, f: Figure) -> float:
         """Size of the errors of a figure by rounding: what differs by less is the same.
@@ -325,13 +338,6 @@ class FigureAccumulator:
             size = self._estimate(f)[0].size
         return _ROUNDING.value * float(size)
 
-    def _integrated(self, f: Figure) -> tuple[float, str]:
-        """A figure that is an integral over time, or follows from one."""
-        e, unit, time = self._estimate(f)
-        if not time:
-            return 0.0 if f.function == 'work' else math.nan, EXACT
-        return e.value, e.note(unit)
-
     def _estimate(self, f: Figure) -> tuple[Estimate, str, float]:
         """Such a figure with its error, its unit, and the time [s] that it is of."""
         name, unit, kind = f.argument, self._units[f.argument], f.function
@@ -346,18 +352,6 @@ class FigureAccumulator:
         else:
             e = found.root(i) if kind == 'rms' else found.mean(i)
         return e, unit, found.time
-
-    def _percentile(self, f: Figure) -> tuple[float, str]:
-        """The level that is not exceeded for a share of the time."""
-        unit, kept = self._units[f.argument], self._parts[f.argument]
-        part = joined(kept) if kept else None
-        if part is None or not len(part.low):
-            return math.nan, EXACT
-        x = part.quantile((f.percent or 0.0) / 100.0)
-        size = float(np.abs(part.first).max())
-        if part.lost:
-            return x, f'of the time but {part.lost:.3g} s, when it is not finite'
-        return x, Estimate(x, part.error, size).note(unit)
 
 
 class Estimate(NamedTuple):

@@ -191,11 +191,24 @@ def contacts(charted: ChartedRun) -> ChartSection | None:
     gaps = gaps_of(charted)
     if not gaps:
         return None
-    charts = [
-        _chart(charted, window, joint, names, f'{joint}: gap over {when}', key)
-        for joint, names in gaps.items()
-        for window, when, key in charted.windows(f'gap-{joint}')
-    ]
+    charts = []
+    for joint, names in gaps.items():
+        for window, when, key in charted.windows(f'gap-{joint}'):
+            title = f'{joint}: gap over {when}'
+            found = over_time(
+                charted, key, title, [f'gap.{name}' for name in names], joint, window
+            )
+            panel = found.panels[0]
+            shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
+            # do not make a picture of rounding
+            y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
+            clearances = charted.record.machine.physics.clearances
+            rows = {
+                name.removeprefix(joint)[1:] if len(names) > 1 else '':
+                spells(window, clearances.index(name))
+                for name in names
+            }  # fmt: skip
+            charts.append(replace(found, panels=(replace(panel, y=y), modes(rows, panel.x))))
     text = (
         'The gap is zero while the contact is closed. The band below shows the contact mode; '
         'where intervals are too short to be distinguished, the share of time of each mode.'
@@ -210,23 +223,6 @@ def gaps_of(charted: ChartedRun) -> dict[str, list[str]]:
     for name in machine.physics.clearances:
         found.setdefault(joint_of_gap(machine.mechanism, name).name, []).append(name)
     return found
-
-
-def _chart(
-    charted: ChartedRun, window: ChartWindow, joint: str, names: list[str], title: str, key: str
-) -> Chart:
-    found = over_time(charted, key, title, [f'gap.{name}' for name in names], joint, window)
-    panel = found.panels[0]
-    shut = max(np.abs(c.y).max(initial=0.0) for c in panel.curves) < _SHUT
-    # do not make a picture of rounding
-    y = replace(panel.y, low=0.0, high=1e-3 if shut else None)
-    clearances = charted.record.machine.physics.clearances
-    rows = {
-        name.removeprefix(joint)[1:] if len(names) > 1 else '':
-        spells(window, clearances.index(name))
-        for name in names
-    }  # fmt: skip
-    return replace(found, panels=(replace(panel, y=y), modes(rows, panel.x)))
 
 
 def spells(window: ChartWindow, gap: int) -> Spells:

@@ -6,7 +6,7 @@ Words, units, colours and dashes follow from the names of the quantities and fro
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count
 from types import MappingProxyType
@@ -379,7 +379,12 @@ def chart(
     impacts : (N,) times that are marked [s]
     """
     bands = [] if over.kind != 'time' else [s for s in series if s.name.startswith('mode.')]
-    si, units = _si_of({s.unit for s in series}), dict[str, list[Series]]()
+    # in SI units; beside accelerations, and no masses, g is one of gravity
+    si = {unit: in_si(unit) for unit in {s.unit for s in series}}
+    others = {x.unit for unit, x in si.items() if unit not in GRAVITIES}
+    if GRAVITY.unit in others and 'kg' not in others:
+        si |= dict.fromkeys(si.keys() & GRAVITIES, GRAVITY)
+    units: dict[str, list[Series]] = {}
     for s in series:
         if s not in bands:
             units.setdefault(si[s.unit].unit, []).append(s)
@@ -403,15 +408,6 @@ def in_si(unit: str) -> QuantityValue:
         return to_si_text(f'1 {unit}') if unit else QuantityValue(1.0, '')
     except ValueError:
         return QuantityValue(1.0, unit)
-
-
-def _si_of(units: Collection[str]) -> dict[str, QuantityValue]:
-    """One of each unit in SI units; beside accelerations, and no masses, g is one of gravity."""
-    found = {unit: in_si(unit) for unit in units}
-    others = {x.unit for unit, x in found.items() if unit not in GRAVITIES}
-    if GRAVITY.unit in others and 'kg' not in others:
-        found |= dict.fromkeys(found.keys() & GRAVITIES, GRAVITY)
-    return found
 
 
 def _in_one_unit(lines: Sequence[Series], si: Mapping[str, QuantityValue]) -> Sequence[Series]:
