@@ -14,7 +14,7 @@ from mechanism_sim.analysis.collectors import (
     MessageAccounts,
     SensorSummary,
 )
-from mechanism_sim.analysis.details import Average, Beside, Details, SignalSpectrum, Struck
+from mechanism_sim.analysis.details import Average, Beside, Details, ImpactDetails, SignalSpectrum
 from mechanism_sim.analysis.published import PARTS, EnergySummary, PartSummary, PublishedRange
 from mechanism_sim.analysis.roses import WearMap
 from mechanism_sim.analysis.summary import ImpactSummary, LoadSummary, Summary
@@ -113,7 +113,7 @@ def sections(s: Summary) -> Iterator[Section]:
     if s.vibration is not None:
         yield _vibration(s.vibration)
     if s.ledger is not None:
-        yield _ledger(s.ledger)
+        yield _accounts(s.ledger)
     if s.fields:
         yield _fields(s.fields, s.start, s.end)
     if s.absent:
@@ -262,7 +262,7 @@ def _vibration(sensors: tuple[SensorSummary, ...]) -> Section:
     return Section('vibration', table=[head, *rows], notes=notes)
 
 
-def _ledger(ledger: MessageAccounts) -> Section:
+def _accounts(ledger: MessageAccounts) -> Section:
     total = sum(account.sent for account in ledger.topics)
     table: list[Sequence[Cell]] = []
     title = f'messages: all {total} that were sent are recorded'
@@ -289,8 +289,8 @@ def _detail_sections(details: Details) -> Iterator[Section]:
         yield Section(title, table=[('order', line.unit), *line.spectrum.strongest(_LINES)])
     yield from (_envelope(name, line) for name, line in details.envelopes.items())
     yield from (_average(name, a, drive) for name, a in details.averages.items())
-    for name, struck in details.impacts.items():
-        yield from _struck(name, struck, drive)
+    for name, hits in details.impacts.items():
+        yield from _impact_details(name, hits, drive)
     for name, (bushing, pin) in details.wear.items():
         yield from (_map(f'bushing of {name}', bushing), _map(f'pin of {name}', pin))
     for name, beside in details.deviations.items():
@@ -333,8 +333,8 @@ def _average(name: str, average: Average, drive: str) -> Section:
     return Section(title, table=[head, *rows])
 
 
-def _struck(name: str, struck: Struck, drive: str) -> Iterator[Section]:
-    rose, cycles = struck.rose, struck.cycles
+def _impact_details(name: str, hits: ImpactDetails, drive: str) -> Iterator[Section]:
+    rose, cycles = hits.rose, hits.cycles
     angles = rose.crank_angle, rose.on_pin, rose.on_bushing
     largest: list[Sequence[Cell]] = [
         (str(i), float(rose.normal_impulse[k]), float(rose.time[k]),
