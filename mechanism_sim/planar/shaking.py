@@ -94,7 +94,8 @@ class ShakingForce:
         tree = self._mechanism
         for mass, point, inertia, row in self._masses:
             (x, y), _, moved = tree.trace(point, q, v, a)
-            fx, fy = mass * (np.array(tree.gravity)[:, None] - (0.0 if static else moved))
+            gained = np.zeros_like(moved) if static else moved
+            fx, fy = mass * (np.array(tree.gravity)[:, None] - gained)
             total += fx, fy, x * fy - y * fx
             if inertia and not static:
                 total[2] -= inertia * a[row]
