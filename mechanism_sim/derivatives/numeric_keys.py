@@ -104,7 +104,7 @@ def numeric_keys(machine: Machine, paths: str | Sequence[str]) -> list[NumericKe
 
 
 def _value_of(scene: Scene, path: str) -> tuple[Any, str]:
-    """What a scene gives, and its unit where the key leaves it open; None of several values."""
+    """Value that a scene gives, its unit where the key leaves it open; None of several values."""
     value, _ = value_at(scene, path) if path.partition('.')[0] not in _SILENT else (None, '')
     if isinstance(value, QuantityValue):
         return value.value, value.unit

@@ -60,11 +60,10 @@ class Goal(NamedTuple):
         """The wanted value, or the limit, in the SI unit of the measure."""
         if not self.wanted:
             return None
-        what = 'wanted value' if self.kind == EQUAL else 'limit'
         try:
             return to_si_like(self.wanted, unit)
         except ValueError as error:
-            raise InputError(f'the {what} {self.wanted} {error}') from error
+            raise InputError(f'the wanted value {self.wanted} {error}') from error
 
 
 def read_goals(

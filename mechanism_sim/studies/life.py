@@ -55,6 +55,7 @@ from mechanism_sim.studies.journal import Journal
 from mechanism_sim.studies.run_bag import RunBag
 from mechanism_sim.studies.runs import Call, FinishedRows, Row, compute
 from mechanism_sim.tables import Column, Table
+from mechanism_sim.units import to_si_like
 
 PLACES = 180
 """Of a surface, evenly from angle 0 on, whose depths are followed."""
@@ -505,11 +506,11 @@ class _End:
     @classmethod
     def of(cls, until: Goal, runs: _Runs) -> _End:
         name, _, joint = until.name.partition('.')
+        unit = OWN.get(name) or runs.units[until.name]
         try:
-            limit = until.value(OWN.get(name) or runs.units[until.name])
-        except InputError as error:
-            raise InputError(f'--until: {error}') from error
-        assert limit is not None  # noqa: S101 - a condition has one
+            limit = to_si_like(until.wanted, unit)
+        except ValueError as error:
+            raise InputError(f'--until: the limit {until.wanted} {error}') from error
         chosen = tuple(k for k, j in enumerate(runs.worn) if name not in OWN or joint in ('', j))
         return cls(until, limit, chosen)
 
